@@ -226,9 +226,9 @@ def match(
     source, target = source_camera.selector(source), target_camera.selector(target)
     exposed = raw_to_balanced(source_camera, source, target_camera, target, ev, transfer)
     other = "" if target_camera is source_camera else f"{target_camera.camera} "
-    title = f"{source_camera.camera} {words[0]} to {other}{words[1]}{_exposure(ev)}"
+    title = f"{source_camera.camera} {words[0]} to {other}{words[1]}"
     kind = "match" if other else "refinish"
-    purpose = _purpose(kind, title, (source_camera, words[0]), (target_camera, words[1]))
+    purpose = _purpose(kind, title, (source_camera, words[0]), (target_camera, words[1]), ev=ev)
     if ev == 0 and source_camera is target_camera and source.style == target.style:
         own_models = len(source_camera.styles[source.style].physical) > 1  # one for each white balance
         multipliers = source_camera.multipliers(source), source_camera.multipliers(target)
@@ -242,16 +242,13 @@ def match(
     return Transform((*balanced, highlights, *render.stages), purpose)
 
 
-def _exposure(ev: float) -> str:
-    return f", {ev:+g} EV" if ev else ""
-
-
 def _purpose(
     kind: str,
     title: str,
     source: tuple[CameraProfile, str | Selector] | None = None,
     target: tuple[CameraProfile, str | Selector] | None = None,
     space: str = "raw",
+    ev: float = 0.0,
 ) -> Purpose:
     """What a transform is for: a note on each setting that stands for others, and the held-out errors of its ends."""
     notes: list[str] = []
@@ -267,6 +264,7 @@ def _purpose(
     light = (source or target or (None,))[0]
     one, other = ("" if end is None else str(end[1]) for end in (source, target))
     raw = light.raw_space if light is not None and space == "raw" else space
+    title += f", {ev:+g} EV" if ev else ""
     return Purpose(kind, title, space, raw, one, other, tuple(dict.fromkeys(notes)), tuple(comments))
 
 
@@ -342,8 +340,8 @@ def through_camera(
     selector = profile.selector(to)
     from_raw = from_linear_srgb(space) @ profile.raw_to_linear_srgb(selector)
     stages = (*decode, MatrixStage(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages)
-    title = f"{profile.camera} {space} to {to}{_exposure(ev)}"
-    return Transform(stages, _purpose("render", title, target=(profile, to), space=space))
+    title = f"{profile.camera} {space} to {to}"
+    return Transform(stages, _purpose("render", title, target=(profile, to), space=space, ev=ev))
 
 
 # --- The profile of a camera of which only the response is known: its JPEGs' own light stands in for RAW -------------

@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array, Pixels
-from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
+from lutforge.calibration.physical.bracket import fit_bracket
 from lutforge.calibration.physical.exposure_pairs import PairingOptions, pairs_of_samples
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
-from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
-from lutforge.pipeline.response import open_bracket
+from lutforge.pipeline.response import FittedResponse, open_bracket
 from lutforge.pipeline.sampling import CHART
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.chart import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
@@ -42,18 +41,14 @@ class KnownChart:
 
 
 @dataclass(frozen=True, eq=False)
-class FittedChart:
-    """samples: chart colours as RAW, JPEG values of the patches that no shot clips; fit: what the exposures tell.
+class FittedChart(FittedResponse):
+    """A response with a whole rendering. samples: chart colours as RAW, JPEG values of what no shot clips.
 
-    profile: as it was written. exposure_s: relative, as stated, by shot. level: by shot, what a perfect diffuser
-    beside the chart has in linear light of the profile, where 1 is the camera's white. found: shots in which the chart
-    was detected; the others take its place in the shot of the nearest exposure.
+    level: by shot, what a perfect diffuser beside the chart has in linear light of the profile, where 1 is the camera's
+    white. found: shots in which the chart was detected; the others take its place in the shot of the nearest exposure.
     """
 
-    profile: CameraProfile
     samples: SampleSet
-    fit: BracketFit
-    exposure_s: dict[str, float]
     level: dict[str, float]
     found: tuple[str, ...]
 
@@ -118,7 +113,7 @@ def write_input_transform(
     told = f"1 is the camera's white; white beside the chart has {max(level.values()):.3g} in the brightest shot"
     profile = replace(profile, notes=(f"of the {samples.developer[0]}: {chart.kind.source}", told, *profile.notes))
     profile.save(output)
-    return FittedChart(profile, samples, fit, dict(zip(names, times, strict=True)), level, found)
+    return FittedChart(profile, fit, dict(zip(names, times, strict=True)), samples, level, found)
 
 
 def _patches(

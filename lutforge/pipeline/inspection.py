@@ -62,13 +62,16 @@ def inspect(path: str | Path) -> Inspection:
         profile = load_profile(path)
         return Inspection(path, tuple(_profile(profile)), profile)
     if suffix in PICTURE_SUFFIXES:
-        rows = _picture(path)
-    elif suffix in {*CAMERA_PROFILES, *lut_suffixes()}:
+        return Inspection(path, tuple(_picture(path)))
+    import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+    from lutforge.luts.sequence import suffixes
+
+    read_by_ocio = {f".{each.lower()}" for _, each in OCIO.FileTransform.getFormats()}
+    if suffix in {*CAMERA_PROFILES, *suffixes(), *read_by_ocio}:
         use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILES else "a LUT: apply, check"
         return Inspection(path, lines=(*check(path), f"  use       {use}"))
-    else:
-        rows = _shot(path)
-    return Inspection(path, tuple(rows))
+    return Inspection(path, tuple(_shot(path)))
 
 
 def _shot(path: Path) -> Rows:
@@ -163,15 +166,6 @@ def check(path: str | Path) -> list[str]:
     from lutforge.luts.check import check_lut, report_lines
 
     return report_lines(check_lut(path))
-
-
-def lut_suffixes() -> frozenset[str]:
-    """The suffixes of the LUT files that OpenColorIO or LutForge reads."""
-    import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-
-    from lutforge.luts.sequence import suffixes
-
-    return frozenset({*suffixes(), *(f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats())})
 
 
 def _exposure(time_s: float, aperture: float, iso: float) -> str:

@@ -38,7 +38,7 @@ FRAMES = 8
 
 @dataclass(frozen=True, eq=False)
 class FittedResponse:
-    """A response. profile: which holds it; fit: what the bracket tells; exposure_s: relative, as stated, by shot."""
+    """A response. profile: which holds it; fit: what the exposures tell; exposure_s: relative, as stated, by shot."""
 
     profile: CameraProfile
     fit: BracketFit

@@ -20,7 +20,7 @@ from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile
 from lutforge.images.read import ImageReader
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.pipeline.charts import FittedChart, KnownChart, write_input_transform
+from lutforge.pipeline.charts import KnownChart, write_input_transform
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
 from lutforge.pipeline.response import FittedResponse, bracket_samples, parse_times, response
@@ -266,7 +266,7 @@ def command(words: Iterable[object], options: Mapping[str, object], output: Path
     return shlex.join(map(str, ("lutforge", *words, *(word for pair in given for word in pair), "-o", output)))
 
 
-def fit_request(request: BracketRequest, progress: Progress) -> FittedResponse | FittedChart:
+def fit_request(request: BracketRequest, progress: Progress) -> FittedResponse:
     """Fit the response of a bracket, and with a chart the whole rendering. Raises LutForgeError."""
     times = parse_times(request.times) if request.times else None
     with scratch_folder() as folder:

@@ -18,7 +18,6 @@ from lutforge.arrays import Mask
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import NAMED_KELVIN
-from lutforge.pipeline.charts import FittedChart
 from lutforge.pipeline.evaluation import predict
 from lutforge.pipeline.response import FittedResponse
 from lutforge.progress import silent
@@ -78,7 +77,7 @@ class Session:
         self.chosen: ChosenLook | None = None
         self.look_chosen = False
         self.pictures_out: tuple[str, ...] = ()
-        self.response: tuple[BracketRequest, FittedResponse | FittedChart] | None = None
+        self.response: tuple[BracketRequest, FittedResponse] | None = None
         self.written: dict[str, Written] = {}
         self.on_change: Callable[[], None] = lambda: None
         self.on_look: Callable[[], None] = lambda: None
@@ -210,7 +209,7 @@ class Session:
 
         self.start(MODELS[kind], done, fit_model, task, workspace.samples)
 
-    def take_response(self, request: BracketRequest, fitted: FittedResponse | FittedChart) -> None:
+    def take_response(self, request: BracketRequest, fitted: FittedResponse) -> None:
         """Take over what was fitted to a bracket."""
         self.response = request, fitted
         self.opened = replace(self.opened, profile=fitted.profile, profile_source=None)

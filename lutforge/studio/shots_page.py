@@ -121,7 +121,7 @@ class ShotsPage:
         if len(request.files) < 2:
             raise WorkspaceError("a response needs two pictures or more: take some in again")
 
-        def done(fitted: FittedResponse | FittedChart) -> None:
+        def done(fitted: FittedResponse) -> None:
             if self.session.opened.bracket is bracket:
                 self.session.take_response(request, fitted)
 
