@@ -58,11 +58,14 @@ class ModelPage:
         self.bound = [
             session.bind(self.used, lambda now: now.model, lambda now, name: replace(now, model=name)),
             session.bind(self.own_stages, lambda now: now.own_stages, lambda now, on: replace(now, own_stages=on)),
-            session.bind(self.pairs, pairs_ticked, with_pairs_ticked),
+            session.bind(
+                self.pairs, lambda now: [names for names in pairs_listed(now).values() if names not in now.unticked],
+                lambda now, ticked: replace(now, unticked=frozenset(pairs_listed(now).values()).difference(ticked)),
+            ),
             *(self._bind_option(name, widget) for name, widget in {**self.options, **self.physical}.items()),
-        ]
+        ]  # fmt: skip
         all_or_none = pn.Row(
-            session.button("Tick all", lambda: self.pairs.param.update(value=list(self.pairs.options))),
+            session.button("Tick all", lambda: self.pairs.param.update(value=list(self.pairs.options.values()))),
             session.button("None", lambda: self.pairs.param.update(value=[])), **ui.WIDE,
         )  # fmt: skip
         folds = {
@@ -102,7 +105,7 @@ class ModelPage:
         workspace = self.session.workspace
         if workspace is not None:
             names = {MODELS[name] + (" (stale)" if workspace.is_stale(name) else ""): name for name in workspace.models}
-            self.used.options, self.pairs.options = names or ui.NOTHING, list(pairs_listed(workspace))
+            self.used.options, self.pairs.options = names or ui.NOTHING, pairs_listed(workspace)
             for show in self.bound:
                 show(workspace)
             self._count()
@@ -147,17 +150,6 @@ def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:
         ratio = float(np.exp(pairs.log_ratio[rows][0]))
         listed[f"× {ratio:.2f}, {int(rows.sum())} samples: {names[0]} – {names[1]}"] = names
     return listed
-
-
-def pairs_ticked(workspace: Workspace) -> list[str]:
-    """The labels of the pairs that tell the response."""
-    return [label for label, names in pairs_listed(workspace).items() if names not in workspace.unticked]
-
-
-def with_pairs_ticked(workspace: Workspace, labels: list[str]) -> Workspace:
-    """Let just these pairs tell the response."""
-    unticked = (names for label, names in pairs_listed(workspace).items() if label not in labels)
-    return replace(workspace, unticked=frozenset(unticked))
 
 
 class View:

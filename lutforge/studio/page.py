@@ -32,7 +32,6 @@ class Page:
         self.shown = STEPS[0]
         self._stale = set(STEPS)
         self.session.on_change, self.session.on_look = self._changed, self._tell
-        self.session.on_select = self._selected
         self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12))
         self.session.watch(lambda: self.show(STEPS[self.steps.active]), self.steps, of="active")
         on_dark = {"variant": "text", "sx": {"&.Mui-disabled": {"color": "#8f8f8f"}}}  # the bar is dark in both themes
@@ -78,10 +77,6 @@ class Page:
     def _changed(self) -> None:
         self._stale = set(STEPS)
         self._refresh()
-
-    def _selected(self) -> None:
-        if "Samples" in self.pages:
-            self.pages["Samples"].mark()
 
     def _refresh(self) -> None:
         self._tell()

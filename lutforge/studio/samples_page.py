@@ -50,6 +50,7 @@ class SamplesPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
+        session.on_select = self.mark
         self._seen: SampleSet | None = None
         plots = {title: key for key, title in PLOTS.items()}
         self.first = ui.select("Left plot", plots, value="srgb_btf")

@@ -77,11 +77,6 @@ class FitTask:
     options: CalibrationOptions
     stages: "FittedModel | None" = None
 
-    def same(self, other: "FitTask") -> bool:
-        """Whether both give the same model."""
-        alike = self.kind == other.kind and self.options == other.options and self.stages is other.stages
-        return alike and np.array_equal(self.rows, other.rows)
-
 
 @dataclass(frozen=True, eq=False)
 class FittedModel:
@@ -223,10 +218,11 @@ class Workspace:
 
     def is_stale(self, kind: str) -> bool:
         """Whether a model was fitted to other samples, options or stages than would be taken now."""
-        task = self.models[kind].task
+        task, now = self.models[kind].task, self.task(kind)
         if task is None:
             return False
-        return not task.same(self.task(kind)) or (task.stages is not None and self.is_stale("matrix"))
+        same = task.options == now.options and task.stages is now.stages and np.array_equal(task.rows, now.rows)
+        return not same or (task.stages is not None and self.is_stale("matrix"))
 
     @property
     def fitted_rows(self) -> Mask:
