@@ -17,7 +17,7 @@ from lutforge.images.write import upright, write_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import temperature_range
 from lutforge.settings import Kelvin, Multipliers, Selector
-from lutforge.shots.picture_settings import read_picture_settings
+from lutforge.shots.metadata import read_picture_settings
 
 GAP, LABEL = 8, 40
 """Pixels between the pictures of a sheet, and for the line above each."""

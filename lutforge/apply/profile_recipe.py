@@ -27,7 +27,7 @@ from lutforge.model.white_balance import LIGHT_SOURCES
 from lutforge.settings import Multipliers, Selector, Shift, parse_selector, require_exposure, split_shift
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.maker_settings import ADOBE_RGB
-from lutforge.shots.picture_settings import PictureSettings, read_exposure, read_picture_settings, software_tag
+from lutforge.shots.metadata import PictureSettings, read_exposure, read_picture_settings, software_tag
 
 STALE = (
     "Exif:MakerNote", "Exif:Saturation", "Exif:Contrast", "Exif:CustomRendered",

@@ -9,7 +9,7 @@ from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import temperatures_of
 from lutforge.settings import KELVIN_RANGE, Kelvin, Multipliers, Selector
-from lutforge.shots.picture_settings import PictureSettings
+from lutforge.shots.metadata import PictureSettings
 
 AS_SHOT = "as-shot"
 AS_IT_IS = Selector(AS_SHOT, AS_SHOT)

@@ -105,15 +105,16 @@ def number(block: bytes | mmap, order: str, code: str, at: int) -> int:
 def read_directory(block: bytes | mmap, order: str, offset: int, base: int = 0) -> tuple[dict[int, Entry], int]:
     """The fields of a directory by tag, and the offset of the next directory, 0 for none.
 
-    offset: counts from `base`, as those do that the directory holds. A field counts once, and what does not lie in the
-    block is left out. Raises struct.error where the directory does not begin in it.
+    offset: counts from `base`, as those do that the directory holds. A field counts once; what does not lie in the
+    block is left out, and what follows 512 fields, which no camera fills. Raises struct.error where the directory does
+    not begin in the block.
     """
     start = base + offset
     if start < 0:
         raise struct.error("a directory before its file")
     end = start + 2 + 12 * number(block, order, "H", start)
     entries: dict[int, Entry] = {}
-    for at in range(start + 2, min(end, len(block) - 11), 12):
+    for at in range(start + 2, min(end, start + 2 + 12 * 512, len(block) - 11), 12):
         tag, kind, count, value = struct.unpack_from(f"{order}HHII", block, at)
         size = SIZES.get(kind, 0) * count
         first = at + 8 if size <= 4 else base + value

@@ -98,7 +98,7 @@ def _shot(path: Path) -> Rows:
 
 def _picture(path: Path) -> Rows:
     from lutforge.images.read import ImageReader
-    from lutforge.shots.picture_settings import read_exposure, read_picture_settings
+    from lutforge.shots.metadata import read_exposure, read_picture_settings
 
     settings = read_picture_settings(path)
     if is_heif(path):

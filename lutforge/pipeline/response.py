@@ -27,8 +27,7 @@ from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
-from lutforge.shots.metadata import UNKNOWN
-from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
+from lutforge.shots.metadata import UNKNOWN, read_exposure, read_picture_settings
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".avi", ".mxf", ".mts", ".m2ts", ".webm"})
 
@@ -120,7 +119,7 @@ def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, ca
                 files += pictures or [path]
         times = exposure_s
         if times is None:
-            times = [stated_exposure(file) for file in files]
+            times = [read_exposure(file).value for file in files]
             unknown = [file.name for file, time in zip(files, times, strict=True) if not time > 0]
             if unknown:
                 why = "the file states no exposure time; give those of the bracket (--times)"

@@ -284,7 +284,7 @@ def sample_pairs(
     ShotError where no pair is usable, SettingsError on an unknown space.
     """
     from lutforge.images.development import read_developed
-    from lutforge.shots.pair import read_pair
+    from lutforge.shots.read import read_pair
 
     space = rgb_space(from_space).name
     first, second = _pictures(Path(from_folder)), _pictures(Path(to_folder))

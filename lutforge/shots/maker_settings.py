@@ -1,4 +1,4 @@
-"""Picture style, white balance and scene-dependent processing, out of each maker's tags.
+"""Picture style, white balance with its multipliers, and scene-dependent processing, out of each maker's tags.
 
 The tags' meaning stands in data/settings.json: a new maker is a few rows there. Names are lower-case words.
 """
@@ -7,13 +7,22 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from lutforge.shots.maker_multipliers import kelvin_of
-from lutforge.shots.tags import MAKE, MAKER_NOTE, Tags, Value, key_of, maker_table
+import numpy as np
+
+from lutforge.arrays import Array
+from lutforge.shots.tags import MAKE, MAKER_NOTE, SOFTWARE, Tags, Value, key_of, maker_table
 
 ADOBE_RGB = "adobe rgb"
 """What the name of a style ends in where the JPEG is in Adobe RGB."""
 
 _NO_STYLE = ("", "none", "n/a", "unknown", "unset", "auto ", "off", "color", "normal ")
+_EDITORS = re.compile(
+    "photoshop|lightroom|camera raw|dng converter|gimp|darktable|rawtherapee|^art |capture one|affinity|dxo|luminar|"
+    "on1|acdsee|snapseed|picasa|imagemagick|paint|digikam|krita|silkypix|capture nx|viewnx|nx studio|"
+    "digital photo professional",
+    re.IGNORECASE,
+)
+"""Programs that change colours, by the name that they leave in the Software tag, where cameras name their firmware."""
 _NAMING_MAKES = ("canon", "nikon", "fuji", "olympus", "om digital", "panasonic", "pentax", "ricoh", "sigma", "gopro")
 """Their own tags name the style, on all cameras but the oldest. (Sony's telephones have none.)"""
 
@@ -70,6 +79,13 @@ def notes_of(tags: Tags) -> Iterator[str]:
         yield f"automatic contrast {depends}"
     if _named_style(tags) in ("auto", "i-enhance"):
         yield "the picture style was automatic: the rendering depends on the scene"
+
+
+def edited_notes(tags: Tags) -> tuple[str, ...]:
+    """What to say of a file that a program wrote, and not the camera's firmware: one line, or none."""
+    software = str(tags.get(SOFTWARE, "")).strip()
+    wrote = f"{software} wrote this file: its colours may not be those that the camera made"
+    return (wrote,) if _EDITORS.search(software) else ()
 
 
 def _table(name: str) -> Any:
@@ -177,3 +193,62 @@ def _signed(value: Value | None) -> list[int]:
     return [
         n - (1 << 16) if 1 << 15 <= n < 1 << 16 else n - (1 << 32) if 1 << 31 <= n < 1 << 32 else n for n in numbers
     ]
+
+
+# --- As-shot multipliers, where a finished picture carries them ------------------------------------------------------
+# Layouts: exiftool.org/TagNames, exiv2.org/tags.html; Canon's ColorData by its length, in data/settings.json.
+
+
+def multipliers_of(tags: Tags) -> Array | None:
+    """As-shot multipliers (3,) with green = 1; None where no tag tells them, or tells what no camera sets."""
+    for levels in _levels(tags):
+        red, green, blue = levels
+        if min(levels) > 0 and 0.05 < red / green < 20 and 0.05 < blue / green < 20 and not red == green == blue:
+            return np.array([red / green, 1.0, blue / green])
+    return None
+
+
+def kelvin_of(tags: Tags) -> float | None:
+    """The temperature of a white balance that was set as one; None where no tag tells it."""
+    for text in maker_table("settings")["kelvin"]["tags"]:
+        kelvin = _element(tags.get(key_of(text)), 0)
+        if kelvin is not None and 1500 <= kelvin <= 25000:
+            return float(kelvin)
+    return None
+
+
+def _levels(tags: Tags) -> Iterator[tuple[float, float, float]]:
+    """The red, green and blue levels that each maker's tags tell."""
+
+    def numbers(group: str, tag: int) -> tuple[int, ...]:
+        value = tags.get((group, tag))
+        return value if isinstance(value, tuple) else ()
+
+    def ratios(group: str, tag: int) -> list[float]:
+        parts = numbers(group, tag)
+        return [a / b for a, b in zip(parts[::2], parts[1::2], strict=False) if b]
+
+    neutral = ratios("Image", 0xC628)  # DNG's AsShotNeutral
+    if len(neutral) == 3 and min(neutral) > 0:
+        yield 1 / neutral[0], 1 / neutral[1], 1 / neutral[2]
+    words = numbers("Canon", 0x4001)
+    start = maker_table("settings")["canon_as_shot"]["starts"].get(str(len(words)))
+    if start is not None:
+        red, green, green2, blue = words[start : start + 4]
+        if abs(green - green2) <= 0.1 * green:
+            yield red, (green + green2) / 2, blue
+    nikon = ratios("Nikon", 0x000C)  # red, blue, green, green
+    if len(nikon) >= 2:
+        yield nikon[0], (nikon[2] if len(nikon) > 2 else 1.0) or 1.0, nikon[1]
+    pentax = numbers("Pentax", 0x0201)
+    if len(pentax) == 4:
+        yield pentax[0], (pentax[1] + pentax[2]) / 2, pentax[3]
+    olympus = numbers("OlympusIp", 0x0100)
+    older = numbers("Olympus", 0x1017)[:1] + numbers("Olympus", 0x1018)[:1]
+    if len(olympus) >= 2 or len(older) == 2:
+        red, blue = (olympus if len(olympus) >= 2 else older)[:2]
+        yield red, 256.0, blue
+    for group, first in (("Panasonic", 0x8004), ("Image", 0x0024)):  # maker note; RW2's own directory
+        channels = [numbers(group, first + step)[:1] for step in range(3)]
+        if all(channels):
+            yield channels[0][0], channels[1][0], channels[2][0]

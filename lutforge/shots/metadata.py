@@ -1,17 +1,27 @@
-"""What the file says about a shot: camera, picture style, white balance, exposure."""
+"""What files say of the settings that a picture was made with: camera, picture style, white balance, exposure."""
 
+import contextlib
 import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from lutforge.arrays import Array
-from lutforge.images.raw import RawImage
-from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
-from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Tags, Value, tags, tags_of
+from lutforge.boundary import require_file
+from lutforge.errors import ImageError, SettingsError
+from lutforge.images.heif import is_heif
+from lutforge.images.raw import RawImage, read_multipliers
+from lutforge.images.read import ImageReader
+from lutforge.settings import Multipliers, parse_selector, setting_name
+from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
+from lutforge.shots.maker_settings import edited_notes, multipliers_of, notes_of, style_of, white_balance_of
+from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Tags, tags, tags_of
 
-UNKNOWN = "unknown"
+UNKNOWN, LUTFORGE = "unknown", "LutForge"
 
+_LENS = ("Photo", 0xA434)
 _BRANDS = (
     "Canon", "Nikon", "Sony", "Olympus", "Pentax", "Panasonic", "Fujifilm", "Samsung", "Leica", "Kodak",
     "Minolta", "Ricoh", "Sigma", "Casio", "Hasselblad", "Epson", "Apple", "Google", "DJI", "Mamiya", "Leaf",
@@ -61,6 +71,7 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     for other in (tags(jpeg) if jpeg else {}, preview):
         found = {**other, **found}
     make, model = (str(found.get(key, "")).strip() for key in (MAKE, MODEL))
+    time_s, _, iso = _exposure_of(found)
     notes = list(notes_of(found))
     if raw.multipliers is None:
         notes.append("the file has no valid white-balance multipliers: they must be fitted or given")
@@ -75,10 +86,10 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
         style=style or "standard",
         white_balance=white_balance_of(found) or UNKNOWN,
         multipliers=raw.multipliers,
-        exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else _ratio(found.get(("Photo", 0x829A))),
-        iso=raw.iso if math.isfinite(raw.iso) else _number(found.get(("Photo", 0x8827))),
+        exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else time_s or math.nan,
+        iso=raw.iso if math.isfinite(raw.iso) else iso or math.nan,
         notes=tuple(notes),
-        lens=raw.lens or _lens(found),
+        lens=raw.lens or str(found.get(_LENS, "")).strip(),
         focal_mm=raw.focal_mm,
         aperture=raw.aperture,
         d65=raw.d65,
@@ -104,11 +115,7 @@ def raw_attributes(path: Path, raw: RawImage) -> dict[str, object]:
 
 def lens_of(path: Path, raw: RawImage) -> str:
     """The name of the lens of a RAW file, as its samples have it."""
-    return raw.lens or _lens(tags(path))
-
-
-def _lens(found: Tags) -> str:
-    return str(found.get(("Photo", 0xA434), "")).strip()
+    return raw.lens or str(tags(path).get(_LENS, "")).strip()
 
 
 def tidy_camera(make: str, model: str) -> str:
@@ -124,11 +131,154 @@ def tidy_camera(make: str, model: str) -> str:
     return re.sub(r"\s+", " ", f"{brand} {rest}").strip()
 
 
-def _number(value: Value | None) -> float:
-    return float(value[0]) if isinstance(value, tuple) and value and value[0] > 0 else math.nan
+# --- Finished pictures -----------------------------------------------------------------------------------------------
 
 
-def _ratio(value: Value | None) -> float:
-    if isinstance(value, tuple) and len(value) >= 2 and value[0] > 0 and value[1] > 0:
-        return value[0] / value[1]
-    return math.nan
+@dataclass(frozen=True, eq=False)
+class PictureSettings:
+    """The settings that a picture's metadata tell.
+
+    camera: make and model, "" where the file does not name it. style, white_balance: lower-case words, "unknown" where
+    the file does not tell; white_balance may be a temperature ("5200k"). multipliers: (3,) with green = 1, None where
+    unknown. notes: what makes the rendering depend on the scene.
+    """
+
+    camera: str
+    style: str
+    white_balance: str
+    multipliers: Array | None
+    notes: tuple[str, ...] = ()
+
+
+def read_picture_settings(path: Path) -> PictureSettings:
+    """Settings of a JPEG, another finished picture or a RAW file, from its EXIF and maker notes.
+
+    A picture that LutForge wrote has the settings that its Software tag names, whatever its maker notes still say. The
+    RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not tell. Raises ImageError for
+    what is no image.
+    """
+    is_raw = path.suffix.lower() in RAW_SUFFIXES
+    require_file(path, "a RAW file" if is_raw else "an image", ImageError)
+    found = tags(path) if is_raw else _picture_tags(path)
+    made = None if is_raw else _made_by_lutforge(found)
+    if made is not None:
+        return made
+    camera = camera_of(found)
+    raw, raw_tags = (path, found) if is_raw else _raw_of(path, camera)
+    found = {**raw_tags, **found}
+    multipliers = multipliers_of(found)
+    if multipliers is None and raw is not None:
+        try:
+            multipliers = read_multipliers(raw)
+        except ImageError:
+            multipliers = None  # then the RAW file is of no help; the picture itself may be fine
+    return PictureSettings(
+        camera=camera,
+        style=setting_name(style_of(found) or UNKNOWN),
+        white_balance=setting_name(white_balance_of(found) or UNKNOWN),
+        multipliers=multipliers,
+        notes=(*notes_of(found), *edited_notes(found)),
+    )
+
+
+@dataclass(frozen=True)
+class StatedExposure:
+    """Time in seconds, f-number and ISO of a picture, each 0 where it is not stated."""
+
+    time_s: float
+    aperture: float
+    iso: float
+
+    @property
+    def value(self) -> float:
+        """Time · ISO / 100 / f-number², at ISO 100 and f/1 where these are not stated; NaN without a time."""
+        return self.time_s * (self.iso or 100.0) / 100.0 / (self.aperture or 1.0) ** 2 if self.time_s > 0 else math.nan
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A note on each number that is not stated, and on what stands in."""
+        absent = (("aperture", "f/1", self.aperture), ("ISO", "ISO 100", self.iso))
+        return tuple(
+            f"the file states no {name}, {usual} stands in: exposures agree only among pictures of one {name}"
+            for name, usual, number in absent
+            if not number
+        )
+
+
+def read_exposure(path: Path) -> StatedExposure:
+    """Exposure of a picture by its EXIF, completed by that of the RAW file of the same camera beside it."""
+    found = _picture_tags(path)
+    stated = _exposure_of(found)
+    if not all(stated):
+        beside = _exposure_of(_raw_of(path, camera_of(found))[1])
+        stated = [one or other for one, other in zip(stated, beside, strict=True)]
+    return StatedExposure(*stated)
+
+
+def _exposure_of(found: Tags) -> list[float]:
+    """Time, f-number and ISO, which EXIF stores as one or two integers; 0 where there is none."""
+    stated = []
+    for tag in (0x829A, 0x829D, 0x8827):
+        value = found.get(("Photo", tag))
+        parts = value[: 1 if tag == 0x8827 else 2] if isinstance(value, tuple) and value else (0,)
+        number, unit = (*parts, 1)[:2]
+        stated.append(number / unit if number > 0 and unit > 0 else 0.0)
+    return stated
+
+
+def _raw_of(picture: Path, camera: str) -> tuple[Path | None, Tags]:
+    """The RAW file of the same camera beside a picture, and its tags; none where there is none."""
+    raw = raw_beside(picture) if camera else None
+    found = {} if raw is None else tags(raw)
+    return (raw, found) if camera_of(found) == camera else (None, {})
+
+
+def camera_of(found: Tags) -> str:
+    """Make and model in one; "" where neither is there."""
+    make, model = (str(found.get(key, "")).strip() for key in (MAKE, MODEL))
+    return tidy_camera(make, model) if make or model else ""
+
+
+def software_tag(camera: str, selector: str) -> str:
+    """What the Software tag says of a picture: its settings now, as `read_picture_settings` reads them back."""
+    return f"{LUTFORGE} ({camera}: {selector})"
+
+
+def _made_by_lutforge(found: Tags) -> PictureSettings | None:
+    """Settings of a picture that LutForge wrote: unknown ones, where it was not a profile that made it."""
+    software = str(found.get(SOFTWARE, ""))
+    if software != LUTFORGE and not software.startswith(f"{LUTFORGE} ("):
+        return None
+    stated = re.fullmatch(rf"{LUTFORGE} \((.+): ([^:]+)\)", software)
+    with contextlib.suppress(SettingsError):
+        if stated is not None:
+            selector = parse_selector(stated[2])
+            balance = selector.white_balance
+            multipliers = np.array(balance.rgb) if isinstance(balance, Multipliers) else None
+            name = "custom" if isinstance(balance, Multipliers) else str(selector).partition("/")[2].lower()
+            return PictureSettings(stated[1], selector.style, name, multipliers)
+    return PictureSettings(camera_of(found), UNKNOWN, UNKNOWN, None)
+
+
+def _picture_tags(path: Path) -> Tags:
+    """A finished picture's tags, completed by what OpenImageIO reads of any format's header, under EXIF's numbers."""
+    if is_heif(path):
+        return tags(path)
+    with ImageReader(path) as image:
+        spec = image.spec
+    header: Tags = {}
+    names = {("Image", 0x010E): "ImageDescription", MAKE: "Make", MODEL: "Model", SOFTWARE: "Software"}
+    for key, name in names.items():
+        if text := spec.get_string_attribute(name):
+            header[key] = text
+    for tag, words in (
+        (0x829A, ("ExposureTime", "Exif:ExposureTime")),
+        (0x829D, ("FNumber", "Exif:FNumber")),
+        (0x8827, ("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")),
+    ):
+        value = float(next(filter(None, map(spec.getattribute, words)), 0.0))
+        if value > 0 and math.isfinite(value):
+            header["Photo", tag] = value.as_integer_ratio()
+    if "adobe rgb" in spec.get_string_attribute("ICCProfile:profile_description").lower():
+        header["Iop", 0x0001] = "R03"
+    return {**header, **tags(path)}

@@ -15,11 +15,10 @@ import numpy as np
 
 from lutforge.arrays import Array, Codes
 from lutforge.errors import ShotError
-from lutforge.images.raw import RawImage, read_raw
+from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.shots.geometry import Registration
-from lutforge.shots.metadata import read_metadata
-from lutforge.shots.picture_settings import camera_of, stated_exposure
+from lutforge.shots.metadata import camera_of, read_exposure, read_metadata
 from lutforge.shots.shot import Shot
 from lutforge.shots.tags import tags
 
@@ -33,30 +32,44 @@ def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
     Raises ImageError where a file cannot be read, ShotError where the two do not show the same, or OpenCV is missing.
     """
     raw = read_raw(raw_file, half_size=True)
-    pixels = read_image(picture).pixels
-    if pixels.shape[2] < 3:
+    shown = read_image(picture).pixels
+    if shown.shape[2] < 3:
         raise ShotError(f"{picture}: not a colour picture")
-    jpeg = np.rint(np.clip(pixels[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
+    jpeg = np.rint(np.clip(shown[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
     try:
-        matrix, share = homography(_grey_of_raw(raw), jpeg)
+        cv2: Any = importlib.import_module("cv2")
+    except ImportError:
+        raise ShotError("pictures of two cameras are registered by OpenCV: pip install 'lutforge[views]'") from None
+    # RAW as a picture in codes (h, w): green, brought to a usual brightness, on a gamma curve
+    green = raw.pixels[..., 1]
+    bright = np.clip(green / max(float(np.quantile(green[::4, ::4], 0.98)), 1e-6), 0.0, 1.0)
+    try:
+        matrix, share = _homography(cv2, np.rint(255 * np.power(bright, 1 / 2.2)).astype(np.uint8), jpeg)
     except ShotError as error:
         raise ShotError(f"{picture}: {raw_file.name}: {error}") from None
-    warped = _in_frame(raw, jpeg, matrix)
+    # RAW in the frame of the JPEG, about as many pixels as it had: its own values, none mixed, 0 outside
+    height, width = jpeg.shape[:2]
+    size = float(np.clip(np.sqrt(np.linalg.det(_local(matrix, raw.pixels.shape)[0])), 0.25, 8.0))
+    centre = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])  # OpenCV counts from the centre of the first pixel
+    whole = np.linalg.inv(centre) @ np.diag([1 / size, 1 / size, 1.0]) @ centre @ matrix
+    pixels = cv2.warpPerspective(
+        raw.pixels, whole, (int(width / size), int(height / size)), flags=cv2.INTER_NEAREST, borderValue=0.0
+    )
+    warped = replace(raw, pixels=pixels, pixel_size=size, flip=0, preview=None)
     metadata = read_metadata(picture, replace(warped, multipliers=None, exposure_s=np.nan, iso=np.nan), None)
     metadata = replace(metadata, notes=())
     shot = Shot(picture.stem, picture, warped, jpeg, str(picture), metadata, Registration(1.0, 0.0, 0.0, share))
     aperture = raw.aperture if raw.aperture > 0 else 1.0
     exposure = raw.exposure_s * (raw.iso if raw.iso > 0 else 100.0) / 100.0 / aperture**2
     named = replace(shot, raw_camera=camera_of(tags(raw_file)) or "reference camera")
-    return named, stated_exposure(picture) / exposure
+    return named, read_exposure(picture).value / exposure
 
 
-def homography(grey: Codes, jpeg: Codes) -> tuple[Array, float]:
+def _homography(cv2: Any, grey: Codes, jpeg: Codes) -> tuple[Array, float]:
     """(3, 3) from pixels of a grey picture (h, w) to those of a JPEG (h, w, 3), and the share of matches that agree.
 
     Raises ShotError where too few features agree, or on a turn of the plane that no camera makes.
     """
-    cv2 = _opencv()
     small, scales, points = [], [], []
     for picture in (grey, cv2.cvtColor(jpeg, cv2.COLOR_RGB2GRAY)):
         scale = min(1.0, LONGEST / max(picture.shape))
@@ -98,32 +111,3 @@ def _local(matrix: Array, shape: tuple[int, ...]) -> Array:
     x, y = homogeneous[:, 0] / homogeneous[:, 2], homogeneous[:, 1] / homogeneous[:, 2]
     rows = [matrix[None, row, :2] - value[:, None] * matrix[2, :2] for row, value in ((0, x), (1, y))]
     return np.asarray(np.stack(rows, axis=1) / homogeneous[:, 2, None, None])
-
-
-def _grey_of_raw(raw: RawImage) -> Codes:
-    """RAW as a picture in codes (h, w): green, brought to a usual brightness, on a gamma curve."""
-    green = raw.pixels[..., 1]
-    bright = np.clip(green / max(float(np.quantile(green[::4, ::4], 0.98)), 1e-6), 0.0, 1.0)
-    codes: Codes = np.rint(255 * np.power(bright, 1 / 2.2)).astype(np.uint8)
-    return codes
-
-
-def _in_frame(raw: RawImage, jpeg: Codes, matrix: Array) -> RawImage:
-    """The RAW in the frame of the JPEG, about as many pixels as it had: its own values, none mixed, 0 outside."""
-    cv2 = _opencv()
-    height, width = jpeg.shape[:2]
-    size = float(np.clip(np.sqrt(np.linalg.det(_local(matrix, raw.pixels.shape)[0])), 0.25, 8.0))
-    into = np.diag([1 / size, 1 / size, 1.0])
-    centre = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])  # OpenCV counts from the centre of the first pixel
-    whole = np.linalg.inv(centre) @ into @ centre @ matrix
-    pixels = cv2.warpPerspective(
-        raw.pixels, whole, (int(width / size), int(height / size)), flags=cv2.INTER_NEAREST, borderValue=0.0
-    )
-    return replace(raw, pixels=pixels, pixel_size=size, flip=0, preview=None)
-
-
-def _opencv() -> Any:
-    try:
-        return importlib.import_module("cv2")
-    except ImportError:
-        raise ShotError("pictures of two cameras are registered by OpenCV: pip install 'lutforge[views]'") from None

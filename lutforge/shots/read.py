@@ -1,5 +1,6 @@
 """Read a shot: RAW, the JPEG that the camera made of it, settings, and the registration of the two."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,9 +20,8 @@ from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import read_image
 from lutforge.shots.align import register_rotated
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
-from lutforge.shots.editors import edited_notes
 from lutforge.shots.geometry import Placement, Registration
-from lutforge.shots.maker_settings import in_adobe_rgb
+from lutforge.shots.maker_settings import edited_notes, in_adobe_rgb
 from lutforge.shots.metadata import read_metadata
 from lutforge.shots.shot import Shot
 from lutforge.shots.tags import tags, tags_of
@@ -49,12 +49,21 @@ def read_shot(
     path = Path(path)
     if path.suffix.lower() in JPEG_SUFFIXES or is_heif(path):
         raise ShotError(f"{path}: a JPEG by itself is not a shot; name the RAW file that it was made from")
-    raw = _decoded(path)
+    try:
+        raw = read_raw(path, half_size=True)
+    except ImageError as error:
+        if path.suffix.lower() in RAW_SUFFIXES or error.__cause__ is None:
+            raise
+        raise ImageError(
+            f"{path}: not a RAW file that LibRaw can read; a table of samples is a .csv or .npz file"
+        ) from None
     if development is not None:
         ones = np.ones(3)
         raw = replace(raw, pixels=development.pixels, pixel_size=1.0, multipliers=ones, clip_level=ones)
     reasons: list[str] = []
-    candidates = sorted(_candidates(path), key=lambda candidate: len(candidate[1]))
+    beside = jpeg_beside(path)
+    candidates = [(str(beside), edited_notes(tags(beside)))] if beside else []
+    candidates = sorted([*candidates, (EMBEDDED, edited_notes(tags(path)))], key=lambda candidate: len(candidate[1]))
     for index, (source, edited) in enumerate(candidates):
         try:
             jpeg, fine, registration, converted = _registered(raw, path, source, expected())
@@ -75,23 +84,27 @@ def read_shot(
     )
 
 
-def _decoded(path: Path) -> RawImage:
-    """The RAW file at half size. Raises ImageError, with what samples are read from where the suffix is another."""
-    try:
-        return read_raw(path, half_size=True)
-    except ImageError as error:
-        if path.suffix.lower() in RAW_SUFFIXES or error.__cause__ is None:
-            raise
-        raise ImageError(
-            f"{path}: not a RAW file that LibRaw can read; a table of samples is a .csv or .npz file"
-        ) from None
+def read_pair(picture: Path, development: Development) -> Shot:
+    """Register a finished picture (sRGB) on a developed one, which stands in the place of the RAW.
 
-
-def _candidates(path: Path) -> list[tuple[str, tuple[str, ...]]]:
-    """Where the JPEG may be, best first, with what is to be said of each."""
-    beside = jpeg_beside(path)
-    embedded = (EMBEDDED, edited_notes(tags(path)))
-    return [(str(beside), edited_notes(tags(beside))), embedded] if beside else [embedded]
+    Raises ImageError where the picture cannot be read, ShotError where the two do not match.
+    """
+    ones = np.ones(3)
+    left = RawImage(
+        pixels=development.pixels,
+        pixel_size=1.0,
+        flip=0,
+        multipliers=ones,
+        preview=None,
+        preview_note="a developed picture",
+        exposure_s=math.nan,
+        iso=math.nan,
+        clip_level=ones,
+    )
+    codes = np.rint(np.clip(read_image(picture).pixels[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
+    turned, registration = register_rotated(left, codes)
+    metadata = read_metadata(picture, left, None)
+    return Shot(picture.stem, picture, left, turned, str(picture), metadata, registration, development).straightened()
 
 
 def _registered(

@@ -1,12 +1,13 @@
 """What a RAW file or a picture says of itself: (group, tag) → integers or text. Groups are named as exiv2 names them.
 
-exifread finds and walks the directories (TIFF-like RAW files, JPEG, HEIC, PNG, WebP, JPEG XL); where the makers' notes
-lie in them says data/maker_notes.json. Files that exifread does not know are opened by `containers`. exiv2 completes
-the tags where it is installed; exiftool, where it is, is asked for notes that nobody else reads.
+exifread finds the TIFF structure of a file (JPEG, HEIC, PNG, WebP, JPEG XL); where the makers' notes lie in it says
+data/maker_notes.json. exiv2 completes the tags where it is installed; exiftool, where it is, is asked for notes that
+nobody else reads.
 Damaged metadata raise nothing: what cannot be read is not there.
 """
 
 import contextlib
+import io
 import json
 import logging
 import mmap
@@ -14,24 +15,24 @@ import re
 import shutil
 import struct
 import subprocess
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from exifread.core.exif_header import ExifHeader
 from exifread.core.find_exif import determine_type
-from exifread.tags.fields import FIELD_DEFINITIONS
 
 from lutforge import child_processes
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif, read_heif_exif
 from lutforge.images.jpeg import SOI, read_header
-from lutforge.shots.containers import Buffer, Handle, is_ciff, read_ciff, tiff_blocks
+from lutforge.images.tiff import SIZES, Entry, byte_order, number, offset_in, read_directory
 
+Buffer = bytes | mmap.mmap
+"""A whole file: both slice to bytes."""
 Value = str | tuple[int, ...]
 Key = tuple[str, int]
 Tags = dict[Key, Value]
@@ -43,7 +44,6 @@ _LARGEST = 8192
 """Bytes of a value that are kept: longer ones are pictures and tables."""
 _TIFF_MAGIC = (42, 0x55, 0x4F52, 0x5352)  # TIFF, RW2, ORF, ORF
 
-logging.getLogger("exifread").addHandler(logging.NullHandler())
 logging.getLogger("exifread").propagate = False
 
 
@@ -67,9 +67,9 @@ def tags_of(data: Buffer) -> Tags:
     """The tags of a file's bytes; a memory map will do."""
     found: Tags = {}
     with contextlib.suppress(ImageError), reading("", "metadata", ImageError):
-        if is_ciff(bytes(data[:14])):
+        if byte_order(data[:2]) and data[6:14] == b"HEAPCCDR":
             return _ciff_tags(data)
-        for block, group in tiff_blocks(data):
+        for block, group in _tiff_blocks(data):
             _Structure(block, found).read(group)
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
             # A JPEG that LutForge graded has its source's EXIF, and tells in a comment what it is now.
@@ -104,76 +104,54 @@ def text_of(raw: bytes) -> str:
     return raw.split(b"\0", 1)[0].decode("latin-1").strip()
 
 
-@dataclass(frozen=True)
-class _Entry:
-    """Where a directory entry's value lies in the block."""
-
-    position: int
-    size: int
-
-
-@dataclass
 class _Structure:
     """A block of bytes that holds a TIFF structure, and the tags found in it so far."""
 
-    data: Buffer
-    tags: Tags
-    handle: Any = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.handle = Handle(self.data)
+    def __init__(self, data: Buffer, tags: Tags) -> None:
+        self.data, self.tags = data, tags
 
     def read(self, group: str) -> None:
         """First directory, EXIF directory and maker note (in a DNG file also its private data)."""
-        base, first_byte, _ = determine_type(self.handle)
-        order = {b"I": "<", b"M": ">"}.get(bytes(first_byte[:1]))
+        base = 0 if byte_order(self.data[:2]) else determine_type(_InMemory(self.data))[0]
+        order = byte_order(self.data[base : base + 2])
         if order is None or self.number(order, "H", base + 2) not in _TIFF_MAGIC:
             return
         entries = self.directory(group, order, base, self.number(order, "I", base + 4))
         if group == "Canon":
             self.arrays(entries, order)
-        pointer, private = entries.get(0x8769), entries.get(0xC634)
+        pointer, private = offset_in(self.data, order, entries, 0x8769), entries.get(0xC634)
         if pointer is not None:
-            photo = self.directory("Photo", order, base, self.number(order, "I", pointer.position))
-            note, interoperability = photo.get(0x927C), photo.get(0xA005)
+            photo = self.directory("Photo", order, base, pointer)
+            note, interoperability = photo.get(0x927C), offset_in(self.data, order, photo, 0xA005)
             if note is not None:
-                self.maker_note(order, note.position, base)
+                self.maker_note(order, note.place.start, base)
             if interoperability is not None:
-                self.directory("Iop", order, base, self.number(order, "I", interoperability.position))
+                self.directory("Iop", order, base, interoperability)
         if private is not None:
-            self.private_data(order, private.position, base)
+            self.private_data(order, private.place.start, base)
 
-    def number(self, order: str, code: str, position: int) -> int:
-        return int(struct.unpack_from(order + code, self.data, position)[0])
+    def number(self, order: str, code: str, at: int) -> int:
+        return number(self.data, order, code, at)
 
-    def directory(self, group: str, order: str, base: int, offset: int) -> dict[int, _Entry]:
-        """Add the tags of one directory at base + offset; their values' places."""
-        header = ExifHeader(self.handle, "I" if order == "<" else "M", base, 0, strict=False)
-        with contextlib.suppress(Exception):  # exifread raises what it likes; what it had read until then stays
-            header.dump_ifd(offset, group, tag_dict={})
-        found: dict[int, _Entry] = {}
-        for entry in header.tags.values():
-            place = _Entry(base + entry.field_offset, entry.field_length)
-            if place.position >= 0 and place.position + place.size <= len(self.data):
-                found.setdefault(entry.tag, place)
-                self.tags.setdefault((group, entry.tag), self._value(entry, order, place))
-        return found
+    def directory(self, group: str, order: str, base: int, offset: int) -> dict[int, Entry]:
+        """Add the tags of one directory at base + offset, and return its fields."""
+        entries: dict[int, Entry] = {}
+        with contextlib.suppress(struct.error):
+            entries, _ = read_directory(self.data, order, offset, base)
+        for tag, entry in entries.items():
+            raw = self.raw(entry)
+            value: Value = ()  # of floating-point numbers
+            if entry.kind == 2:
+                value = text_of(raw)
+            elif entry.kind not in (11, 12):
+                size = {5: 4, 10: 4}.get(entry.kind, SIZES[entry.kind])  # a ratio is two numbers
+                dtype = f"{order}{'i' if entry.kind in (6, 8, 9, 10) else 'u'}{size}"
+                value = tuple(np.frombuffer(raw[: len(raw) // size * size], dtype).tolist())
+            self.tags.setdefault((group, tag), value)
+        return entries
 
-    def raw(self, place: _Entry) -> bytes:
-        return bytes(self.data[place.position : place.position + min(place.size, _LARGEST)])
-
-    def _value(self, entry: Any, order: str, place: _Entry) -> Value:
-        if isinstance(entry.values, str | bytes):
-            return text_of(self.raw(place))
-        if not entry.values:  # exifread leaves out long ones
-            size = FIELD_DEFINITIONS[entry.field_type][0]
-            raw = self.raw(place)
-            return tuple(np.frombuffer(raw[: len(raw) // size * size], f"{order}u{size}").tolist())
-        numbers: list[int] = []
-        for value in entry.values:
-            if not isinstance(value, tuple):  # floating-point numbers
-                numbers += [value] if isinstance(value, int) else [value.num, value.den]
-        return tuple(numbers)
+    def raw(self, entry: Entry) -> bytes:
+        return bytes(self.data[entry.place][:_LARGEST])
 
     def maker_note(self, order: str, start: int, base: int) -> None:
         """Read a maker's note at `start` as data/maker_notes.json says.
@@ -218,7 +196,7 @@ class _Structure:
         elif head[:4] == b"AOC\0" or head[:8] == b"PENTAX \0":
             self.maker_note(order, start, base)
 
-    def arrays(self, entries: dict[int, _Entry], order: str) -> None:
+    def arrays(self, entries: dict[int, Entry], order: str) -> None:
         """Add each element of Canon's arrays, and Nikon's picture control, as tags of their own."""
         table = maker_table("maker_notes")
         for text, (group, size) in table["arrays"]["tags"].items():
@@ -235,25 +213,15 @@ class _Structure:
                     if place < len(raw):
                         self.tags.setdefault(("NikonPc", index), (raw[place],))
 
-    def subdirectories(self, parent: str, entries: dict[int, _Entry], order: str, base: int) -> None:
+    def subdirectories(self, parent: str, entries: dict[int, Entry], order: str, base: int) -> None:
         for text, group in maker_table("maker_notes")["directories"]["tags"].items():
             entry = entries.get(key_of(text)[1])
             if entry is not None and key_of(text)[0] == parent:
-                points = entry.size == 4
-                self.directory(
-                    group, order, base, self.number(order, "I", entry.position) if points else entry.position - base
-                )
+                start, size = entry.place.start, entry.place.stop - entry.place.start
+                self.directory(group, order, base, self.number(order, "I", start) if size == 4 else start - base)
 
 
-def _ciff_tags(data: Buffer) -> Tags:
-    order, records = read_ciff(data)
-    found: Tags = {}
-    names = [text_of(part) for part in records.get(0x080A, b"").split(b"\0")]  # make and model
-    if len(names) > 1 and names[0] and names[1]:
-        found[MAKE], found[MODEL] = names[0], names[1]
-    spread(found, "CanonSi", order, 2, records.get(0x102A, b""))
-    spread(found, "CanonCs", order, 2, records.get(0x102D, b""))
-    return found
+# --- Other readers, where they are installed -------------------------------------------------------------------------
 
 
 def _exiv2_tags(path: Path) -> Tags:
@@ -296,3 +264,105 @@ def _parsed(text: str) -> Value:
     if parts and all(re.fullmatch(r"-?\d{1,19}", part) for part in parts):
         return tuple(int(part) for part in parts)
     return text.strip()[:_LARGEST]
+
+
+# --- Containers that exifread does not know: RAF, MRW and CR3, which hold TIFF structures, and CIFF ------------------
+# CIFF is the heap that Canon's .CRW files are (Canon, "CIFF Specification on Image Data File", version 1.0 revision 4,
+# 1997); the Canon records inside are those of its later maker notes.
+
+
+class _InMemory(io.BytesIO):
+    """A file in memory for exifread, which may read without end: a camera's file takes some thousands of reads."""
+
+    def __init__(self, data: Buffer) -> None:
+        super().__init__(data)
+        self.reads = 0
+
+    def read(self, size: int | None = -1) -> bytes:
+        """Return the next bytes. Raises ImageError after too many."""
+        self.reads += 1
+        if self.reads > 100_000:
+            raise ImageError("metadata that never end")
+        return super().read(size)
+
+
+def _ciff_tags(data: Buffer) -> Tags:
+    """The tags of a CIFF file; damaged directories are left out, and nothing outside the file is touched."""
+    order, records = "<" if data[:2] == b"II" else ">", dict[int, bytes]()
+    _read_heap(data, order, number(data, order, "I", 2), len(data), records, depth=8, budget=[2000])
+    found: Tags = {}
+    names = [text_of(part) for part in records.get(0x080A, b"").split(b"\0")]  # make and model
+    if len(names) > 1 and names[0] and names[1]:
+        found[MAKE], found[MODEL] = names[0], names[1]
+    spread(found, "CanonSi", order, 2, records.get(0x102A, b""))
+    spread(found, "CanonCs", order, 2, records.get(0x102D, b""))
+    return found
+
+
+def _read_heap(
+    data: Buffer, order: str, start: int, end: int, records: dict[int, bytes], depth: int, budget: list[int]
+) -> None:
+    """Add the small records of one heap data[start:end] by tag; its last four bytes point at its directory.
+
+    The first of each tag counts.
+    """
+    if depth == 0 or start < 0 or end > len(data) or end - start < 6:
+        return
+    (directory,) = struct.unpack_from(order + "I", data, end - 4)
+    position = start + directory
+    if position + 2 > end:
+        return
+    (count,) = struct.unpack_from(order + "H", data, position)
+    for index in range(count):
+        entry = position + 2 + 10 * index
+        if entry + 10 > end or budget[0] <= 0:
+            return
+        budget[0] -= 1
+        tag, size, offset = struct.unpack_from(order + "HII", data, entry)
+        if tag & 0x4000:  # the value stands in the directory
+            records.setdefault(tag & 0x3FFF, data[entry + 2 : entry + 10])
+            continue
+        low, high = start + offset, start + offset + size
+        if high > end:
+            continue
+        if tag & 0x3800 in (0x2800, 0x3000):  # a heap in this heap
+            _read_heap(data, order, low, high, records, depth - 1, budget)
+        elif size <= 65536:  # larger ones are pictures
+            records.setdefault(tag & 0x3FFF, data[low:high])
+
+
+def _tiff_blocks(data: Buffer) -> Iterator[tuple[Buffer, str]]:
+    """The TIFF structures of a file, with the group of their first directory."""
+    head = bytes(data[:32])
+    if head[:15] == b"FUJIFILMCCD-RAW":  # a whole JPEG in it
+        start, length = struct.unpack_from(">II", data, 84)
+        yield bytes(data[start : start + min(length, 1 << 27)]), "Image"
+    elif head[:4] == b"\0MRM":  # Minolta: blocks of name, length, body; TTW is a TIFF structure
+        position, end = 8, min(len(data), 8 + struct.unpack_from(">I", data, 4)[0])
+        while position + 8 <= end:
+            name, length = struct.unpack_from(">4sI", data, position)
+            if name == b"\0TTW":
+                yield bytes(data[position + 8 : position + 8 + length]), "Image"
+            position += 8 + length
+    elif head[4:12] == b"ftypcrx ":  # Canon CR3: TIFF structures in boxes of moov/uuid
+        groups = {b"CMT1": "Image", b"CMT2": "Photo", b"CMT3": "Canon"}
+        yield from ((body, groups[name]) for name, body in _boxes(data, 0, len(data), 3, [1000]))
+    else:
+        yield data, "Image"
+
+
+def _boxes(data: Buffer, start: int, end: int, depth: int, budget: list[int]) -> Iterator[tuple[bytes, bytes]]:
+    while start + 8 <= end and budget[0] > 0:
+        budget[0] -= 1
+        size, name = struct.unpack_from(">I4s", data, start)
+        body = start + 8
+        if size == 1 and start + 16 <= end:
+            (size,) = struct.unpack_from(">Q", data, start + 8)
+            body = start + 16
+        if size < body - start or start + size > end:
+            break
+        if name in (b"moov", b"uuid") and depth > 0:
+            yield from _boxes(data, body + (16 if name == b"uuid" else 0), start + size, depth - 1, budget)
+        elif name in (b"CMT1", b"CMT2", b"CMT3") and size < 1 << 24:
+            yield name, bytes(data[body : start + size])
+        start += size

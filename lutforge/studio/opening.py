@@ -31,7 +31,7 @@ from lutforge.samples.extract import ShotSamples
 from lutforge.samples.table import is_table
 from lutforge.settings import Selector
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, discover, raw_beside
-from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
+from lutforge.shots.metadata import read_exposure, read_picture_settings
 from lutforge.studio.workspace import SUFFIX, Workspace, find_pairs, open_workspace, with_profile
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES)
@@ -233,7 +233,7 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
         progress(file.name, index / len(files))
         with reading(file.name, "a picture", ImageError):
             small.append(thumbnail(picture_bytes(file)))
-    times, camera = tuple(map(stated_exposure, files)), read_picture_settings(files[0]).camera
+    times, camera = tuple(read_exposure(file).value for file in files), read_picture_settings(files[0]).camera
     workspace = None
     with suppress(CalibrationError):  # which Fit response then tells, with what to do
         workspace = Workspace(*bracket_samples(files, times, camera, progress))

@@ -28,7 +28,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
-from lutforge.shots.picture_settings import read_picture_settings
+from lutforge.shots.metadata import read_picture_settings
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, palette

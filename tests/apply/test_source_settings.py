@@ -10,7 +10,7 @@ from lutforge.apply.source_settings import source_selector
 from lutforge.errors import SettingsError, in_common
 from lutforge.pipeline.grading import Grading
 from lutforge.settings import parse_selector
-from lutforge.shots.picture_settings import PictureSettings
+from lutforge.shots.metadata import PictureSettings
 from tests.cases.profiles import small_profile
 
 

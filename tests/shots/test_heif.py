@@ -23,7 +23,7 @@ from lutforge.images.read import read_image
 from lutforge.pipeline.inspection import inspect
 from lutforge.pipeline.sampling import file_notes, gather_samples
 from lutforge.shots.discover import discover, jpeg_beside
-from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
+from lutforge.shots.metadata import read_exposure, read_picture_settings
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph, rendered
@@ -104,7 +104,7 @@ def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:
     assert np.abs(shot.fine / 257 - shot.jpeg).max() <= 0.5
     assert shot.metadata.style == "vivid" and shot.metadata.white_balance == "tungsten"
     assert read_picture_settings(picture).camera == CAMERA.name
-    assert stated_exposure(picture) == pytest.approx(stated_exposure(tmp_path / "shot.JPG"))
+    assert read_exposure(picture).value == pytest.approx(read_exposure(tmp_path / "shot.JPG").value)
     assert ("picture", "648 × 440, heif, 10 bits") in inspect(picture).rows
     assert (picture, Path(picture.name)) in [(each.path, each.place) for each in find_inputs([picture.parent]).images]
 

@@ -10,9 +10,8 @@ from lutforge.errors import ImageError
 from lutforge.images.read import Image
 from lutforge.images.write import write_image
 from lutforge.pipeline.inspection import inspect
-from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
-from lutforge.shots.maker_settings import white_balance_of
-from lutforge.shots.picture_settings import read_exposure, read_picture_settings, software_tag
+from lutforge.shots.maker_settings import kelvin_of, multipliers_of, white_balance_of
+from lutforge.shots.metadata import read_exposure, read_picture_settings, software_tag
 from lutforge.shots.tags import Tags
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph

@@ -38,7 +38,7 @@ from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import predict
 from lutforge.settings import Selector
-from lutforge.shots.picture_settings import software_tag
+from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
 from lutforge.studio.jobs import Job
 from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
