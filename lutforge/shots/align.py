@@ -20,8 +20,17 @@ from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots.geometry import Placement, Registration
-from lutforge.shots.predicted_colours import explained, predicted_luma, roots, usual_luma
-from lutforge.shots.pyramid import COARSE_SIDE, RawLevel, RawPyramid, ReducedJpeg, block_mean, on_jpeg_pixels
+from lutforge.shots.pyramid import (
+    COARSE_SIDE,
+    RawLevel,
+    ReducedJpeg,
+    block_mean,
+    explained,
+    on_jpeg_pixels,
+    predicted_luma,
+    roots,
+    usual_luma,
+)
 
 SIGNIFICANT = 30.0
 """Evidence for a distortion from which on it is believed: the 17 pictures of six cameras without one show up to 18."""
@@ -56,7 +65,7 @@ def register_rotated(
     least MIN_CORRELATION, where another place or turn explains the colours nearly as well, and where parts of the JPEG
     are moved as no lens moves them.
     """
-    pyramid = RawPyramid.of(raw, jpeg)
+    pyramid = RawLevel.of(raw, jpeg)
     for turn in turns if expected is not None else ():
         turned = np.rot90(jpeg, turn)
         if expected is not None and (registration := _as_expected(raw, pyramid, turned, expected)) is not None:
@@ -92,7 +101,7 @@ def register_rotated(
     return np.ascontiguousarray(np.rot90(jpeg, found[0].turn)), registration
 
 
-def _as_expected(raw: RawImage, pyramid: RawPyramid, jpeg: Codes, expected: Placement) -> Registration | None:
+def _as_expected(raw: RawImage, pyramid: RawLevel, jpeg: Codes, expected: Placement) -> Registration | None:
     """Refine an expected place; None where the sizes are others, or the JPEG does not clearly lie there, this side up.
 
     A place that moves on the coarse copy by less than half of its pixels is within reach of the finest copy.
@@ -132,7 +141,7 @@ class _Candidate:
 
 
 def _judged(
-    pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration, turn: int, level: ReducedJpeg | None = None
+    pyramid: RawLevel, jpeg: ReducedJpeg, start: Registration, turn: int, level: ReducedJpeg | None = None
 ) -> _Candidate:
     """A place that the coarse search found, moved to where it fits best on a coarse copy, and how well it does."""
     level = level or jpeg.coarsest
@@ -142,7 +151,7 @@ def _judged(
     return _Candidate(jpeg, fit, turn, start.scale, explained(raw, level, local))
 
 
-def _refined(pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration, count: int = 3) -> "_Fit":
+def _refined(pyramid: RawLevel, jpeg: ReducedJpeg, start: Registration, count: int = 3) -> "_Fit":
     """Refine on ever finer copies of the JPEG."""
     fit = _fit(pyramid, jpeg.coarsest, start, count)
     for times in range(jpeg.halvings - 1, -1, -1):
@@ -150,7 +159,7 @@ def _refined(pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration, count:
     return fit
 
 
-def _with_lens(pyramid: RawPyramid, candidate: _Candidate, place: Registration) -> Registration:
+def _with_lens(pyramid: RawLevel, candidate: _Candidate, place: Registration) -> Registration:
     """Add how the lens bent what the camera straightened, and the fringes that it took away: what is beyond chance.
 
     Both are looked for on the coarsest copy, where chance has never reached the limit.
@@ -177,7 +186,7 @@ def _with_lens(pyramid: RawPyramid, candidate: _Candidate, place: Registration) 
     return place
 
 
-def search(raw: RawPyramid, jpeg: ReducedJpeg, scale: float | None = None) -> list[Registration]:
+def search(raw: RawLevel, jpeg: ReducedJpeg, scale: float | None = None) -> list[Registration]:
     """The best place at all plausible scales (or at the one given) with all offsets, and the second best of that scale.
 
     Searched on a small copy, whose structure is a masked template: its normalized cross-correlation with that of the
@@ -188,13 +197,22 @@ def search(raw: RawPyramid, jpeg: ReducedJpeg, scale: float | None = None) -> li
     mask = (block_mean(jpeg.weight, factor) > 0.5).astype(np.float32)
     template, area = structure(block_mean(jpeg.luma, factor), mask, share(mask)), float(mask.sum())
     whole = factor * jpeg.factor
-    size = [side * raw.finest.pixel_size for side in raw.finest.pixels.shape[:2]]
-    scales = _plausible_scales(size, mask) if scale is None else np.array([scale * whole])
+    size = [side * raw.pixel_size for side in raw.pixels.shape[:2]]
+    scales = np.array([]) if scale is None else np.array([scale * whole])
+    if scale is None and mask.any():
+        # As wide or as high as the RAW (without bars), 6 % less to 3 % more: cameras trim the borders before
+        inside = [np.flatnonzero(mask.max(axis=1 - axis)) for axis in (0, 1)]
+        ratios = [side / (lines[-1] - lines[0] + 1) for side, lines in zip(size, inside, strict=True)]
+        scales = np.sort(np.concatenate([ratio * np.exp(np.arange(-8, 6) * 0.0075) for ratio in ratios]))
+        scales = scales[np.concatenate([[True], np.diff(np.log(scales)) > 1e-9])]
     if not scales.size:
         return []
     sides = [math.ceil(side / scales.min()) for side in size]
     # Shifts that leave enough of the mask on the picture are told apart; others may fall on one another.
-    reach = [max(_rows_to_spare(mask.sum(axis=axis)[::way]) for way in (1, -1)) for axis in (1, 0)]
+    reach = []
+    for lines in (mask.sum(axis=1), mask.sum(axis=0)):
+        first = [np.cumsum(lines[::way], dtype=np.float64) for way in (1, -1)]
+        reach.append(int(max(np.searchsorted(sums, (1 - OVERLAP) * area, side="right") for sums in first)))
     shape = [scipy.fft.next_fast_len(side + most + 1, real=True) for side, most in zip(sides, reach, strict=True)]
     matched, covering = (np.conj(scipy.fft.rfft2(plane, shape)) for plane in (template, mask))
     level, total, best = raw.for_scale(scales.min()), float((template**2).sum()), list[Registration]()
@@ -225,26 +243,6 @@ def search(raw: RawPyramid, jpeg: ReducedJpeg, scale: float | None = None) -> li
     return [place.reduced(1 / whole) for place in best]
 
 
-def _rows_to_spare(mask: Single) -> int:
-    """How many of the first rows, whose masks add up to these sums (n,), may lie beside the picture."""
-    return int(np.searchsorted(np.cumsum(mask, dtype=np.float64), (1 - OVERLAP) * float(mask.sum()), side="right"))
-
-
-def _plausible_scales(size: list[float], mask: Single) -> Array:
-    """Scales at which the picture (without bars) is as wide or as high as the RAW, 6 % less to 3 % more.
-
-    Cameras trim the borders before they make the JPEG. size: height and width of the RAW.
-    """
-    inside = np.flatnonzero(mask.max(axis=1)), np.flatnonzero(mask.max(axis=0))
-    if not inside[0].size or not inside[1].size:
-        return np.zeros(0)
-    ratios = [size[axis] / (inside[axis][-1] - inside[axis][0] + 1) for axis in (0, 1)]
-    steps = np.arange(-8, 6) * 0.0075
-    scales = np.sort(np.concatenate([ratio * np.exp(steps) for ratio in ratios]))
-    keep = np.concatenate([[True], np.diff(np.log(scales)) > 1e-9])
-    return np.asarray(scales[keep])
-
-
 @dataclass(frozen=True, eq=False)
 class _Fit:
     """A registration after an iteration of its fit.
@@ -269,7 +267,7 @@ class _Fit:
         return float(self.values[two] @ np.linalg.solve(self.covariance[two, two], self.values[two]))
 
 
-def _fit(pyramid: RawPyramid, level: ReducedJpeg, start: Registration, count: int = 3) -> _Fit:
+def _fit(pyramid: RawLevel, level: ReducedJpeg, start: Registration, count: int = 3) -> _Fit:
     """Move a place to where it fits best on one copy of the JPEG; in coordinates of the whole JPEG, as `start`."""
     scaled = start.reduced(level.factor)
     fit = _moved_to_fit(pyramid.for_scale(scaled.scale), level, scaled, count)
@@ -294,7 +292,8 @@ def _moved_to_fit(
     weight, size = jpeg.weight, max(count, tested)
     lens = start.distortion or raw.flat
     place = replace(start, distortion=lens)
-    whole, within = share(weight), _eroded(weight)
+    # A gradient is of the picture alone where none of the pixels around is masked.
+    whole, within = share(weight), scipy.ndimage.minimum_filter(weight, 3)
     target = structure(jpeg.luma if planes is None else planes[1], weight, whole)
     block = max(8, max(weight.shape) // BLOCKS)
     down, across = (np.arange(side // block) * block + block / 2 for side in weight.shape)
@@ -317,7 +316,8 @@ def _moved_to_fit(
         place = replace(place, correlation=product / (math.sqrt(square * own) + 1e-12))
         sums = np.zeros((len(down), len(across), 5))
         like = product / (own + 1e-12)
-        _add_products(moving, np.float32(like) * target, within if inside else _eroded(mask), block, sums)
+        alone = within if inside else scipy.ndimage.minimum_filter(mask, 3)
+        _add_products(moving, np.float32(like) * target, alone, block, sums)
         gradients = sums[..., [0, 1, 1, 2]].reshape(-1, 2, 2) @ shifts
         normal, pull = np.zeros((PARTS**2, size, size)), np.zeros((PARTS**2, size))
         np.add.at(normal, part, shifts.swapaxes(1, 2) @ gradients)
@@ -343,7 +343,7 @@ def _moved_to_fit(
     return _Fit(replace(place, distortion=start.distortion), *_solved(normal, pull, prior, away), off)
 
 
-def _fringes(pyramid: RawPyramid, level: ReducedJpeg, place: Registration) -> tuple[Registration, float, float]:
+def _fringes(pyramid: RawLevel, level: ReducedJpeg, place: Registration) -> tuple[Registration, float, float]:
     """A place with red and blue drawn larger than green, where the JPEG shows them of one size, and the evidence of it.
 
     Last is by how many pixels of the copy parts of green lie beside their place. Each of the RAW's channels is
@@ -403,11 +403,6 @@ def _add_products(moving: Single, target: Single, weight: Single, side: int, sum
                 by_y += terms[1, x] * terms[2, x]
             own = sums[row // side, block]
             own[0], own[1], own[2], own[3], own[4] = own[0] + xx, own[1] + xy, own[2] + yy, own[3] + by_x, own[4] + by_y
-
-
-def _eroded(mask: Single) -> Single:
-    """The least of each pixel's mask and of its eight neighbours': where a gradient is of the picture alone."""
-    return np.asarray(scipy.ndimage.minimum_filter(mask, 3))
 
 
 def share(weight: Single) -> Single:

@@ -4,13 +4,13 @@ They are means over blocks of pixels, and the RAW's over the pixels of the JPEG 
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from lutforge.arrays import Array, Codes, Pixels, Single
+from lutforge.arrays import Array, Codes, Index, Pixels, Single
 from lutforge.compiled import compiled
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
@@ -34,6 +34,30 @@ class RawLevel:
     pixels: Pixels
     gains: Single
     pixel_size: float
+    _coarser: dict[int, "RawLevel"] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, raw: RawImage, jpeg: Codes) -> "RawLevel":
+        """The RAW, not finer than a registration of this JPEG (h, w, 3) needs."""
+        scale = max(raw.pixels.shape[:2]) * raw.pixel_size / max(jpeg.shape[:2]) * reduction(raw, jpeg)
+        means = raw.pixels[::16, ::16].mean(axis=(0, 1), dtype=np.float64)
+        gains = (0.25 / np.maximum(means, 1e-6)).astype(np.float32)
+        return cls(raw.pixels, gains, raw.pixel_size).for_scale(scale)
+
+    def for_scale(self, scale: float) -> "RawLevel":
+        """The coarsest copy for a JPEG whose pixels are `scale` full-resolution pixels wide, made once.
+
+        Its pixels are means over squares of 2ⁿ pixels a side; a rest at the right and bottom is left out. At least two
+        of them lie along a JPEG's pixel: then errors against known geometry are those of RAW as it is, mean 0.0462 of a
+        JPEG's pixel; with one and a quarter, a picture of 24 million pixels was placed 0.05 of a pixel worse.
+        """
+        halvings = max(0, math.floor(math.log2(scale / self.pixel_size / 2)))
+        if halvings == 0:
+            return self
+        if halvings not in self._coarser:
+            side = 2**halvings
+            self._coarser[halvings] = RawLevel(block_mean(self.pixels, side), self.gains, self.pixel_size * side)
+        return self._coarser[halvings]
 
     @property
     def flat(self) -> Distortion:
@@ -44,46 +68,7 @@ class RawLevel:
     def straightened(self, place: Registration, jpeg: "ReducedJpeg") -> tuple["RawLevel", Registration]:
         """It, as straight as a JPEG that lies at a place, and where the JPEG lies on that."""
         pixels, local = place.straightened(self.pixels, self.pixel_size, jpeg.weight.shape)
-        return replace(self, pixels=pixels), local
-
-
-@dataclass(frozen=True, eq=False)
-class RawPyramid:
-    """RAW in ever coarser copies, each with half the pixels a side of the one before, made when they are asked for."""
-
-    finest: RawLevel
-    _levels: dict[int, RawLevel] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, raw: RawImage, jpeg: Codes) -> "RawPyramid":
-        """Make the pyramid of a RAW, not finer than a registration of this JPEG (h, w, 3) needs."""
-        scale = max(raw.pixels.shape[:2]) * raw.pixel_size / max(jpeg.shape[:2]) * reduction(raw, jpeg)
-        means = raw.pixels[::16, ::16].mean(axis=(0, 1), dtype=np.float64)
-        gains = (0.25 / np.maximum(means, 1e-6)).astype(np.float32)
-        return cls(_reduced(RawLevel(raw.pixels, gains, raw.pixel_size), _halvings(scale / raw.pixel_size)))
-
-    def for_scale(self, scale: float) -> RawLevel:
-        """The coarsest copy for a JPEG whose pixels are `scale` full-resolution pixels wide."""
-        halvings = _halvings(scale / self.finest.pixel_size)
-        if halvings not in self._levels:
-            self._levels[halvings] = _reduced(self.finest, halvings)
-        return self._levels[halvings]
-
-
-def _halvings(pixels: float) -> int:
-    """How often a RAW may be halved of which so many pixels lie along the side of a JPEG's pixel.
-
-    At least two stay: then errors against known geometry are those of RAW as it is, mean 0.0462 of a JPEG's pixel; with
-    one and a quarter, a picture of 24 million pixels was placed 0.05 of a pixel worse.
-    """
-    return max(0, math.floor(math.log2(pixels / 2)))
-
-
-def _reduced(level: RawLevel, halvings: int) -> RawLevel:
-    """Means over squares of 2^halvings pixels a side; a rest at the right and bottom is left out."""
-    if halvings == 0:
-        return level
-    return RawLevel(block_mean(level.pixels, 2**halvings), level.gains, level.pixel_size * 2**halvings)
+        return RawLevel(pixels, self.gains, self.pixel_size), local
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,3 +217,122 @@ def _block_means(layers: Single | Codes, factor: int, means: Single) -> None:
                 for x in range(j * factor, (j + 1) * factor):
                     total += line[x * depth + layer]
                 means[i, j, layer] = total / np.float32(factor * factor)
+
+
+# --- What a camera's JPEG would be of a RAW at a place ----------------------------------------------------------------
+# A quadratic of the channels, fitted where the two overlap: the colour matrix and the tone curve are unknown; a fixed
+# luma would invert the contrast of many edges between saturated colours. RAW is compressed like a picture, by square
+# roots, only where a step of a registration looks at it: roots make the noise of photons alike at all brightnesses
+# (Anscombe 1948, https://doi.org/10.1093/biomet/35.3-4.246), and come near enough to a camera's tone curve for a
+# quadratic of them to tell its luma.
+
+
+ENOUGH = 4_000
+"""Pixels, about, that tell the ten weights of the quadratic."""
+
+
+def explained(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> float:
+    """Share of the variance of the JPEG's colours that a quadratic of the RAW's channels explains at a place.
+
+    At a wrong place the layout may agree by chance or symmetry; the colours hardly do.
+    """
+    roots, use = _roots_at(raw, jpeg, place)
+    codes = jpeg.codes.reshape(-1, 3)[use].astype(np.float64)
+    if len(codes) < 200:
+        return 0.0
+    terms = quadratic_terms(roots)
+    residual = codes - terms @ least_squares(terms, codes)
+    total = float(np.square(codes - codes.mean(axis=0)).sum())
+    return 1 - float(np.square(residual).sum()) / max(total, 1e-9)
+
+
+def predicted_luma(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> Single:
+    """RAW (h, w) as the luma that the camera would make of it."""
+    roots, use = _roots_at(raw, jpeg, place)
+    weights = least_squares(quadratic_terms(roots), jpeg.luma.ravel()[use].astype(np.float64))
+    return quadratic(raw.pixels, raw.gains, weights.astype(np.float32))
+
+
+def usual_luma(raw: RawLevel) -> Single:
+    """RAW (h, w) as the luma of its compressed channels as they are."""
+    return quadratic(raw.pixels, raw.gains, np.concatenate([[0], LUMA, np.zeros(6)]).astype(np.float32))
+
+
+def roots(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[list[Single], list[Single]]:
+    """The roots of each channel of the RAW, and, (h, w) each, what the JPEG tells of them: a quadratic of its codes."""
+    known, use = _roots_at(raw, jpeg, place)
+    weights = least_squares(quadratic_terms(jpeg.codes.reshape(-1, 3)[use].astype(np.float64)), known)
+    ones, squares = np.ones(3, np.float32), np.square(jpeg.codes)
+    own = [np.sqrt(np.maximum(raw.pixels[..., channel], 0) * raw.gains[channel]) for channel in range(3)]
+    return own, [quadratic(squares, ones, each) for each in weights.T.astype(np.float32)]
+
+
+def _roots_at(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[Array, Index]:
+    """The roots (n, 3) of the RAW under about ENOUGH of the JPEG's pixels, and which these are (n,)."""
+    borders, covers = cells_of_jpeg(place, jpeg.weight.shape, raw.pixels.shape, raw.pixel_size)
+    use = np.flatnonzero((jpeg.weight * covers).ravel() > 0.5)
+    use = use[:: max(1, len(use) // ENOUGH)]
+    return means_of_roots(raw.pixels, raw.gains, *borders, use), use
+
+
+def least_squares(terms: Array, values: Array) -> Array:
+    """Weights (10, …) of quadratic terms (n, 10) for values (n, …)."""
+    normal = terms.T @ terms
+    normal += 1e-6 * (np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal))
+    return np.asarray(np.linalg.solve(normal, terms.T @ values))
+
+
+def quadratic_terms(channels: Array) -> Array:
+    """The terms (n, 10) of a quadratic of three channels (n, 3): 1, r, g, b, r², g², b², rg, gb, br."""
+    ones, others = np.ones_like(channels[:, :1]), np.roll(channels, -1, axis=1)
+    return np.concatenate([ones, channels, channels * channels, channels * others], axis=1)
+
+
+def quadratic(raw: Pixels, gains: Single, weights: Single) -> Single:
+    """Return a quadratic (h, w) of the roots of RAW (h, w, 3) times gains (3,).
+
+    weights: (10,) of 1, r, g, b, r², g², b², rg, gb, br.
+    """
+    values = np.empty(raw.shape[:2], np.float32)
+    _quadratic(np.ascontiguousarray(raw), np.tile(gains, raw.shape[1]), weights, values)
+    return values
+
+
+def means_of_roots(raw: Pixels, gains: Single, rows: Array, columns: Array, cells: Index) -> Array:
+    """Return the means (n, 3) of the roots of RAW (h, w, 3) times gains (3,) over some cells of a grid.
+
+    rows, columns: the H + 1 and W + 1 borders of the grid, in pixels of the RAW, within it; cells: (n,), row by row.
+    """
+    means = np.zeros((len(cells), 3))
+    _means_of_roots(raw, gains, rows, columns, cells, means)
+    return means
+
+
+@compiled(fastmath={"contract"})
+def _quadratic(raw: Pixels, gains: Single, weights: Single, values: Single) -> None:
+    """Fill values (h, w). gains: (3 w,) of the values of a row."""
+    constant, in_r, in_g, in_b, rr, gg, bb, rg, gb, br = weights
+    roots = np.empty(len(gains), np.float32)
+    for y in range(values.shape[0]):
+        line, to = raw[y].ravel(), values[y]
+        for x in range(len(roots)):
+            roots[x] = np.sqrt(max(line[x], np.float32(0)) * gains[x])
+        for x in range(len(to)):
+            r, g, b = roots[3 * x], roots[3 * x + 1], roots[3 * x + 2]
+            to[x] = (
+                r * (in_r + rr * r + rg * g + br * b) + g * (in_g + gg * g + gb * b) + b * (in_b + bb * b) + constant
+            )
+
+
+@compiled()
+def _means_of_roots(raw: Pixels, gains: Single, rows: Array, columns: Array, cells: Index, means: Array) -> None:
+    width = len(columns) - 1
+    for index in range(len(cells)):
+        top, bottom = rows[cells[index] // width], rows[cells[index] // width + 1]
+        left, right = columns[cells[index] % width], columns[cells[index] % width + 1]
+        for y in range(int(np.floor(top)), int(np.ceil(bottom))):
+            tall = min(y + 1.0, bottom) - max(float(y), top)
+            for x in range(int(np.floor(left)), int(np.ceil(right))):
+                share = tall * (min(x + 1.0, right) - max(float(x), left)) / ((bottom - top) * (right - left))
+                for channel in range(3):
+                    means[index, channel] += share * np.sqrt(max(raw[y, x, channel], np.float32(0)) * gains[channel])

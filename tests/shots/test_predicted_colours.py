@@ -3,8 +3,7 @@
 import numpy as np
 
 from lutforge.shots.geometry import Registration
-from lutforge.shots.predicted_colours import means_of_roots, quadratic
-from lutforge.shots.pyramid import cells_of_jpeg, on_jpeg_pixels
+from lutforge.shots.pyramid import cells_of_jpeg, means_of_roots, on_jpeg_pixels, quadratic
 
 RAW = np.random.default_rng(0).uniform(-0.01, 1.0, (40, 50, 3)).astype(np.float32)
 GAINS = np.array([1.5, 1.0, 2.0], np.float32)
