@@ -34,4 +34,4 @@ def studio(
             require_file(path, "a sample table, shot, profile or workspace")
     named = folder or [Path.cwd(), *(path if path.is_dir() else path.parent for path in given)]
     signal.signal(signal.SIGINT, signal.default_int_handler)  # which the server waits for
-    serve(Folders.of(named), given, address, port, show, lambda url: say(f"LutForge studio: {url}"))
+    serve(Folders(named), given, address, port, show, lambda url: say(f"LutForge studio: {url}"))

@@ -45,21 +45,17 @@ class FolderError(LutForgeError):
     """A path outside the folders that the studio was started with."""
 
 
-@dataclass(frozen=True)
 class Folders:
-    """The folders, resolved: symbolic links are followed before a path is judged."""
+    """Folders by name, resolved: symbolic links are followed before a path is judged.
 
-    roots: tuple[Path, ...]
+    Raises FolderError where one is none.
+    """
 
-    @classmethod
-    def of(cls, paths: Iterable[str | Path]) -> "Folders":
-        """Folders by name. Raises FolderError where one is none."""
-        roots = []
-        for path in dict.fromkeys(Path(path).resolve() for path in paths):
+    def __init__(self, paths: Iterable[str | Path]) -> None:
+        self.roots = tuple(dict.fromkeys(Path(path).resolve() for path in paths))
+        for path in self.roots:
             if not path.is_dir():
                 raise FolderError(f"{path}: not a folder; name a folder that exists")
-            roots.append(path)
-        return cls(tuple(roots))
 
     def inside(self, text: str) -> Path:
         """The resolved path that a visitor names, relative to the first folder.

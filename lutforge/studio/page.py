@@ -42,12 +42,11 @@ class Page:
         news = pn.Row(
             self.session.status, self.session.progress, self.session.cancel, sizing_mode="stretch_width", height=40
         )
-        fill = {"sizing_mode": "stretch_both", "margin": 0}
         self.controls = pn.Column(sizing_mode="stretch_width")
-        self.body = pn.Column(**fill)
+        self.body = pn.Column(**ui.FILL)
         self.layout = pmui.Page(
             title="LutForge studio", header=[bar], sidebar=[self.controls],
-            main=[pn.Column(self.next, news, self.body, **fill)], sidebar_variant="permanent", sidebar_width=290,
+            main=[pn.Column(self.next, news, self.body, **ui.FILL)], sidebar_variant="permanent", sidebar_width=290,
             sidebar_resizable=False, busy_indicator=None, theme="dark", theme_config=THEME, template=TEMPLATE,
             stylesheets=[BESIDE],
         )  # fmt: skip

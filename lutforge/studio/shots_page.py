@@ -194,6 +194,7 @@ class ShotsPage:
         for name, samples in workspace.samples.by_shot():
             account = accounts.get(name)
             cells = None if account is None else account.cells
+            pictures: dict[str, bytes | NDArray[np.uint8]]
             if account is None or cells is None:
                 pictures = {"samples": swatches(samples.srgb)}
             elif self.shown.value == SHOWN[1]:
@@ -206,8 +207,7 @@ class ShotsPage:
                 pictures = {"tiles": np.where(kept, cells.jpeg, mixed).astype(np.uint8).repeat(4, 0).repeat(4, 1)}
             else:
                 pictures = {"JPEG": cells.picture, "RAW": cells.raw}
-            urls = {title: jpeg_url(picture) for title, picture in pictures.items()}
-            yield name, card_of(name, urls, facts_of(name, samples, account, profile))
+            yield name, card_of(name, pictures, facts_of(name, samples, account, profile))
 
     def _cards_of_bracket(self, bracket: Bracket) -> Iterator[tuple[str, ui.Html]]:
         """A card a picture: its exposure as stated and as it was."""
@@ -221,14 +221,16 @@ class ShotsPage:
             if isinstance(fitted, FittedChart):
                 facts += ["chart found here"] if file.name in fitted.found else []
                 facts += [f"white beside the chart: {fitted.level[file.name]:.3g}"] if file.name in fitted.level else []
-            yield file.name, card_of(file.name, {"picture": jpeg_url(small)}, facts)
+            yield file.name, card_of(file.name, {"picture": small}, facts)
 
 
-def card_of(name: str, pictures: dict[str, str], facts: list[str]) -> ui.Html:
-    """Pictures by title beside each other, above what is known."""
-    images = [
-        ui.html("<img src='{}' alt='{} of {}' title='{}'>", url, title, name, title) for title, url in pictures.items()
-    ]
+def card_of(name: str, pictures: dict[str, bytes | NDArray[np.uint8]], facts: list[str]) -> ui.Html:
+    """Pictures by title beside each other, JPEG files or (h, w, 3), above what is known."""
+    images = []
+    for title, picture in pictures.items():
+        data = picture if isinstance(picture, bytes) else jpeg_of(Image.fromarray(np.ascontiguousarray(picture)))
+        url = "data:image/jpeg;base64," + b64encode(data).decode("ascii")
+        images.append(ui.html("<img src='{}' alt='{} of {}' title='{}'>", url, title, name, title))
     return ui.html("<div class=pictures>{}</div>{}", ui.Html("".join(images)), ui.paragraphs(*facts))
 
 
@@ -245,12 +247,6 @@ def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile
         )
         facts += [f"falloff: corners {lens.corner_ev:+.2f} EV"] if lens is not None else []
     return facts
-
-
-def jpeg_url(file: bytes | NDArray[np.uint8]) -> str:
-    """A JPEG file, or a picture (h, w, 3) as one, as a data URL."""
-    data = file if isinstance(file, bytes) else jpeg_of(Image.fromarray(np.ascontiguousarray(file)))
-    return "data:image/jpeg;base64," + b64encode(data).decode("ascii")
 
 
 def swatches(encoded: Array) -> NDArray[np.uint8]:

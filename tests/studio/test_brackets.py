@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def opened(folder: Path) -> Page:
     """The page of a visit that has opened the folder of a bracket."""
-    page = Page(Folders.of([folder.parent]), ())
+    page = Page(Folders([folder.parent]), ())
     page.session.open((folder,))
     return page
 
@@ -55,7 +55,7 @@ def test_what_is_a_bracket(folder: Path, tmp_path: Path) -> None:
     assert opened is not None and "do not state their exposures" in str(opened.bracket)
     (tmp_path / "a.dng").write_bytes(b"")
     assert bracket_in([tmp_path], silent) is None
-    assert "bracket" in Folders.of([folder.parent]).with_shots()
+    assert "bracket" in Folders([folder.parent]).with_shots()
 
 
 @pytest.mark.slow

@@ -57,7 +57,7 @@ def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
     (inside / "folder").symlink_to(outside)
     (inside / "loop.csv").symlink_to(inside / "loop.csv")
     (inside / "mine.csv").write_text("x")
-    folders = Folders.of([inside])
+    folders = Folders([inside])
     assert folders.inside("mine.csv") == (inside / "mine.csv").resolve()
     assert folders.inside(str(inside / "new" / "file.npz")).name == "file.npz"
     for path in (
@@ -69,7 +69,7 @@ def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
         assert "\n" not in str(error.value)
     assert folders.files([".csv"]) == ["mine.csv"]
     with pytest.raises(FolderError, match="not a folder"):
-        Folders.of([inside / "mine.csv"])
+        Folders([inside / "mine.csv"])
 
 
 def test_a_job_brings_its_result_or_one_line() -> None:
@@ -101,7 +101,7 @@ def profile() -> CameraProfile:
 
 def opened(folder: Path, profile: CameraProfile | None = None, workspace: Workspace | None = None) -> Page:
     """The page of a visit with a folder, without a browser: what takes long is done at once."""
-    page = Page(Folders.of([folder]), ())
+    page = Page(Folders([folder]), ())
     page.session.opened = Opened(profile=profile)
     page.session.begin(workspace)
     page.session.on_change()

@@ -16,6 +16,7 @@ from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.pipeline.evaluation import predict
+from lutforge.progress import silent
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.workspace import (
     Workspace,
@@ -25,10 +26,6 @@ from lutforge.studio.workspace import (
     open_workspace,
     save_workspace,
 )
-
-
-def silent(what: str, share: float) -> None:
-    pass
 
 
 @pytest.fixture(scope="module")
