@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,8 +11,8 @@ from lutforge.arrays import Array, Real, Single
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import one_line
 from lutforge.interpolation import Interpolation
-from lutforge.luts.formats import spi
-from lutforge.luts.input_and_output import RAW, InputAndOutput, read_input_and_output
+from lutforge.luts.formats.text import SPI_PAIR
+from lutforge.luts.input_and_output import InputAndOutput, read_input_and_output
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
@@ -57,22 +56,26 @@ def check_lut(path: str | Path) -> LutReport:
     """Read any LUT file and say what is in it. Raises LutError, one line, where it cannot be read."""
     path = Path(path)
     lut = read_lut(path)
-    domain = _domain(lut)
-    outputs = _outputs(lut)
+    cube, domain = lut.cube, _domain(lut)
+    dialect = ""
+    if lut.metadata.get("format") not in _NO_DIALECTS:
+        dialect = "1D" if cube is None else "3D" if lut.shaper is None else "1D shaper + 3D"
+    outputs = np.array([[0.0] * 3, [1.0] * 3])  # then those of the last table, behind all that follows it
+    for op in lut.ops:
+        outputs = op.outputs if isinstance(op, Curve) else op.values if isinstance(op, Cube) else op(outputs)
     beyond = bool(outputs.min() < -1e-6 or outputs.max() > 1 + 1e-6)
+    states = read_input_and_output(lut.comments)
     falling = 0.0
-    if lut.cube is not None:
-        steps = [np.diff(lut.cube.values[..., channel], axis=channel) for channel in range(3)]
+    if cube is not None:
+        steps = [np.diff(cube.values[..., channel], axis=channel) for channel in range(3)]
         falling = float(np.mean(np.concatenate([(step < -FALL).ravel() for step in steps])))
-    dialect = _dialect(lut)
-    black, white = (_triple(colour) for colour in lut(np.array(domain)))
-    found = {"OpenColorIO, Nuke": "cannot read it"}
+    readers = {"OpenColorIO, Nuke": "cannot read it"}
     if own_reader(path) is None:
-        found["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
-    found |= readers_of(lut, dialect, domain)
-    said = read_input_and_output(lut.comments)
-    if _takes_raw(said):
-        found |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
+        readers["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
+    readers |= readers_of(lut, dialect, domain)
+    if states is not None and states.takes_raw:
+        readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
+    black, white = (_triple(colour) for colour in lut(np.array(domain)))
     return LutReport(
         path=path,
         lut=lut,
@@ -84,8 +87,8 @@ def check_lut(path: str | Path) -> LutReport:
         falling=falling,
         black=black,
         white=white,
-        problems=tuple(_problems(lut, falling, beyond, said)),
-        readers=found,
+        problems=tuple(_problems(lut, domain, falling, beyond, states)),
+        readers=readers,
     )
 
 
@@ -115,13 +118,43 @@ def _triple(colour: Real) -> Colour:
     return r, g, b
 
 
-def _dialect(lut: Lut) -> str:
-    """Which kind of its format a LUT is, by its tables."""
-    if lut.metadata.get("format") in _NO_DIALECTS:
-        return ""
-    if lut.cube is None:
-        return "1D"
-    return "3D" if lut.shaper is None else "1D shaper + 3D"
+def _problems(
+    lut: Lut, domain: tuple[Colour, Colour], falling: float, beyond: bool, states: InputAndOutput | None
+) -> list[str]:
+    """What is wrong with a LUT. falling, beyond: as `check_lut` has them; states: what its comments say."""
+    problems = []
+    for number, op in enumerate(lut.ops, 1):
+        if isinstance(op, Curve):
+            name = "curve" if len(lut.ops) == 1 else f"curve (operation {number})"
+            falls = np.any(np.diff(op.outputs, axis=0) < -FALL, axis=1)
+            if falls.any():
+                entry = f"entry {int(np.argmax(falls)) + 2} of {len(op.outputs)}"
+                problems.append(f"the {name} falls at {entry}: it cannot be undone there")
+            if np.any(np.ptp(op.outputs, axis=0) < 1e-6):
+                problems.append(f"the {name} is constant: all inputs become one")
+    if lut.cube is not None:
+        values, share = lut.cube.values, np.linspace(0.0, 1.0, 257)[:, None]
+        grey = lut((1.0 - share) * max(domain[0]) + share * min(domain[1]) + np.zeros(3))
+        takes_raw = states is not None and states.takes_raw  # equal numbers of RAW before white balance are no grey
+        if not takes_raw and np.any(np.diff(grey.mean(axis=1)) < -FALL):
+            problems.append("grey becomes darker somewhere where the input becomes lighter")
+        # Cameras press strong colours into their gamut, where one channel makes room for another.
+        if falling > 0.1:
+            steps = f"{falling:.1%} of the steps"
+            problems.append(f"a channel falls while its own input rises at {steps}: banding or solarization")
+        if np.ptp(values) < 1e-6:
+            problems.append("all colours become one")
+        # Per output channel, the input channel with which it changes most from end to end, on average.
+        ends = [np.abs(np.take(values, -1, axis) - np.take(values, 0, axis)) for axis in range(3)]
+        follows = tuple(np.argmax([change.reshape(-1, 3).mean(axis=0) for change in ends], axis=0).tolist())
+        if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
+            pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
+            problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
+    if beyond and not (states is not None and states.gives_linear):
+        problems.append("outputs leave [0, 1]: programs with integers clip them, others pass them on")
+    if lut.metadata.get("bits") == "8":
+        problems.append("8 bits per channel: gradients will show bands; 16 are usual")
+    return problems
 
 
 def _domain(lut: Lut) -> tuple[Colour, Colour]:
@@ -144,76 +177,19 @@ def _domain(lut: Lut) -> tuple[Colour, Colour]:
     return first, last
 
 
-def _outputs(lut: Lut) -> Array:
-    """The outputs of the last table (…, 3), behind all that follows it."""
-    for number in range(len(lut.ops) - 1, -1, -1):
-        op = lut.ops[number]
-        if isinstance(op, Curve | Cube):
-            y = op.outputs if isinstance(op, Curve) else op.values
-            for behind in lut.ops[number + 1 :]:
-                y = behind(y)
-            return y
-    return lut(np.array([[0.0] * 3, [1.0] * 3]))
-
-
-def _problems(lut: Lut, falling: float, beyond: bool, said: InputAndOutput | None) -> list[str]:
-    found = []
-    for number, op in enumerate(lut.ops, 1):
-        if isinstance(op, Curve):
-            found += _curve_problems("curve" if len(lut.ops) == 1 else f"curve (operation {number})", op)
-    if lut.cube is not None:
-        # Equal numbers of RAW before white balance are no grey.
-        found += _cube_problems(lut.cube.values, falling, not _takes_raw(said) and _darkens_grey(lut))
-    if beyond and not (said is not None and said.gives_linear):
-        found.append("outputs leave [0, 1]: programs with integers clip them, others pass them on")
-    if lut.metadata.get("bits") == "8":
-        found.append("8 bits per channel: gradients will show bands; 16 are usual")
-    return found
-
-
-def _takes_raw(said: InputAndOutput | None) -> bool:
-    return said is not None and said.input.startswith(RAW)
-
-
-def _darkens_grey(lut: Lut) -> bool:
-    low, high = _domain(lut)
-    share = np.linspace(0.0, 1.0, 257)[:, None]
-    grey = lut((1.0 - share) * max(low) + share * min(high) + np.zeros(3))
-    return bool(np.any(np.diff(grey.mean(axis=1)) < -FALL))
-
-
-def _cube_problems(cube: Array, falling: float, darkens_grey: bool) -> list[str]:
-    found = []
-    if darkens_grey:
-        found.append("grey becomes darker somewhere where the input becomes lighter")
-    # Cameras press strong colours into their gamut, where one channel makes room for another.
-    if falling > 0.1:
-        found.append(
-            f"a channel falls while its own input rises at {falling:.1%} of the steps: banding or solarization"
-        )
-    if np.ptp(cube) < 1e-6:
-        found.append("all colours become one")
-    # Per output channel, the input channel with which it changes most from end to end, on average.
-    ends = [np.abs(np.take(cube, -1, axis) - np.take(cube, 0, axis)).reshape(-1, 3).mean(axis=0) for axis in range(3)]
-    follows = tuple(np.argmax(np.stack(ends), axis=0).tolist())
-    if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
-        pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
-        found.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
-    return found
-
-
-def _curve_problems(name: str, curve: Curve) -> list[str]:
-    steps = np.diff(curve.outputs, axis=0)
-    found = []
-    if np.any(steps < -FALL):
-        row = int(np.flatnonzero(np.any(steps < -FALL, axis=1))[0])
-        found.append(f"the {name} falls at entry {row + 2} of {len(curve.outputs)}: it cannot be undone there")
-    if np.any(np.ptp(curve.outputs, axis=0) < 1e-6):
-        found.append(f"the {name} is constant: all inputs become one")
-    return found
-
-
 # --- What programs beside OpenColorIO make of LUT files: by their sources, and by trials -----------------------------
+
+
+_SPI = {"other programs": "mostly do not read it; it belongs in an OpenColorIO config"}
+_OTHER_READERS = {
+    "Hald image": {
+        "RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it",
+        "video programs": "mostly do not",
+    },
+    ".spi1d": _SPI,
+    ".spi3d": _SPI,
+    ".dctl": {"Resolve": "reads it", "other programs": "do not read it"},
+}
 
 
 def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[str, str]:
@@ -231,61 +207,47 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
                 "Premiere, After Effects, Photoshop, Final Cut": "do not expect them to read the shaper",
             }
         case ".cube", "3D":
-            return _plain_cube_readers(lut.size, domain)
+            low, high = domain
+            readers = {"Resolve, Premiere, Photoshop, Final Cut, ffmpeg, OBS, darktable, G'MIC": "read it"}
+            if (low, high) != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
+                readers = {
+                    "Resolve, Premiere, Photoshop": "read it",
+                    "darktable": "refuses a domain other than 0 to 1",
+                    "G'MIC, OpenShot, OBS": "ignore the domain: wrong colours",
+                    "ffmpeg": "misreads a domain that does not begin at 0" if any(low) else "reads it",
+                }
+            if lut.size > 64:
+                readers["After Effects before 2022"] = f"takes up to 64 nodes per axis, not {lut.size}"
+            if lut.size not in (17, 33, 65):
+                readers["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {lut.size}"
+            return readers
         case ".cube", _:
             return {"ffmpeg lut1d, Resolve, OBS": "read it", "programs of 3D LUTs": "refuse it, or misread it"}
         case ((".clf" | ".ctf") as kind, _):
-            found = {"Resolve, Flame, Baselight, ART": "read CLF" if kind == ".clf" else "Flame reads CTF"}
-            found["ffmpeg, Photoshop, darktable"] = "cannot read it: give them a 3D-only .cube"
-            return found
+            return {
+                "Resolve, Flame, Baselight, ART": "read CLF" if kind == ".clf" else "Flame reads CTF",
+                "ffmpeg, Photoshop, darktable": "cannot read it: give them a 3D-only .cube",
+            }
         case ".csp", _:
             # Between two knots ffmpeg goes as far up as their distance is, and not all the way (5.1.9, by trials).
             shaped = "reads it; its curve in steps where that has less than some thousand knots"
-            found = {"ffmpeg": "reads it" if lut.shaper is None else shaped, "Photoshop, After Effects": "read it"}
-            return found | {"Resolve, darktable": "do not read .csp"}
+            return {
+                "ffmpeg": "reads it" if lut.shaper is None else shaped,
+                "Photoshop, After Effects": "read it",
+                "Resolve, darktable": "do not read .csp",
+            }
         case ".3dl", _:
-            return _3dl_readers(lut)
-        case "Hald image", _:
-            return {"RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it", "video programs": "mostly do not"}
-        case ((".spi1d" | ".spi3d"), _):
-            return {"other programs": "mostly do not read it; it belongs in an OpenColorIO config"}
-        case ".dctl", _:
-            return {"Resolve": "reads it", "other programs": "do not read it"}
-        case _:
-            return {"other programs": "mostly do not read it"}
-
-
-def _3dl_readers(lut: Lut) -> dict[str, str]:
-    """ffmpeg skips one line and takes the rest for 17³ rows of 12 bits (libavfilter/vf_lut3d.c, parse_3dl)."""
-    found = {"Flame, Lustre, darktable": "read it"}
-    if "3DMESH" in lut.metadata.get("keywords", ""):
-        found["ffmpeg"] = "cannot read a .3dl that begins with 3DMESH"
-    elif lut.size != 17:
-        found["ffmpeg"] = f"takes 17 nodes per axis only, not {lut.size}: garbage"
-    elif lut.metadata.get("bits") != "12":
-        found["ffmpeg"] = f"takes the numbers for 12 bits, not {lut.metadata.get('bits')}: wrong colours"
-    else:
-        found["ffmpeg"] = "reads it"
-    return found
-
-
-def _plain_cube_readers(size: int, domain: tuple[Colour, Colour]) -> dict[str, str]:
-    low, high = domain
-    found = {"Resolve, Premiere, Photoshop, Final Cut, ffmpeg, OBS, darktable, G'MIC": "read it"}
-    if (low, high) != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
-        found = {
-            "Resolve, Premiere, Photoshop": "read it",
-            "darktable": "refuses a domain other than 0 to 1",
-            "G'MIC, OpenShot, OBS": "ignore the domain: wrong colours",
-            "ffmpeg": "misreads a domain that does not begin at 0" if any(low) else "reads it",
-        }
-    if size > 64:
-        found["After Effects before 2022"] = f"takes up to 64 nodes per axis, not {size}"
-    if size > 129:
-        found["OpenColorIO, Nuke"] = f"takes up to 129 nodes per axis, not {size}"
-    elif size not in (17, 33, 65):
-        found["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {size}"
-    return found
+            # ffmpeg skips one line and takes the rest for 17³ rows of 12 bits (libavfilter/vf_lut3d.c, parse_3dl).
+            bits, ffmpeg = lut.metadata.get("bits"), "reads it"
+            if "3DMESH" in lut.metadata.get("keywords", ""):
+                ffmpeg = "cannot read a .3dl that begins with 3DMESH"
+            elif lut.size != 17:
+                ffmpeg = f"takes 17 nodes per axis only, not {lut.size}: garbage"
+            elif bits != "12":
+                ffmpeg = f"takes the numbers for 12 bits, not {bits}: wrong colours"
+            return {"Flame, Lustre, darktable": "read it", "ffmpeg": ffmpeg}
+        case kind, _:
+            return _OTHER_READERS.get(kind or "", {"other programs": "mostly do not read it"})
 
 
 # --- How near a file is to what was baked: read back as its reader evaluates it --------------------------------------
@@ -360,28 +322,17 @@ def verify(
     method = interpolation or (lut.interpolation if lut is not None else "tetrahedral")
     # Rounded to float32 first: both sides get the very same input.
     x = sample_points(lut or read_lut(path)).astype(np.float32).astype(np.float64)
-    got = _read_back(path, method)(x)
-    return compare(x, got, reference(x), display_referred)
-
-
-def _read_back(path: Path, method: Interpolation) -> Callable[[Array], Single]:
-    """What a reader of the file makes of colours (n, 3)."""
     if own_reader(path) is None:
-        pair = [path.with_suffix(end) for end in spi.PAIR]  # in the order in which they are used
-        is_pair = path.suffix.lower() in spi.PAIR and all(file.is_file() for file in pair)
-        processors = [file_processor(file, method) for file in (pair if is_pair else [path])]
-
-        def values_of(x: Array) -> Single:
-            y = x.astype(np.float32)
-            for processor in processors:
-                y = evaluate(processor, y)
-            return y
-
-        return values_of
-    lut = read_lut(path)
-    ops = tuple(replace(op, interpolation=method) if isinstance(op, Cube) else op for op in lut.ops)
-    as_read = replace(lut, ops=ops)
-    return lambda x: as_read(x).astype(np.float32)
+        pair = [path.with_suffix(end) for end in SPI_PAIR]  # in the order in which they are used
+        is_pair = path.suffix.lower() in SPI_PAIR and all(file.is_file() for file in pair)
+        got = x.astype(np.float32)
+        for file in pair if is_pair else [path]:
+            got = evaluate(file_processor(file, method), got)
+    else:
+        read = read_lut(path)
+        ops = tuple(replace(op, interpolation=method) if isinstance(op, Cube) else op for op in read.ops)
+        got = replace(read, ops=ops)(x).astype(np.float32)
+    return compare(x, got, reference(x), display_referred)
 
 
 def compare(x: Array, got: Single, wanted: Array, display_referred: bool = True) -> FileError:

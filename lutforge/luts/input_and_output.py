@@ -22,6 +22,11 @@ class InputAndOutput:
     output: str
 
     @property
+    def takes_raw(self) -> bool:
+        """True where the input is camera RAW before white balance."""
+        return self.input.startswith(RAW)
+
+    @property
     def takes_linear(self) -> bool:
         """True where the input is linear light."""
         return _is_linear(self.input)

@@ -21,7 +21,7 @@ from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.processor import OCIO_ERRORS, evaluate
-from lutforge.luts.sequence import Lut, own_reader, suffixes
+from lutforge.luts.sequence import FORMATS, Lut, own_reader
 
 MOST_BYTES = 128 << 20
 """Bytes of a LUT file that is read: a 129³ cube as text takes about 70 MB."""
@@ -59,7 +59,7 @@ def require_known(path: Path) -> None:
     known = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
     if path.suffix.lower() not in known:
         raise LutError(
-            f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(sorted(known | {*suffixes()}))}'
+            f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(sorted(known | {*FORMATS}))}'
         )
 
 

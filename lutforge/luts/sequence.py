@@ -201,29 +201,19 @@ class FileFormat:
             raise LutError(f"{path}: {self.name} holds no curve at free knots; write a .csp")
 
 
-_FORMATS: dict[str, FileFormat] = {}
-
-
-def register(file_format: FileFormat) -> FileFormat:
-    """Make a format known by its suffixes, so that `Lut.write` finds it."""
-    _FORMATS.update(dict.fromkeys(file_format.suffixes, file_format))
-    return file_format
-
-
-def suffixes() -> tuple[str, ...]:
-    """The suffixes of the formats that are written."""
-    return tuple(_FORMATS)
+FORMATS: dict[str, FileFormat] = {}
+"""The formats that are written, by suffix; `luts/formats/` fills it."""
 
 
 def format_of(path: Path) -> FileFormat:
     """The format that the suffix of a path names. Raises LutError on an unknown one."""
-    known = _FORMATS.get(path.suffix.lower())
+    known = FORMATS.get(path.suffix.lower())
     if known is None:
-        raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(_FORMATS)}')
+        raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(FORMATS)}')
     return known
 
 
 def own_reader(path: Path) -> Callable[[Path], Lut] | None:
     """The reader of a format that OpenColorIO does not know, by the suffix of a path; else None."""
-    known = _FORMATS.get(path.suffix.lower())
+    known = FORMATS.get(path.suffix.lower())
     return None if known is None else known.read

@@ -65,10 +65,10 @@ def inspect(path: str | Path) -> Inspection:
         return Inspection(path, tuple(_picture(path)))
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-    from lutforge.luts.sequence import suffixes
+    from lutforge.luts.sequence import FORMATS
 
     read_by_ocio = {f".{each.lower()}" for _, each in OCIO.FileTransform.getFormats()}
-    if suffix in {*CAMERA_PROFILES, *suffixes(), *read_by_ocio}:
+    if suffix in {*CAMERA_PROFILES, *FORMATS, *read_by_ocio}:
         use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILES else "a LUT: apply, check"
         return Inspection(path, lines=(*check(path), f"  use       {use}"))
     return Inspection(path, tuple(_shot(path)))

@@ -15,7 +15,7 @@ from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import Target
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import FORMS, Form, suffixes
+from lutforge.luts.sequence import FORMATS, FORMS, Form
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
@@ -283,7 +283,7 @@ def test_each_program_gets_its_own_fit(tmp_path: Path) -> None:
 def test_a_program_gets_only_what_it_reads(tmp_path: Path) -> None:
     with pytest.raises(LutError, match="rawtherapee does not read"):
         bake(look, tmp_path / "a.cube", program="rawtherapee")
-    assert set(suffixes()) >= {".clf", ".cube", ".csp", ".3dl", ".png", ".tif"}
+    assert set(FORMATS) >= {".clf", ".cube", ".csp", ".3dl", ".png", ".tif"}
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -19,7 +19,7 @@ from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import PROGRAMS
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import Lut, suffixes
+from lutforge.luts.sequence import FORMATS, Lut
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels, uniform_levels
 from lutforge.pipeline.baking import bake
@@ -233,7 +233,7 @@ def test_every_program_gets_a_readable_cube(tmp_path: Path, program: str) -> Non
     bake(IDENTITY, path, program=program.upper(), size=5)
     assert file_processor(path) is not None
     assert ("LUT_1D_SIZE" in path.read_text()) == PROGRAMS[program].shaper
-    assert path.suffix in suffixes()
+    assert path.suffix in FORMATS
 
 
 @pytest.mark.parametrize("name", ["a.clf", "a.cube", "a.resolve.cube"])

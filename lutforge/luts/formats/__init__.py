@@ -1,11 +1,7 @@
-"""LUT file formats, one module each: it says which sequences of operations a file can hold, and writes them.
+"""LUT file formats: each says which sequences of operations a file can hold, and writes them."""
 
-To add one, write a module here with `write` and a registered `FileFormat`: every module of this folder is
-loaded.
-"""
+from lutforge.luts.formats import clf, dctl, hald, text
+from lutforge.luts.sequence import FORMATS
 
-from importlib import import_module
-from pkgutil import iter_modules
-
-for _module in iter_modules(__path__):
-    import_module(f"{__name__}.{_module.name}")
+for _known in (clf.CLF, text.CSP, text.CUBE, dctl.DCTL, hald.HALD, text.SPI, text.THREEDL, text.VLT):
+    FORMATS.update(dict.fromkeys(_known.suffixes, _known))

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError, one_line
 from lutforge.luts.formats.text import write_text
-from lutforge.luts.ops import Cube, Curve, Matrix, Range
+from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.processor import group_of
-from lutforge.luts.sequence import FileFormat, Lut, register
+from lutforge.luts.sequence import FileFormat, Lut
 
 ACES_ID = "ACEStransformID"
 """The element of Info that names an ACES transform (SMPTE ST 2136-1, Info), and its key in the metadata of a Lut."""
@@ -52,19 +53,18 @@ def identifier(lut: Lut) -> str:
     digest = hashlib.sha256()
     for op in lut.ops:
         digest.update(str(op).encode())
+        arrays: tuple[Array, ...] = ()  # a range is its text
         match op:
             case Matrix():
-                arrays = [op.matrix, op.offset]
+                arrays = op.matrix, op.offset
             case Curve():
-                arrays = [op.outputs]
+                arrays = (op.outputs,)
             case Cube():
-                arrays = [op.values]
-            case Range():
-                arrays = []
+                arrays = (op.values,)
         for array in arrays:
             digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
     h = digest.hexdigest()
     return f"urn:uuid:{h[:8]}-{h[8:12]}-8{h[13:16]}-8{h[17:20]}-{h[20:32]}"
 
 
-register(FileFormat("CLF", tuple(KINDS), ("full",), write, size=33))
+CLF = FileFormat("CLF", tuple(KINDS), ("full",), write, size=33)

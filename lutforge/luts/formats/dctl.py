@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.errors import LutError, one_line
-from lutforge.luts.formats import cube
-from lutforge.luts.formats.text import comment_lines, plain, write_text
+from lutforge.luts.formats.text import comment_lines, plain, write_cube, write_text
 from lutforge.luts.ops import Curve
 from lutforge.luts.reading import read_lut
-from lutforge.luts.sequence import FileFormat, Lut, register
+from lutforge.luts.sequence import FileFormat, Lut
 
 MOST_KNOTS = 2048
 """Knots of the shaper per channel: 48 KB in all, which a GPU keeps in constant memory (64 KB)."""
@@ -62,7 +61,7 @@ def write(lut: Lut, path: Path) -> None:
     if not re.fullmatch(r"[\w .+-]+", beside.name):
         raise LutError(f"{path}: Resolve finds no cube of this name; use letters, digits, blanks and . _ + -")
     inputs, outputs = knots_of(curve)
-    cube.write(Lut((table,), lut.title, lut.comments), beside)
+    write_cube(Lut((table,), lut.title, lut.comments), beside)
     comments = "\n".join(f"//{line[1:]}" for line in comment_lines(plain(lut.title), lut.comments))
     code = _CODE.format(
         cube=beside.name, comments=comments, count=len(inputs), inputs=_numbers(inputs), outputs=_numbers(outputs)
@@ -101,7 +100,7 @@ def knots_of(curve: Curve | None) -> tuple[Array, Array]:
     bend = np.zeros_like(table)
     bend[1:-1] = np.abs(np.diff(table, n=2, axis=0))
     bends = bend > 1e-9
-    count = int(max(2 + bends.sum(axis=0).max(), 2))
+    count = int(2 + bends.sum(axis=0).max())
     if count > MOST_KNOTS:  # a smooth curve: knots spread by the square root of its bend, which evens the error out
         amount = np.cumsum(np.sqrt(bend) + np.sqrt(bend).max(axis=0) * 1e-6, axis=0)
         wanted = np.linspace(0.0, 1.0, MOST_KNOTS)[:, None] * (amount[-1] - amount[0]) + amount[0]
@@ -128,4 +127,4 @@ def _numbers(table: Array) -> str:
     return ",\n".join(lines)
 
 
-register(FileFormat(".dctl", (".dctl",), ("shaper",), write, size=33, inputs="knots", read=read))
+DCTL = FileFormat(".dctl", (".dctl",), ("shaper",), write, size=33, inputs="knots", read=read)

@@ -14,7 +14,7 @@ import numpy as np
 from lutforge.errors import LutError
 from lutforge.luts.formats.text import cube_of_rows, plain, rows_of_cube
 from lutforge.luts.ops import Cube
-from lutforge.luts.sequence import FileFormat, Lut, register
+from lutforge.luts.sequence import FileFormat, Lut
 
 SIZES = tuple(level * level for level in range(2, 12))
 """Nodes per axis that a Hald image can have."""
@@ -70,7 +70,7 @@ def read(path: Path) -> Lut:
     if not np.all(np.isfinite(table)):
         raise LutError(f"{path}: a pixel is not a finite number")
     size = level * level
-    cube = Cube(cube_of_rows(table, (size, size, size)), "trilinear")
+    cube = Cube(cube_of_rows(table, size), "trilinear")
     return Lut((cube,), title[:200], tuple(comments), {"format": "Hald image", **({"bits": str(bits)} if bits else {})})
 
 
@@ -90,4 +90,4 @@ def _check_png(path: Path, data: bytes) -> None:
     raise LutError(f"{path}, byte {min(at, len(data))}: damaged or cut PNG file")
 
 
-register(FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), write, SIZES, 64, 16, read=read))
+HALD = FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), write, SIZES, 64, 16, read=read)

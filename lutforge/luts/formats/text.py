@@ -1,6 +1,6 @@
-"""What text LUT formats share.
+"""LUT formats that are tables of numbers in text: `.cube`, `.csp`, `.spi1d` with `.spi3d`, `.3dl` and `.vlt`.
 
-They have plain ASCII comments and fixed-point numbers.
+They share plain ASCII comments and fixed-point numbers. Each writer takes a LUT whose form has been checked.
 """
 
 import unicodedata
@@ -12,6 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.compiled import compiled
+from lutforge.errors import LutError, one_line
+from lutforge.luts.ops import Cube, Curve
+from lutforge.luts.sequence import FileFormat, Lut
+from lutforge.luts.shaper import node_levels
 
 DIGITS = 10
 """Decimals of a number: float32 values on [0, 1] survive, and no reader has to know exponents."""
@@ -85,12 +89,149 @@ def _fixed_point(numbers: Array, decimals: int, short: bool) -> NDArray[np.uint8
     return text[:at]
 
 
-def cube_of_rows(table: Array, size: tuple[int, int, int]) -> Array:
-    """Rows whose red index advances first → (N_r, N_g, N_b, 3)."""
-    r, g, b = size
-    return np.ascontiguousarray(table.reshape(b, g, r, 3).transpose(2, 1, 0, 3))
+def cube_of_rows(table: Array, size: int) -> Array:
+    """Rows whose red index advances first → (N, N, N, 3)."""
+    return np.ascontiguousarray(table.reshape(size, size, size, 3).transpose(2, 1, 0, 3))
 
 
 def rows_of_cube(values: Array) -> Array:
-    """Node values (N_r, N_g, N_b, 3) as rows (n, 3) whose red index advances first."""
+    """Node values (N, N, N, 3) as rows (n, 3) whose red index advances first."""
     return np.ascontiguousarray(values.transpose(2, 1, 0, 3)).reshape(-1, 3)
+
+
+# --- .cube: a 3D table (Adobe Cube LUT Specification 1.0, Iridas), a 1D table, or a shaper in front of a 3D table ----
+# The last is what DaVinci Resolve writes and OpenColorIO reads. Comments come before its header, and there is no TITLE
+# and no DOMAIN line: OpenColorIO (FileFormatResolveCube) refuses the file otherwise. The input ranges, whose default is
+# 0 to 1, are written out: a reader that knows the 3D form only, such as ffmpeg's lut3d, then refuses the file instead
+# of rendering garbage.
+
+
+def write_cube(lut: Lut, path: Path) -> None:
+    """Write a cube as the plain 3D form, one with a shaper as Resolve's, a curve as the 1D form; red varies fastest."""
+    curve, cube = lut.shaper_and_cube()
+    table = rows(rows_of_cube(cube.values))
+    if curve is None:
+        header = [
+            f'TITLE "{plain(lut.title) or "LutForge"}"',
+            *comment_lines("", lut.comments),
+            f"LUT_3D_SIZE {cube.size}",
+            "DOMAIN_MIN 0.0 0.0 0.0",
+            "DOMAIN_MAX 1.0 1.0 1.0",
+        ]
+    else:
+        header = [
+            *comment_lines(lut.title, lut.comments),
+            f"LUT_1D_SIZE {len(curve.outputs)}",
+            f"LUT_1D_INPUT_RANGE {curve.low!r} {curve.high!r}",
+        ]
+        if lut.cube is not None:
+            header += [f"LUT_3D_SIZE {cube.size}", "LUT_3D_INPUT_RANGE 0.0 1.0"]
+        table = rows(curve.outputs) + (table if lut.cube is not None else "")
+    write_text(path, "\n".join(header) + "\n" + table)
+
+
+CUBE = FileFormat(".cube", (".cube",), ("plain", "shaper"), write_cube)
+
+
+# --- .csp (Rising Sun Research cineSpace): a prelut with free knots per channel, and a cube --------------------------
+# ffmpeg's lut3d draws straight lines between the knots; OpenColorIO lays a spline through them, hence many.
+
+
+def write_csp(lut: Lut, path: Path) -> None:
+    """Write a cube with a shaper, or none; red varies fastest.
+
+    The prelut holds the knots of a curve, or some of its even steps, the nodes and their neighbours: with these
+    OpenColorIO's spline stays within 1e-5 of straight lines.
+    """
+    curve, cube = lut.shaper_and_cube()
+    notes = [line for line in (plain(text) for text in (lut.title, *lut.comments)) if line]
+    lines = ["CSPLUTV100", "3D", "", "BEGIN METADATA", *notes, "END METADATA", ""]
+    for channel in range(3):
+        x = y = np.array([0.0, 1.0])
+        if curve is not None and curve.inputs is not None:
+            x, y = curve.inputs[:, channel], curve.outputs[:, channel]
+        elif curve is not None:
+            span, last = curve.high - curve.low, len(curve.outputs) - 1
+            node = np.rint((node_levels(curve, cube)[channel] - curve.low) / span * last).astype(np.int64)
+            even = np.linspace(0, last, min(16384, last + 1)).astype(np.int64)
+            index = np.unique(np.clip(np.concatenate([even, node, node - 1, node + 1]), 0, last))
+            x, y = curve.low + index / last * span, curve.outputs[index, channel]
+        lines += [str(len(x)), " ".join(f"{v:.9f}" for v in x), " ".join(f"{v:.9f}" for v in y)]
+    lines += ["", f"{cube.size} {cube.size} {cube.size}"]
+    write_text(path, "\n".join(lines) + "\n" + rows(rows_of_cube(cube.values)))
+
+
+CSP = FileFormat(".csp", (".csp",), ("shaper",), write_csp, size=33, inputs="knots")
+
+
+# --- .spi1d and .spi3d (Sony Imageworks): the shaper and the cube as two files, for OpenColorIO configs --------------
+
+SPI_PAIR = (".spi1d", ".spi3d")
+"""The suffixes of a shaper and a cube that belong together, in the order in which they are used."""
+
+
+def write_spi(lut: Lut, path: Path) -> None:
+    """Write both files of a LUT: the shaper, which is straight where there is none, and the cube."""
+    shaper, cube = lut.shaper_and_cube()
+    curve = shaper or Curve(np.repeat([[0.0], [1.0]], 3, axis=1))
+    header = f"Version 1\nFrom {curve.low!r} {curve.high!r}\nLength {len(curve.outputs)}\nComponents 3\n{{\n"
+    write_text(path.with_suffix(SPI_PAIR[0]), header + rows(curve.outputs) + "}\n")
+    n = cube.size
+    index = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    table = np.concatenate([index, np.round(cube.values.reshape(-1, 3), DIGITS) + 0.0], axis=1)
+    body = ("%d %d %d %.10f %.10f %.10f\n" * len(table)) % tuple(table.ravel().tolist())
+    write_text(path.with_suffix(SPI_PAIR[1]), f"SPILUT 1.0\n3 3\n{n} {n} {n}\n" + body)
+
+
+SPI = FileFormat(
+    ".spi1d (shaper) and .spi3d (cube), to be used one after the other", SPI_PAIR, ("shaper",), write_spi, size=33
+)
+
+
+# --- .3dl (Autodesk Flame and Lustre, Kodak) and .vlt (Panasonic VariCam and Lumix bodies): cubes of 12-bit integers --
+# Readers of .3dl tell the depth from the largest number, and some take 12 bits for granted: 12 bits it is. A .vlt has
+# 17³ nodes, red fastest, behind three header lines and a blank one, as LUTCalc describes the files that Panasonic's
+# cameras write (https://github.com/cameramanben/LUTCalc, js/lut-vlt.js).
+
+TOP, VLT_SIZE = 4095, 17
+_VLT_HEADER = ("# panasonic vlt file version 1.0", '# source vlt file ""', f"LUT_3D_SIZE {VLT_SIZE}")
+
+
+def _whole_rows(table: Array) -> str:
+    """Rows (n, 3) clamped to [0, 1], as 12-bit integers."""
+    codes = np.rint(np.clip(table, 0.0, 1.0) * TOP).astype(int)
+    return ("%d %d %d\n" * len(codes)) % tuple(codes.ravel().tolist())
+
+
+def write_3dl(lut: Lut, path: Path) -> None:
+    """Write a cube in 12 bits, blue fastest, outputs clamped to [0, 1]."""
+    _, cube = lut.shaper_and_cube()
+    mesh = np.rint(np.linspace(0, 1023, lut.size)).astype(int)
+    header = [*comment_lines(lut.title, lut.comments), " ".join(map(str, mesh.tolist()))]
+    write_text(path, "\n".join(header) + "\n" + _whole_rows(cube.values.reshape(-1, 3)))
+
+
+def write_vlt(lut: Lut, path: Path) -> None:
+    """Write a cube in 12 bits, outputs clamped to [0, 1]."""
+    _, cube = lut.shaper_and_cube()
+    write_text(path, "\n".join(_VLT_HEADER) + "\n\n" + _whole_rows(rows_of_cube(cube.values)))
+
+
+def read_vlt(path: Path) -> Lut:
+    """Read a .vlt. Raises LutError."""
+    lines = [line for line in path.read_text("utf-8", "replace").splitlines() if line.strip()]
+    comments = tuple(line.lstrip("# ")[:200] for line in lines if line.startswith("#"))
+    numbers = [line for line in lines if not line.startswith("#")]
+    if numbers[:1] != [_VLT_HEADER[-1]] or len(numbers) != 1 + VLT_SIZE**3:
+        raise LutError(f"{path}: a .vlt has the line {_VLT_HEADER[-1]}, and {VLT_SIZE**3} rows behind it")
+    try:
+        table = np.loadtxt(numbers[1:], dtype=np.int64, ndmin=2, comments=None)
+    except ValueError as error:
+        raise LutError(f"{path}: its table is not of whole numbers ({one_line(str(error), 100)})") from error
+    if table.shape[1] != 3 or table.min() < 0 or table.max() > TOP:
+        raise LutError(f"{path}: its table is not of three whole numbers a row from 0 to {TOP}")
+    return Lut((Cube(cube_of_rows(table / TOP, VLT_SIZE)),), "", comments, {"bits": "12"})
+
+
+THREEDL = FileFormat(".3dl", (".3dl",), ("plain",), write_3dl, (17, 33, 65), 33, 12)
+VLT = FileFormat(".vlt", (".vlt",), ("plain",), write_vlt, (VLT_SIZE,), VLT_SIZE, 12, read=read_vlt)
