@@ -7,6 +7,7 @@ counts as the eye sees it.
 """
 
 import struct
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,6 @@ from lutforge.boundary import reading, require_file
 from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
 from lutforge.kits.kit import Look
-from lutforge.luts.axes import polyline_levels
 from lutforge.luts.least_squares import fit_cube, sample
 from lutforge.luts.ops import Cube, Curve
 
@@ -76,6 +76,32 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
     samples = sample(codes, ((level, level, level),), np.ones(3))
     values = fit_cube(samples, 0, (even, even, even), "tetrahedral", lambda root: curve(root**GAMMA))
     return IccProfile(f"{look.title}{variant}", curve, Cube(np.rint(values * 65535) / 65535))
+
+
+def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
+    """Of x (m,), at most `most` with both ends, between which straight lines come as near to y (m, 3) as they can.
+
+    Each is followed by the last x, no farther than `widest`, to which a line keeps within a tolerance; bisection finds
+    the least tolerance for which they suffice. Functions with kinks need this: levels of even mass pass them by.
+    """
+
+    def distance(start: int, end: int) -> float:
+        share = (x[start:end] - x[start]) / (x[end] - x[start])
+        return float(np.abs(y[start:end] - y[start] - share[:, None] * (y[end] - y[start])).max())
+
+    def chain(tolerance: float) -> list[int]:
+        nodes = [0]
+        while nodes[-1] < len(x) - 1 and len(nodes) <= most:
+            start = nodes[-1]
+            ends = range(start + 1, max(int(np.searchsorted(x, x[start] + widest)), start + 2))
+            nodes.append(start + max(bisect_right(ends, tolerance, key=lambda end: distance(start, end)), 1))
+        return nodes
+
+    low, high = 0.0, float(np.ptp(y))
+    for _ in range(16):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if len(chain(middle)) > most else (low, middle)
+    return np.asarray(x[chain(high)])
 
 
 def scene_linear(look: Look) -> Callable[[Array], Array]:

@@ -9,7 +9,6 @@ where an output curve behind it magnifies the errors of the darks; few of the li
 largest errors, and a power mean of their curvatures counts these for more.
 """
 
-from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -72,7 +71,15 @@ def measure_lines(function: Function, gain: Array, stops: float = 0.0) -> Measur
     places = sobol(LINES, 2)
     places[: LINES // 2] **= 2
     density = 0.5 + 0.125 / np.sqrt(np.maximum(places.prod(axis=1), 1e-4))
-    r, g, b = (_lines(function, t, axis, places, gain) for axis in range(3))
+    values = []
+    for axis in range(3):
+        others = [c for c in range(3) if c != axis]
+        x = np.empty((LINES + 1, len(t), 3))
+        x[..., axis] = t
+        x[1:, :, others] = np.minimum(places * np.maximum(gain[others], 1.0), 1.0)[:, None, :]
+        x[0] = t[:, None]
+        values.append(function(x.reshape(-1, 3)).reshape(x.shape))
+    r, g, b = values
     return MeasuredLines(t, (r, g, b), 1 / (density * np.sum(1 / density)))
 
 
@@ -94,45 +101,13 @@ def fit_axes(
         curve = np.stack([_curve(slope, t) for slope in slopes], axis=1)
     even = np.linspace(0.0, 1.0, len(curve))
     places = [np.interp(t, even, curve[:, axis]) for axis in range(3)]
-    masses = [_mass(lines.values[axis], t, places[axis], share, weight) for axis in range(3)]
-    r, g, b = (snap_levels(_equal(mass, t, size), SHAPER_SIZE) for mass in masses)
+    levels = []
+    for axis in range(3):  # between two levels there is equal mass
+        total = np.concatenate([[0.0], np.cumsum(_mass(lines.values[axis], t, places[axis], share, weight))])
+        level = np.interp(np.linspace(0.0, total[-1], size), total, t)
+        levels.append(snap_levels(level, SHAPER_SIZE))
+    r, g, b = levels
     return Axes(curve if len(curve) > 2 else None, (r, g, b))  # a straight line stretches nothing
-
-
-def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
-    """Of x (m,), at most `most` with both ends, between which straight lines come as near to y (m, 3) as they can.
-
-    Each is followed by the last x, no farther than `widest`, to which a line keeps within a tolerance; bisection finds
-    the least tolerance for which they suffice. Functions with kinks need this: levels of even mass pass them by.
-    """
-
-    def distance(start: int, end: int) -> float:
-        share = (x[start:end] - x[start]) / (x[end] - x[start])
-        return float(np.abs(y[start:end] - y[start] - share[:, None] * (y[end] - y[start])).max())
-
-    def chain(tolerance: float) -> list[int]:
-        nodes = [0]
-        while nodes[-1] < len(x) - 1 and len(nodes) <= most:
-            start = nodes[-1]
-            ends = range(start + 1, max(int(np.searchsorted(x, x[start] + widest)), start + 2))
-            nodes.append(start + max(bisect_right(ends, tolerance, key=lambda end: distance(start, end)), 1))
-        return nodes
-
-    low, high = 0.0, float(np.ptp(y))
-    for _ in range(16):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if len(chain(middle)) > most else (low, middle)
-    return np.asarray(x[chain(high)])
-
-
-def _lines(function: Function, t: Array, axis: int, places: Array, gain: Array) -> Array:
-    """The function on lines along an axis, (LINES + 1, STEPS + 1, 3); the first is the grey axis."""
-    others = [c for c in range(3) if c != axis]
-    x = np.empty((LINES + 1, len(t), 3))
-    x[..., axis] = t
-    x[1:, :, others] = np.minimum(places * np.maximum(gain[others], 1.0), 1.0)[:, None, :]
-    x[0] = t[:, None]
-    return function(x.reshape(-1, 3)).reshape(x.shape)
 
 
 def _mean(values: Array, share: Array, grey: float = 0.25) -> Array:
@@ -169,9 +144,3 @@ def _mass(y: Array, t: Array, u: Array, share: Array, weight: Function | None) -
     total = mass.sum()
     mass = 0.8 * mass / total + 0.2 * step if total > 1e-12 else step  # a fifth of the nodes stays evenly spread
     return np.asarray(mass / mass.sum())
-
-
-def _equal(mass: Array, t: Array, size: int) -> Array:
-    """Levels (size,) between which there is equal mass."""
-    total = np.concatenate([[0.0], np.cumsum(mass)])
-    return np.interp(np.linspace(0.0, total[-1], size), total, t)

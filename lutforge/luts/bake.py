@@ -8,8 +8,7 @@ the nodes.
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import SupportsIndex
 
@@ -18,20 +17,33 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError
-from lutforge.interpolation import Interpolation
+from lutforge.interpolation import Interpolation, apply_curve
 from lutforge.luts.axes import Axes, fit_axes, measure_lines
 from lutforge.luts.least_squares import Samples, fit_cube, sample
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
-from lutforge.luts.parts import Parts, as_one, curve_alone, parts_of, slope_weight
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import MAX_SIZE, Form, Lut
 from lutforge.luts.shaper import FEW, SHAPER_SIZE, is_even, lattice_ops, levels_behind_gain, node_levels, shaper
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
-from lutforge.model.transform import Clip, ColourFunction, DecodeRgb, MatrixStage, Stage, Transform, through_stages
+from lutforge.model.response import Response
+from lutforge.model.transform import (
+    Clip,
+    ColourFunction,
+    Decode,
+    DecodeRgb,
+    Encode,
+    Gain,
+    MatrixStage,
+    Stage,
+    Transform,
+    through_stages,
+)
 from lutforge.progress import Progress, silent
 from lutforge.sobol import sobol
+
+Function = Callable[[Array], Array]
 
 
 def bake(
@@ -108,8 +120,7 @@ def bake_forms(
         if target.size is not None and not (isinstance(target.size, SupportsIndex) and 2 <= target.size <= MAX_SIZE):
             raise LutError(f"{target.size} nodes per axis: choose 2 to {MAX_SIZE} (17, 33 and 65 are usual)")
         if tolerance is not None:
-            measured = partial(_p99, transform, _highest(transform, highest))
-            ops = _smallest(partial(fitted, target), measured, tolerance, target.sizes)
+            ops = _smallest(transform, _highest(transform, highest), target, fitted, tolerance)
         elif (footage := _decoded(transform)) is not None and target.form == "full":
             (lut,) = bake_forms(footage[1], [target], display_referred=display_referred, progress=progress)
             ops = (footage[0], *lut.ops)
@@ -149,20 +160,21 @@ def _highest(transform: ColourFunction, highest: float) -> float:
     return transform.highest() if isinstance(transform, Transform) and takes_scenes(transform) else highest
 
 
-def _p99(transform: ColourFunction, highest: float, ops: tuple[Op, ...]) -> float:
-    """The ΔE00 within which 99 % of colours are that took no part in the fit, evenly spread from 0 to `highest`."""
-    x = sobol(8192, seed=7) * highest
-    return float(np.quantile(delta_e_2000(Lut(ops)(x), transform(x)), 0.99))
-
-
 def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] | None:
     """A lattice of a profile, where it has the size and the interpolation that are asked for and fits the form."""
     if isinstance(transform, Transform) and transform.is_identity:
         even = grid(uniform_levels(target.size or target.default))
         return (Range(),) if target.form == "full" else (Cube(even, target.interpolation or "tetrahedral"),)
-    curve = curve_alone(transform)
-    if curve is not None:
-        return joined(curve) if target.form == "full" else _with_curve(joined(curve), target)
+    curve_ops = curve_alone(transform)
+    if curve_ops is not None:
+        if target.form == "full":
+            return joined(curve_ops)
+        match [op for op in joined(curve_ops) if not isinstance(op, Range)]:
+            case [Curve() as curve] if target.curve or target.form == "shaper":
+                return (curve,)
+            case [Curve() as curve, Matrix() as matrix] if target.form == "shaper":
+                return curve, Cube(matrix(grid(uniform_levels(2))), target.interpolation or "tetrahedral")
+        return None
     parts = parts_of(transform)
     if parts.lattice is None:
         return None
@@ -177,17 +189,6 @@ def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] |
         return joined((ahead, Range(), *ops, Matrix(parts.matrix)))
     folded = None if takes_scenes(transform) else _folded(ops, parts)
     return folded if folded is not None and Lut(folded).has_form(target.form) else None
-
-
-def _with_curve(ops: tuple[Op, ...], target: Target) -> tuple[Op, ...] | None:
-    """A curve alone, where the file may hold one, or with a cube of what matrices there are; None for other forms."""
-    match [op for op in ops if not isinstance(op, Range)]:
-        case [Curve() as curve]:
-            if target.curve or target.form == "shaper":
-                return (curve,)
-        case [Curve() as curve, Matrix() as matrix] if target.form == "shaper":
-            return curve, Cube(matrix(grid(uniform_levels(2))), target.interpolation or "tetrahedral")
-    return None
 
 
 def _folded(ops: tuple[Op, ...], behind: Parts) -> tuple[Op, ...] | None:
@@ -208,16 +209,23 @@ def _folded(ops: tuple[Op, ...], behind: Parts) -> tuple[Op, ...] | None:
 
 
 def _smallest(
-    fitted: Callable[[int], tuple[Op, ...]],
-    error_of: Callable[[tuple[Op, ...]], float],
+    transform: ColourFunction,
+    highest: float,
+    target: Target,
+    fitted: Callable[[Target, int], tuple[Op, ...]],
     tolerance: float,
-    sizes: Sequence[int],
 ) -> tuple[Op, ...]:
-    best, at, left = float("inf"), 0, list(sizes)
+    """The operations of the smallest size whose error is within the tolerance. Raises LutError where none is.
+
+    The error is the ΔE00 within which 99 % of colours are that took no part in the fit, even from 0 to `highest`.
+    """
+    x = sobol(8192, seed=7) * highest
+    exact, largest = transform(x), target.sizes[-1]
+    best, at, left = float("inf"), 0, list(target.sizes)
     while left:
         size = left[0]
-        ops = fitted(size)
-        error = error_of(ops)
+        ops = fitted(target, size)
+        error = float(np.quantile(delta_e_2000(Lut(ops)(x), exact), 0.99))
         if error < best:
             best, at = error, size
         if error <= tolerance:
@@ -225,9 +233,137 @@ def _smallest(
         # No error falls faster than with the third power of the size (piecewise linear: the second).
         left = [larger for larger in left[1:] if error * (size / larger) ** 3 <= tolerance]
     raise LutError(
-        f"no size up to {sizes[-1]} brings 99 % of colours within {tolerance:g} ΔE00: the smallest error found is "
-        f"{best:.2g}, at {at}; give a larger tolerance, or --size {sizes[-1]} for the best there is"
+        f"no size up to {largest} brings 99 % of colours within {tolerance:g} ΔE00: the smallest error found is "
+        f"{best:.2g}, at {at}; give a larger tolerance, or --size {largest} for the best there is"
     )
+
+
+# --- A transform as a gain, an input curve, a response and a matrix, and the rest, which the cube holds --------------
+# A physical model keeps its two responses as curves: the cube then holds the smooth colour mapping between them, on
+# linear axes, and what the camera clips is clipped by the response, not rounded off by the cube.
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """A transform as matrix · output_curve(cube_values(gain · before · x)).
+
+    The cube holds `cube_values`. curve: the input curves (m, 3) along which `cube_values` is smooth; output_curve:
+    (k, 3) or None; lattice: `cube_values`, where it is a lattice as it stands; stops: how many stops of light beyond 1
+    the inputs span.
+    """
+
+    cube_values: Function
+    gain: Array = field(default_factory=lambda: np.ones(3))
+    matrix: Array = field(default_factory=lambda: np.eye(3))
+    before: Array = field(default_factory=lambda: np.eye(3))
+    curve: Array | None = None
+    output_curve: Array | None = None
+    lattice: Lattice | None = None
+    stops: float = 0.0
+
+
+def parts_of(transform: ColourFunction) -> Parts:
+    """Split a transform into its parts by its stages; a function that is no Transform goes into the cube whole."""
+    if not isinstance(transform, Transform):
+        return Parts(_checked(transform))
+    stages = list(transform.stages)
+    before, gain, matrix, behind = np.eye(3), np.ones(3), np.eye(3), None
+    if stages and isinstance(stages[0], MatrixStage):
+        before = stages.pop(0)(before.T).T
+    if stages and isinstance(stages[0], Gain):
+        gain = stages.pop(0)(gain)
+    if stages and isinstance(stages[0], Clip):
+        stages.pop(0)  # a curve and a cube do so themselves
+    while stages and isinstance(stages[-1], MatrixStage | Gain):
+        matrix = matrix @ stages.pop()(np.eye(3)).T
+    last = stages[-1] if stages else None
+    body: tuple[Stage, ...] = tuple(stages)
+    cube_values: Function = lambda x: through_stages(body, x)  # noqa: E731 - replaced where an output curve is taken out
+    if isinstance(last, Encode):
+        ahead, behind = _output_curve(last.response)
+        cube_values = lambda x: ahead(through_stages(body[:-1], x))  # noqa: E731 - as above
+    elif isinstance(last, Lattice) and last.output_curve is not None:
+        in_front, behind = last.cube_values, last.output_curve
+        cube_values = lambda x: in_front(through_stages(body[:-1], x))  # noqa: E731 - as above
+    curve = None
+    # Behind a clip in the middle only an output curve magnifies what the axes of its input are made for.
+    if behind is not None or not any(isinstance(stage, Clip) for stage in body):
+        first = body[0] if body else None
+        if isinstance(first, Decode):
+            # f⁻¹ from 0 to 1, with a little of a straight line, so that it rises everywhere.
+            inverse = first.response.inverse
+            straight = np.linspace(0.0, 1.0, len(inverse))[:, None]
+            curve = 0.999 * (inverse - inverse[0]) / (inverse[-1] - inverse[0]) + 0.001 * straight
+        elif isinstance(last, Encode):
+            curve = np.repeat([[0.0], [1.0]], 3, axis=1)  # a gamut map is smooth in linear light
+    lattice = last if isinstance(last, Lattice) and len(body) == 1 else None
+    return Parts(_checked(cube_values), gain, matrix, before, curve, behind, lattice)
+
+
+def curve_alone(transform: ColourFunction) -> tuple[Op, ...] | None:
+    """The operations of a transform that holds one response at most, beside gains and matrices; None of any other."""
+    ops: list[Op] = []
+    for stage in transform.stages if isinstance(transform, Transform) else ():
+        match stage:
+            case Gain():
+                ops.append(Matrix(np.diag(stage.factors)))
+            case MatrixStage():
+                ops.append(Matrix(stage.matrix))
+            case Clip():
+                ops.append(Range())
+            case Decode():
+                # Three entries between two of its own: a reader that lays a spline through them makes the same of it.
+                even = np.linspace(0.0, 1.0, 4 * len(stage.response.inverse) - 3)[:, None].repeat(3, axis=1)
+                ops.append(Curve(stage.response.linearize(even)))
+            case Encode():
+                low, span = stage.response.inverse[0], stage.response.inverse[-1] - stage.response.inverse[0]
+                ops += [Matrix(np.diag(1 / span), -low / span), Curve(_output_curve(stage.response)[1])]
+            case GamutMap() if stage.is_identity:
+                pass
+            case _:
+                return None
+    return tuple(ops) if sum(isinstance(op, Curve) for op in ops) == 1 else None
+
+
+def _output_curve(response: Response) -> tuple[Function, Array]:
+    """Linear values scaled to [0, 1] where f begins and ends, and f from there, (SHAPER_SIZE, 3)."""
+    low, span = response.inverse[0], response.inverse[-1] - response.inverse[0]
+    even = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None]
+    return lambda y: (y - low) / span, response.encode(low + even * span)
+
+
+def slope_weight(output_curve: Array) -> Function:
+    """Return the weight of an error of the cube: the sum of the output curve's squared slopes, also near clipping."""
+    reach, share, margin = 0.003, 0.05, 0.25
+    y = np.repeat(np.linspace(-margin, 1 + margin, 4096)[:, None], 3, axis=1)
+    inside = np.clip(y, 0.0, 1.0)
+    slope = (apply_curve(output_curve, inside + reach) - apply_curve(output_curve, inside - reach)) / (2 * reach)
+    table = slope**2 * np.exp(-0.5 * ((y - inside) / share) ** 2)
+
+    def weight(y: Array) -> Array:
+        return np.asarray(share + apply_curve(table, (y + margin) / (1 + 2 * margin)).sum(axis=-1))
+
+    return weight
+
+
+def _checked(function: Function) -> Function:
+    """Evaluate a function in blocks that stay in cache. Raises LutError on another shape or numbers not finite."""
+
+    def checked(x: Array) -> Array:
+        flat = x.reshape(-1, 3)
+        y = np.empty_like(flat)
+        for start in range(0, len(flat), 1 << 15):
+            part = flat[start : start + (1 << 15)]
+            result = np.asarray(function(part), dtype=np.float64)
+            if result.shape != part.shape:
+                raise LutError(f"the transform made shape {result.shape} of {part.shape}; it must keep the shape")
+            if not np.all(np.isfinite(result)):
+                worst = part[np.flatnonzero(~np.all(np.isfinite(result), axis=1))[0]]
+                raise LutError(f"the transform gives a number that is not finite at {np.round(worst, 4).tolist()}")
+            y[start : start + (1 << 15)] = result
+        return y.reshape(x.shape)
+
+    return checked
 
 
 # --- Fit a cube of a given size: axes along which it is smooth, then the nodes by least squares ----------------------
@@ -258,7 +394,11 @@ def evaluate(
     """
     progress(f"{size}³ nodes: where they lie", 0.0)
     plain = "plain" in forms
-    parts = parts_of(transform) if highest == 1 and not plain else as_one(transform, highest)
+    if highest == 1 and not plain:
+        parts = parts_of(transform)
+    else:  # nothing is taken out of it
+        whole = transform if highest == 1 else lambda x: transform(x * highest)
+        parts = Parts(_checked(whole), stops=float(np.log2(max(highest, 1.0))))
     designs: dict[Form, Axes] = {}
     if plain:
         designs["plain"] = Axes(None, uniform_levels(size))
@@ -296,7 +436,9 @@ def fit_ops(evaluated: EvaluatedTransform, form: Form, method: Interpolation) ->
     design = list(evaluated.designs).index(form)
     values = fit_cube(samples, design, (r, g, b), method, axes.stretched, weight, curve is None)
     if form == "full":
-        return full_ops(parts, axes, Cube(values, method), evaluated.highest)
+        ahead = Matrix((parts.gain / evaluated.highest)[:, None] * parts.before)
+        behind = () if parts.output_curve is None else (Curve(parts.output_curve),)
+        return joined((ahead, Range(), *_shaper(axes), Cube(values, method), *behind, Matrix(parts.matrix)))
     folded, gain = Cube(values @ parts.matrix.T, method), parts.gain
     if form == "plain":
         return (folded,)
@@ -306,19 +448,6 @@ def fit_ops(evaluated: EvaluatedTransform, form: Form, method: Interpolation) ->
     at = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None] * gain
     in_front = None if axes.curve is None else axes.stretched(at)
     return shaper((r, g, b), SHAPER_SIZE, in_front, evaluated.highest), folded
-
-
-def full_ops(parts: Parts, axes: Axes, cube: Cube, highest: float = 1.0) -> tuple[Op, ...]:
-    """Matrices → clamp → shaper → cube → output curve → matrix, without what changes nothing."""
-    ahead, behind = Matrix((parts.gain / highest)[:, None] * parts.before), Matrix(parts.matrix)
-    return (
-        *(() if ahead.is_identity else (ahead,)),
-        Range(),
-        *_shaper(axes),
-        cube,
-        *(() if parts.output_curve is None else (Curve(parts.output_curve),)),
-        *(() if behind.is_identity else (behind,)),
-    )
 
 
 def _shaper(axes: Axes, high: float = 1.0) -> tuple[Op, ...]:

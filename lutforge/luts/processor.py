@@ -57,18 +57,6 @@ def of_codes(
     return processor.getOptimizedCPUProcessor(OCIO.BIT_DEPTH_UINT8, OCIO.BIT_DEPTH_UINT8, optimization)
 
 
-def processor_of(ops: Sequence[Op], codes: bool = False) -> OCIO.CPUProcessor:
-    """The operations as OpenColorIO evaluates them, float32 in and out. Raises LutError where it has none such.
-
-    codes: 8-bit codes in and out instead.
-    """
-    try:
-        processor = OCIO.Config.CreateRaw().getProcessor(group_of(ops))
-        return of_codes(processor) if codes else processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
-    except OCIO_ERRORS as error:
-        raise LutError(f"LUT: OpenColorIO cannot evaluate it: {error}") from error
-
-
 def evaluate(processor: OCIO.CPUProcessor, x: ArrayLike) -> Single:
     """Apply a processor to colours (…, 3); float32."""
     y = np.array(x, dtype=np.float32, order="C", ndmin=2)

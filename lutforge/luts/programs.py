@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lutforge.errors import LutError, alternatives
 from lutforge.interpolation import Interpolation
-from lutforge.luts.sequence import INSTEAD_FOR_SCENES, MAX_SIZE, Form, format_of
+from lutforge.luts.sequence import MAX_SIZE, Form, format_of
 
 TRIED = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
 """Sizes that a tolerance is tried at."""
@@ -120,7 +120,8 @@ def target_of(
     if suffix == ".cube" and (known.shaper if known else path.name.lower().endswith((".resolve.cube", ".shaper.cube"))):
         form = "shaper"
     if scenes and form == "plain":
-        raise LutError(f"{path}: {file_format.name} holds no scene-linear input beyond 1; {INSTEAD_FOR_SCENES}")
+        instead = "write .clf, .ctf, .resolve.cube, .csp or .spi1d"
+        raise LutError(f"{path}: {file_format.name} holds no scene-linear input beyond 1; {instead}")
     most = MAX_SIZE
     if form == "plain" and known is not None:
         default, most = known.size if not file_format.sizes else default, known.max_size

@@ -19,16 +19,13 @@ from lutforge.boundary import path_of, reading, require_file
 from lutforge.child_processes import OverrunError, P, R, guarded
 from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
+from lutforge.luts.formats.clf import ACES_ID
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.processor import OCIO_ERRORS, evaluate
 from lutforge.luts.sequence import FORMATS, Lut, own_reader
 
 MOST_BYTES = 128 << 20
 """Bytes of a LUT file that is read: a 129³ cube as text takes about 70 MB."""
-KEPT = ("ACEStransformID",)
-"""Elements of a CLF beside its operations that become metadata."""
-_POWERS = {"LUT_1D_SIZE": 1, "LUT_3D_SIZE": 3}
-"""What a .cube's sizes are to be raised to, for its number of rows."""
 
 
 def read_lut(path: str | Path) -> Lut:
@@ -50,23 +47,15 @@ def read_lut(path: str | Path) -> Lut:
         if own is not None:
             lut = own(path)
             return replace(lut, metadata={"format": path.suffix.lower(), **lut.metadata})
-        require_known(path)
+        known = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
+        if path.suffix.lower() not in known:  # OpenColorIO says so only after trying all its readers
+            suffixes = ", ".join(sorted(known | {*FORMATS}))
+            raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {suffixes}')
         return _elsewhere(_lut_of, path)
 
 
-def require_known(path: Path) -> None:
-    """Raise LutError where OpenColorIO has no reader for files of this suffix, and says so only after trying all."""
-    known = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
-    if path.suffix.lower() not in known:
-        raise LutError(
-            f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(sorted(known | {*FORMATS}))}'
-        )
-
-
-def file_group(
-    path: str | Path, interpolation: Interpolation = "tetrahedral"
-) -> tuple[OCIO.GroupTransform, OCIO.Processor]:
-    """What OpenColorIO reads in a LUT file: its transforms, with their metadata, and their processor.
+def processor_of_file(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.Processor:
+    """What OpenColorIO reads in a LUT file.
 
     For files that are known to be harmless; `stranger` looks at others first. Raises LutError, in one line, also where
     a table holds what is not a finite number.
@@ -87,11 +76,10 @@ def file_group(
             link.symlink_to(path.resolve())
         try:
             processor = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(str(link), interpolation=method))
-            group = processor.createGroupTransform()
         except OCIO_ERRORS as error:
             raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
-        _require_sound(group, path)
-        return group, processor
+        _require_sound(processor.createGroupTransform(), path)
+        return processor
 
 
 def stranger(path: str | Path, interpolation: Interpolation = "tetrahedral") -> tuple[OCIO.Processor, tuple[str, ...]]:
@@ -103,18 +91,17 @@ def stranger(path: str | Path, interpolation: Interpolation = "tetrahedral") -> 
     require_file(path, "a LUT", LutError, MOST_BYTES)
     with reading(path, "a LUT", LutError):
         comments = _elsewhere(_try, path, interpolation)
-    return file_group(path, interpolation)[1], comments
+    return processor_of_file(path, interpolation), comments
 
 
 def file_processor(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.CPUProcessor:
     """An OpenColorIO processor, float32 in and out, of a LUT file of ours.
 
     interpolation: for cubes of files that name none themselves (CLF and CTF do). Raises LutError as
-    `file_group` does.
+    `processor_of_file` does.
     """
-    _, processor = file_group(path, interpolation)
     with reading(path, "a LUT", LutError):
-        return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+        return processor_of_file(path, interpolation).getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
 
 
 def _elsewhere(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> R:
@@ -126,9 +113,9 @@ def _elsewhere(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) 
 
 
 def _try(path: Path, interpolation: Interpolation) -> tuple[str, ...]:
-    group, processor = file_group(path, interpolation)
+    processor = processor_of_file(path, interpolation)
     processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
-    return _heading(path, group)[1]
+    return _heading(path, processor.createGroupTransform())[1]
 
 
 def _lut_of(path: Path) -> Lut:
@@ -136,7 +123,7 @@ def _lut_of(path: Path) -> Lut:
     warnings: list[str] = []
     OCIO.SetLoggingFunction(warnings.append)
     try:
-        group, _ = file_group(path)
+        group = processor_of_file(path).createGroupTransform()
     finally:
         OCIO.ResetToDefaultLoggingFunction()
     with reading(path, "a LUT", LutError):
@@ -150,8 +137,9 @@ def _lut_of(path: Path) -> Lut:
     if not OCIO.BitDepthIsFloat(depth) and bits:
         metadata["bits"] = str(bits)
     title, comments, words = _heading(path, group)
-    infos = [part for child in group.getFormatMetadata().getChildElements() for part in child.getChildElements()]
-    metadata |= {part.getElementName(): part.getElementValue()[:200] for part in infos if part.getElementName() in KEPT}
+    for info in (part for child in group.getFormatMetadata().getChildElements() for part in child.getChildElements()):
+        if info.getElementName() == ACES_ID:
+            metadata[ACES_ID] = info.getElementValue()[:200]
     if words:
         metadata["keywords"] = " ".join(words)
     return Lut(ops or (Matrix(np.eye(3)),), title, comments, metadata)
@@ -199,7 +187,13 @@ def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
         made: list[Op] = []
         match part:
             case OCIO.MatrixTransform():
-                made = [_matrix(part, inverse)]
+                matrix, offset = np.array(part.getMatrix()).reshape(4, 4), np.array(part.getOffset())
+                if np.any(matrix[:3, 3] != 0):
+                    raise _beyond("a matrix in which alpha tints colours")
+                if inverse:
+                    matrix = np.linalg.inv(matrix)
+                    offset = -matrix @ offset
+                made = [Matrix(matrix[:3, :3], offset[:3])]
             case OCIO.RangeTransform():
                 made = _range(part, inverse)
             case OCIO.Lut1DTransform() if part.getHueAdjust() != OCIO.HUE_NONE:
@@ -226,17 +220,6 @@ def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
 
 def _beyond(what: str) -> LutError:
     return LutError(f"it holds {what}, of which no figures can be told; OpenColorIO and `lutforge apply` render it")
-
-
-def _matrix(part: OCIO.MatrixTransform, inverse: bool) -> Matrix:
-    """The matrix of colours. Raises LutError where alpha tints them."""
-    matrix, offset = np.array(part.getMatrix()).reshape(4, 4), np.array(part.getOffset())
-    if np.any(matrix[:3, 3] != 0):
-        raise _beyond("a matrix in which alpha tints colours")
-    if inverse:
-        matrix = np.linalg.inv(matrix)
-        offset = -matrix @ offset
-    return Matrix(matrix[:3, :3], offset[:3])
 
 
 def _with_domain(ops: list[Op], curve: Op) -> list[Op]:
@@ -343,11 +326,11 @@ def _reason(message: str, link: str, path: Path) -> str:
         return f"{cut}: make or copy it again"
     if b"\r" in head and b"\n" not in head:
         return "its lines end in carriage returns alone, which OpenColorIO does not read; save it with line feeds"
-    said = message.replace(link, path.name).split("failed with: ")[-1].split("All formats")[0]
-    if "could not be loaded" in said:
+    reason = message.replace(link, path.name).split("failed with: ")[-1].split("All formats")[0]
+    if "could not be loaded" in reason:
         suffix = path.suffix.lower()
         return f"it is not a {suffix} file that OpenColorIO can read; `lutforge check` shows which programs do"
-    return f"OpenColorIO cannot read it: {one_line(said, 200)}"
+    return f"OpenColorIO cannot read it: {one_line(reason, 200)}"
 
 
 def _cut_short(path: Path, message: str) -> str:
@@ -360,9 +343,10 @@ def _cut_short(path: Path, message: str) -> str:
     rows = [line.split() for line in text.splitlines() if line.strip()]
     if not text.endswith("\n") and not _is_colour(rows[-1]):
         rows.pop()
-    sizes = {row[0]: int(row[1]) for row in rows if len(row) == 2 and row[0] in _POWERS and row[1].isdecimal()}
+    powers = {"LUT_1D_SIZE": 1, "LUT_3D_SIZE": 3}
+    sizes = {row[0]: int(row[1]) for row in rows if len(row) == 2 and row[0] in powers and row[1].isdecimal()}
     colours = [row for row in rows if _is_number(row[0])]
-    expected = sum(size ** _POWERS[name] for name, size in sizes.items())
+    expected = sum(size ** powers[name] for name, size in sizes.items())
     short = len(colours) < expected and all(map(_is_colour, colours))
     return f"the file ends after {len(colours)} of {expected} colours" if short else ""
 

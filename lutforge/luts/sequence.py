@@ -14,7 +14,7 @@ from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
-from lutforge.luts.processor import processor_of
+from lutforge.luts.processor import OCIO_ERRORS, group_of, of_codes
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import checked_colours
 
@@ -28,9 +28,6 @@ HELD = {
     "plain": "one cube",
 }
 """The forms in words, for messages."""
-
-INSTEAD_FOR_SCENES = "write .clf, .ctf, .resolve.cube, .csp or .spi1d"
-"""The advice of a message where a format holds no scene-linear input beyond 1."""
 
 MAX_SIZE = 129
 """Most nodes per axis that OpenColorIO reads."""
@@ -105,7 +102,11 @@ class Lut:
 
         codes: 8-bit codes in and out instead.
         """
-        return processor_of(self.ops, codes)
+        try:
+            processor = OCIO.Config.CreateRaw().getProcessor(group_of(self.ops))
+            return of_codes(processor) if codes else processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+        except OCIO_ERRORS as error:
+            raise LutError(f"LUT: OpenColorIO cannot evaluate it: {error}") from error
 
     def shaper_and_cube(self) -> tuple[Curve | None, Cube]:
         """The whole sequence as a shaper, or none, and a cube. Raises LutError where it is more than that.
@@ -147,7 +148,19 @@ class Lut:
         """
         path = Path(path)
         file_format = format_of(path)
-        file_format.require(self, path)
+        name, form, sizes = file_format.name, file_format.forms[0], file_format.sizes
+        if not any(self.has_form(held) for held in file_format.forms):
+            raise LutError(
+                f"{path}: {name} holds {HELD[form]}, this LUT is {self.summary}: bake it for this file, "
+                f'bake(transform, "{path.name}") or bake(transform, form="{form}")'
+            )
+        if self.size > MAX_SIZE:
+            raise LutError(f"{path}: {self.size} nodes per axis; OpenColorIO reads 2 to {MAX_SIZE}")
+        if sizes and self.size not in sizes:
+            listed = ", ".join(map(str, sizes))
+            raise LutError(f"{path}: {self.size} nodes per axis; {name} has {listed}: choose a size among them")
+        if self.shaper is not None and self.shaper.inputs is not None and not file_format.knots:
+            raise LutError(f"{path}: {name} holds no curve at free knots; write a .csp")
         file_format.write(self, path)
         return path
 
@@ -167,8 +180,7 @@ class FileFormat:
 
     forms: the sequences that it holds, first the one that is baked for it; sizes: nodes per axis that it can have,
     where not all; size: of a cube that is baked for it where none is asked for; bits: of integer formats, which round,
-    and clamp to [0, 1]; inputs: where its shaper may have its entries: at even steps of any range, or at free
-    knots.
+    and clamp to [0, 1]; knots: its shaper may have its entries at free knots, and not only at even steps of a range.
     """
 
     name: str
@@ -178,27 +190,8 @@ class FileFormat:
     sizes: tuple[int, ...] = ()
     size: int = 65
     bits: int | None = None
-    inputs: Literal["range", "knots"] = "range"
+    knots: bool = False
     read: Callable[[Path], Lut] | None = None
-
-    def require(self, lut: Lut, path: Path) -> None:
-        """Raise LutError where this format cannot hold a LUT exactly, and say how to bake for it."""
-        form = self.forms[0]
-        if not any(lut.has_form(held) for held in self.forms):
-            raise LutError(
-                f"{path}: {self.name} holds {HELD[form]}, this LUT is {lut.summary}: bake it for this file, "
-                f'bake(transform, "{path.name}") or bake(transform, form="{form}")'
-            )
-        if lut.size > MAX_SIZE:
-            raise LutError(f"{path}: {lut.size} nodes per axis; OpenColorIO reads 2 to {MAX_SIZE}")
-        if self.sizes and lut.size not in self.sizes:
-            sizes = ", ".join(map(str, self.sizes))
-            raise LutError(f"{path}: {lut.size} nodes per axis; {self.name} has {sizes}: choose a size among them")
-        curve = lut.shaper
-        if curve is None:
-            return
-        if self.inputs != "knots" and curve.inputs is not None:
-            raise LutError(f"{path}: {self.name} holds no curve at free knots; write a .csp")
 
 
 FORMATS: dict[str, FileFormat] = {}

@@ -96,31 +96,24 @@ def levels_behind_gain(levels: Levels, gain: Array) -> Levels:
     return moved[0], moved[1], moved[2]
 
 
-def padded_levels(axis: Array, size: int) -> Array:
-    """Levels with midpoints of the widest cells added until there are `size` of them."""
-    while len(axis) < size:
-        widest = int(np.argmax(np.diff(axis)))
-        axis = np.insert(axis, widest + 1, 0.5 * (axis[widest] + axis[widest + 1]))
-    return axis
-
-
 def lattice_ops(lattice: Lattice) -> tuple[Op, ...]:
     """A lattice as shaper, cube and output curve; exact where its levels are on a shaper's grid and equal in number.
 
     Else levels are moved to the grid, or added in the widest cells, and the cube is evaluated there.
     """
     size = max(lattice.size)
-    r, g, b = (padded_levels(axis, size) for axis in lattice.levels)
+    padded = []
+    for axis in lattice.levels:
+        while len(axis) < size:
+            widest = int(np.argmax(np.diff(axis)))
+            axis = np.insert(axis, widest + 1, 0.5 * (axis[widest] + axis[widest + 1]))
+        padded.append(axis)
+    r, g, b = padded
     entries = next((few for few in (FEW, SHAPER_SIZE) if all(on_grid(axis, few) for axis in (r, g, b))), None)
     if entries is None and not is_even((r, g, b)):
         r, g, b = levels_behind_gain((r, g, b), np.ones(3))
     same = all(np.array_equal(new, old) for new, old in zip((r, g, b), lattice.levels, strict=True))
     values = lattice.values if same else lattice.cube_values(grid((r, g, b)))
-    return ops_of_nodes((r, g, b), values, lattice, entries or SHAPER_SIZE)
-
-
-def ops_of_nodes(levels: Levels, values: Array, like: Lattice, size: int = SHAPER_SIZE) -> tuple[Op, ...]:
-    """Node values at levels on a shaper's grid as operations; interpolation and output curve are those of `like`."""
-    curve: tuple[Op, ...] = () if is_even(levels) else (shaper(levels, size),)
-    behind: tuple[Op, ...] = () if like.output_curve is None else (Curve(like.output_curve),)
-    return *curve, Cube(values, like.interpolation), *behind
+    curve = () if is_even((r, g, b)) else (shaper((r, g, b), entries or SHAPER_SIZE),)
+    behind = () if lattice.output_curve is None else (Curve(lattice.output_curve),)
+    return *curve, Cube(values, lattice.interpolation), *behind

@@ -127,4 +127,4 @@ def _numbers(table: Array) -> str:
     return ",\n".join(lines)
 
 
-DCTL = FileFormat(".dctl", (".dctl",), ("shaper",), write, size=33, inputs="knots", read=read)
+DCTL = FileFormat(".dctl", (".dctl",), ("shaper",), write, size=33, knots=True, read=read)

@@ -161,7 +161,7 @@ def write_csp(lut: Lut, path: Path) -> None:
     write_text(path, "\n".join(lines) + "\n" + rows(rows_of_cube(cube.values)))
 
 
-CSP = FileFormat(".csp", (".csp",), ("shaper",), write_csp, size=33, inputs="knots")
+CSP = FileFormat(".csp", (".csp",), ("shaper",), write_csp, size=33, knots=True)
 
 
 # --- .spi1d and .spi3d (Sony Imageworks): the shaper and the cube as two files, for OpenColorIO configs --------------
