@@ -23,8 +23,10 @@ LOSSES = (
 """What a config before that lacks, a line each."""
 
 LUT_FOLDER = "luts"
-_TABLES = {".3dl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".itx", ".lut", ".mga", ".m3d", ".spi1d", ".spi3d"}
-LUT_SUFFIXES = _TABLES | {".cc", ".ccc", ".cdl", ".icc", ".icm", ".look", ".spimtx", ".vf"}
+LUT_SUFFIXES = {
+    *(".3dl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".itx", ".lut", ".mga", ".m3d", ".spi1d", ".spi3d"),
+    *(".cc", ".ccc", ".cdl", ".icc", ".icm", ".look", ".spimtx", ".vf"),
+}
 """Files that OpenColorIO reads, and so what belongs to a config."""
 REFERENCE = "ACES2065-1"
 DISPLAY = "sRGB - Display"
@@ -77,7 +79,12 @@ def base_config(version: str) -> OCIO.Config:
     config.addViewTransform(studio.getViewTransform(UN_TONE_MAPPED))
     config.setDefaultViewTransformName(UN_TONE_MAPPED)
     config.addSharedView(UN_TONE_MAPPED, UN_TONE_MAPPED, OCIO.OCIO_VIEW_USE_DISPLAY_NAME, "", "", "")
-    config.setFileRules(_file_rules())
+    rules = OCIO.FileRules()  # sRGB for the files that are so unless told otherwise; others pass as they are
+    for index, kind in enumerate(SRGB_IMAGES):
+        either_case = "".join(f"[{letter}{letter.upper()}]" for letter in kind)
+        rules.insertRule(index, f"sRGB {kind}", TEXTURE, "*", either_case)
+    rules.setDefaultRuleColorSpace(DATA)
+    config.setFileRules(rules)
     return config
 
 
@@ -91,16 +98,6 @@ def add_displays(config: OCIO.Config, views: tuple[str, ...]) -> None:
         config.addActiveDisplay(display)
     for view in (*views, UN_TONE_MAPPED, DATA):  # the order of the menus; the first is the default
         config.addActiveView(view)
-
-
-def _file_rules() -> OCIO.FileRules:
-    """sRGB for the files that are sRGB unless told otherwise; all others are passed on as they are."""
-    rules = OCIO.FileRules()
-    for index, kind in enumerate(SRGB_IMAGES):
-        either_case = "".join(f"[{letter}{letter.upper()}]" for letter in kind)
-        rules.insertRule(index, f"sRGB {kind}", TEXTURE, "*", either_case)
-    rules.setDefaultRuleColorSpace(DATA)
-    return rules
 
 
 def _in_version(space: OCIO.ColorSpace, minor: int) -> OCIO.ColorSpace:

@@ -7,7 +7,8 @@ import hashlib
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -172,28 +173,22 @@ def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable
         if key in prints:
             raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")
         prints.add(key)
-        camera = _named(profile, used)
-        used |= {name.lower() for name in (camera.name, *camera.spaces())}
-        used |= {file_stem(name) for name in camera.spaces()}
+        styles, balances = UniqueNames((RAW, LINEAR)), UniqueNames((DEFAULT, AS_SHOT))
+        first = camera = Camera(
+            profile,
+            part_name(profile.camera, "camera"),
+            {name: styles(part_name(name)) for name in profile.styles},
+            {name: balances(part_name(name)) for name in profile.white_balances},
+        )
+        for number in count(2):
+            names = {name.lower() for name in (camera.name, *camera.spaces())}
+            names |= {file_stem(name) for name in camera.spaces()}
+            if used.isdisjoint(names):
+                break
+            camera = replace(first, name=f"{first.name} {number}")
+        used |= names
         cameras.append(camera)
     return tuple(cameras)
-
-
-def _named(profile: CameraProfile, used: set[str]) -> Camera:
-    styles, balances = UniqueNames((RAW, LINEAR)), UniqueNames((DEFAULT, AS_SHOT))
-    first = Camera(
-        profile,
-        part_name(profile.camera, "camera"),
-        {name: styles(part_name(name)) for name in profile.styles},
-        {name: balances(part_name(name)) for name in profile.white_balances},
-    )
-    camera, number = first, 2
-    while not used.isdisjoint(
-        [camera.name.lower(), *(form for name in camera.spaces() for form in (name.lower(), file_stem(name)))]
-    ):
-        camera = Camera(profile, f"{first.name} {number}", first.styles, first.balances)
-        number += 1
-    return camera
 
 
 def _fingerprint(profile: CameraProfile) -> str:

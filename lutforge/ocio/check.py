@@ -4,7 +4,6 @@ import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +77,7 @@ def check_config(config: OCIO.Config) -> list[Finding]:
     """What ociocheck checks and more; an empty list is a sound config.
 
     Pixels go through each colour space, named transform, view and look, in both directions; round trips are measured,
-    files looked for, names and equality groups compared.
+    files looked for, equality groups compared. OpenColorIO loads no config in which a name stands for two things.
     """
     findings: list[Finding] = []
     try:
@@ -90,30 +89,30 @@ def check_config(config: OCIO.Config) -> list[Finding]:
         for role in WANTED_ROLES
         if not config.hasRole(role)
     ]
-    findings += _names(config)
     findings += _files(config)
     for where, make in _transforms(config):
-        findings += _try(where, make)
+        try:
+            pixels = _applied(make().getDefaultCPUProcessor(), _PIXELS)
+        except OCIO_ERRORS as error:
+            findings.append(Finding("error", where, one_line(str(error), 400)))
+            continue
+        if not np.all(np.isfinite(pixels)):
+            findings.append(Finding("error", where, "ordinary pixels come out as NaN or infinity"))
     if any(finding.severity == "error" for finding in findings):
         return findings
-    return [*findings, *_lossy_round_trips(config), *_equality_groups(config)]
-
-
-def _lossy_round_trips(config: OCIO.Config) -> Iterator[Finding]:
-    """One finding for all colour spaces that lose the same: white balances of a style share their files.
-
-    What a description states was searched for by more colours: the larger counts.
-    """
+    # One finding for all colour spaces that lose the same: white balances of a style share their files. What a
+    # description states was searched for by more colours: the larger counts.
     spaces: dict[str, list[str]] = {}
     for name, *measured in round_trips(config):
         stated = stated_errors(config.getColorSpace(name).getDescription())
         mean, largest = map(max, measured, stated)
         if mean > MEAN_GOAL or largest > MAX_GOAL:
             spaces.setdefault(f"mean {mean:.2g}, max {largest:.2g}", []).append(name)
-    for found, names in spaces.items():
+    for lost, names in spaces.items():
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        what = f"to the reference and back, RGB is off by {found}"
-        yield Finding("warning", f"colour space {names[0]}{others}", what)
+        what = f"to the reference and back, RGB is off by {lost}"
+        findings.append(Finding("warning", f"colour space {names[0]}{others}", what))
+    return [*findings, *_equality_groups(config)]
 
 
 def round_trips(config: OCIO.Config) -> Iterator[tuple[str, float, float]]:
@@ -185,61 +184,27 @@ def _transforms(config: OCIO.Config) -> Iterator[tuple[str, Callable[[], OCIO.Pr
             yield f"look {sign}{name}", partial(config.getProcessor, look)
 
 
-def _try(where: str, make: Callable[[], OCIO.Processor]) -> list[Finding]:
-    pixels = _PIXELS.copy()
-    try:
-        make().getDefaultCPUProcessor().applyRGB(pixels)
-    except OCIO_ERRORS as error:
-        return [Finding("error", where, one_line(str(error), 400))]
-    if not np.all(np.isfinite(pixels)):
-        return [Finding("error", where, "ordinary pixels come out as NaN or infinity")]
-    return []
-
-
-def _names(config: OCIO.Config) -> list[Finding]:
-    """Names that stand for two things, whatever their case: which of them is meant depends on the program."""
-    owners: dict[str, list[str]] = {}
-    for space in _spaces(config):
-        for name in {space.getName().lower(), *(alias.lower() for alias in space.getAliases())}:
-            owners.setdefault(name, []).append(f"colour space {space.getName()}")
-    for named in config.getNamedTransforms(OCIO.NAMEDTRANSFORM_ALL):
-        for name in {named.getName().lower(), *(alias.lower() for alias in named.getAliases())}:
-            owners.setdefault(name, []).append(f"named transform {named.getName()}")
-    for role in config.getRoleNames():
-        owners.setdefault(role.lower(), []).append(f"role {role}")
-    for look in config.getLookNames():
-        owners.setdefault(f"look {look.lower()}", []).append(f"look {look}")
-    return [
-        Finding("error", f'name "{name.removeprefix("look ")}"', f"stands for {' and '.join(who)}")
-        for name, who in sorted(owners.items())
-        if len(who) > 1
-    ]
-
-
-def _files(config: OCIO.Config) -> list[Finding]:
+def _files(config: OCIO.Config) -> Iterator[Finding]:
     """Files that are named but missing, and LUT files beside the config that nothing names."""
     context = config.getCurrentContext()
-    findings, found = [], set()
+    named = set()
     for source, where in sorted(file_names(config).items()):
         if "$" in source:
             continue
         try:
-            found.add(Path(context.resolveFileLocation(source)).resolve())
+            named.add(Path(context.resolveFileLocation(source)).resolve())
         except OCIO_ERRORS:
-            findings.append(Finding("error", f"file {source}", f"missing; {where} needs it"))
+            yield Finding("error", f"file {source}", f"missing; {where} needs it")
     root = Path(config.getWorkingDir())
     if not config.getWorkingDir() or not root.is_dir():  # from memory, or an archive
-        return findings
+        return
     for entry in filter(None, config.getSearchPaths()):
         if Path(entry).is_absolute():
-            findings.append(Finding("warning", f"search path {entry}", "is absolute: the config works on one machine"))
+            yield Finding("warning", f"search path {entry}", "is absolute: the config works on one machine")
         elif "$" not in entry and (root / entry).is_dir():
             files = {path.resolve() for path in (root / entry).iterdir() if path.suffix.lower() in LUT_SUFFIXES}
-            findings += [
-                Finding("warning", f"file {path.name}", "nothing in the config refers to it")
-                for path in sorted(files - found)
-            ]
-    return findings
+            for path in sorted(files - named):
+                yield Finding("warning", f"file {path.name}", "nothing in the config refers to it")
 
 
 def file_names(config: OCIO.Config) -> dict[str, str]:
@@ -270,16 +235,13 @@ def _leaves(transform: OCIO.Transform | None) -> Iterator[OCIO.Transform]:
         yield transform
 
 
-def _equality_groups(config: OCIO.Config) -> list[Finding]:
+def _equality_groups(config: OCIO.Config) -> Iterator[Finding]:
     """Colour spaces of one equality group are taken for each other: they must be the same."""
-    grouped = [(space.getEqualityGroup(), space.getName()) for space in _spaces(config) if space.getEqualityGroup()]
-    references = dict(_convertible(config))
-    findings = []
-    for group, members in groupby(sorted(grouped), key=lambda pair: pair[0]):
-        names = [name for _, name in members if name in references]
-        results = [_applied(_processor(config, name, references[name]), np.abs(_PIXELS)) for name in names[:1]]
-        for name in names[1:]:
-            result = _applied(_processor(config, name, references[name]), np.abs(_PIXELS))
-            if np.abs(result - results[0]).max() > 1e-4:  # what no 8-bit or 10-bit file tells apart
-                findings.append(Finding("error", f"equality group {group}", f"{names[0]} and {name} differ"))
-    return findings
+    firsts: dict[str, tuple[str, Pixels]] = {}
+    for name, reference in sorted(_convertible(config)):
+        group = config.getColorSpace(name).getEqualityGroup()
+        if group:
+            result = _applied(_processor(config, name, reference), np.abs(_PIXELS))
+            first, expected = firsts.setdefault(group, (name, result))
+            if np.abs(result - expected).max() > 1e-4:  # what no 8-bit or 10-bit file tells apart
+                yield Finding("error", f"equality group {group}", f"{first} and {name} differ")

@@ -13,7 +13,6 @@ from lutforge.errors import ConfigError
 from lutforge.inverse.linearization import InverseOptions
 from lutforge.luts.formats.text import write_text
 from lutforge.luts.processor import OCIO_ERRORS
-from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.base_config import DEFAULT_VERSION, LUT_FOLDER, OLDEST, add_displays, base_config
 from lutforge.ocio.cameras import Camera, UniqueNames, config_names, name_cameras
@@ -33,23 +32,6 @@ from lutforge.ocio.spaces import (
 )
 from lutforge.progress import Progress, silent
 from lutforge.threads import each, one_blas_thread
-
-
-def write_archive(folder: Path, target: Path) -> Path:
-    """Pack a config's folder (config.ocio and all below) into an .ocioz archive, atomically."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    files.sort(key=lambda path: path.name != "config.ocio")  # readers look for it first
-    with (
-        atomic_path(target) as temporary,
-        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
-    ):
-        for path in files:
-            entry = zipfile.ZipInfo(path.relative_to(folder).as_posix())  # without a clock time
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.external_attr = 0o644 << 16
-            archive.writestr(entry, path.read_bytes(), compresslevel=9)
-    return target
-
 
 ARCHIVE_SUFFIX = ".ocioz"
 CONFIG_NAME = "config.ocio"
@@ -90,16 +72,6 @@ def build_config(
     return config
 
 
-def config_luts(
-    profiles: Sequence[CameraProfile | str | Path], inverse: InverseOptions | None = None
-) -> dict[str, Lut]:
-    """The LUT files that the config of these profiles refers to: file name → LUT, as the file holds it."""
-    luts: dict[str, Lut] = {}
-    for rendering in renderings(name_cameras(profiles)):
-        luts |= baked(rendering, inverse)[0]
-    return luts
-
-
 def write_config(
     profiles: Sequence[CameraProfile | str | Path],
     target: str | Path,
@@ -122,7 +94,18 @@ def write_config(
             raise ConfigError(f"{target}: is a folder; name a file that ends in {ARCHIVE_SUFFIX}")
         with scratch_folder(beside=None if "$" in str(target.absolute()) else target) as folder:
             write_config(profiles, folder, version=version, merge=merge, inverse=inverse, progress=progress)
-            return write_archive(folder, target)
+            files = sorted(path for path in folder.rglob("*") if path.is_file())
+            files.sort(key=lambda path: path.name != CONFIG_NAME)  # readers look for it first
+            with (
+                atomic_path(target) as temporary,
+                zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
+            ):
+                for path in files:
+                    entry = zipfile.ZipInfo(path.relative_to(folder).as_posix())  # without a clock time
+                    entry.compress_type = zipfile.ZIP_DEFLATED
+                    entry.external_attr = 0o644 << 16
+                    archive.writestr(entry, path.read_bytes(), compresslevel=9)
+        return target
     _require_usable(target, replace)
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)
@@ -191,15 +174,6 @@ def _plan(
     return cameras, renderings(cameras, base.file_stems if base is not None else ())
 
 
-def _other_looks(base: BaseConfig | None, as_shot: str) -> set[str]:
-    """Return the names of the base's looks, without the refinish look of an earlier merge, which is used again."""
-    if base is None:
-        return set()
-    look = base.config.getLook(REFINISH)
-    same = look is not None and look.getProcessSpace() == as_shot
-    return base.looks - {REFINISH.lower()} if same else base.looks
-
-
 def _assembled(
     cameras: Sequence[Camera],
     parts: Sequence[Rendering],
@@ -220,16 +194,18 @@ def _assembled(
         add_jpegs(config, rendering, default, groups, errors.get(rendering.stem, ()))
     any_camera = any_names(None if base is None else base.config)
     add_contextual(config, cameras, any_camera)
-    add_looks(config, cameras, parts, UniqueNames(_other_looks(base, any_camera[0])), any_camera[0])
+    looks = set() if base is None else {name.lower() for name in base.config.getLookNames()}
+    refinish = None if base is None else base.config.getLook(REFINISH)
+    if refinish is not None and refinish.getProcessSpace() == any_camera[0]:
+        looks.remove(REFINISH.lower())  # of an earlier merge: it is used again
+    add_looks(config, cameras, parts, UniqueNames(looks), any_camera[0])
     views = add_views(config, parts, defaults, UniqueNames(base.views if base is not None else ()))
     add_displays(config, views)
     rules = camera_rules(cameras, parts)
     if base is not None:
         config = merged(base, config, views, rules, version)
     else:
-        file_rules = config.getFileRules()
-        put_first(file_rules, rules)
-        config.setFileRules(file_rules)
+        put_first(config, rules)
     try:
         config.validate()
     except OCIO_ERRORS as error:

@@ -54,11 +54,6 @@ class BaseConfig:
         return config_names(self.config)
 
     @property
-    def looks(self) -> set[str]:
-        """Its looks."""
-        return {name.lower() for name in self.config.getLookNames()}
-
-    @property
     def views(self) -> set[str]:
         """Its views and view transforms."""
         config = self.config
@@ -136,7 +131,12 @@ def merged(
     version: str | None,
 ) -> OCIO.Config:
     """The base with the cameras of another config of ours: spaces, looks, views and file rules. Raises ConfigError."""
-    displays = _sdr_displays(base.config)
+    displays = []  # that a shared view can be shown on: named as a colour space of video or cinema
+    for display in base.config.getDisplaysAll():
+        space = base.config.getColorSpace(display)
+        of_display = space is not None and space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
+        if of_display and space.getEncoding() in ("sdr-video", ""):
+            displays.append(display)
     _strip(cameras, keep_displays=not displays)
     parameters = OCIO.ConfigMergingParameters.Create()
     parameters.setDefaultStrategy(OCIO.ConfigMergingParameters.STRATEGY_PREFER_BASE)
@@ -160,41 +160,28 @@ def merged(
             config.addDisplaySharedView(display, view)
         if active:
             config.addActiveView(view)
-    file_rules = config.getFileRules()
-    put_first(file_rules, rules)
-    config.setFileRules(file_rules)
+    put_first(config, rules)
     if version is not None:
-        _set_version(config, base, version)
+        config.setVersion(2, int(version.partition(".")[2]))
+        try:
+            config.validate()
+            config.serialize()
+        except OCIO_ERRORS as error:
+            reason = " ".join(str(error).split()).removeprefix("Error building YAML: ")
+            message = f"{base.label}: is a config of version {base.version}, and not {version}: {reason}"
+            raise ConfigError(message) from error
     return config
-
-
-def _set_version(config: OCIO.Config, base: BaseConfig, version: str) -> None:
-    config.setVersion(2, int(version.partition(".")[2]))
-    try:
-        config.validate()
-        config.serialize()
-    except OCIO_ERRORS as error:
-        reason = " ".join(str(error).split()).removeprefix("Error building YAML: ")
-        raise ConfigError(
-            f"{base.label}: is a config of version {base.version}, and not {version}: {reason}"
-        ) from error
 
 
 def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
     """Leave what the base cannot have: the cameras. Their own common spaces would only clash with its."""
-    scene = OCIO.SEARCH_REFERENCE_SPACE_SCENE
-    kept = {REFERENCE, DISPLAY_REFERENCE}
     roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_INTERCHANGE_DISPLAY)
     for role in [name for name in cameras.getRoleNames() if name not in roles]:
         cameras.setRole(role, None)
-    everything = [space.getName() for space in cameras.getColorSpaces(scene, OCIO.COLORSPACE_ALL)]
-    display = [
-        space.getName() for space in cameras.getColorSpaces(OCIO.SEARCH_REFERENCE_SPACE_DISPLAY, OCIO.COLORSPACE_ALL)
-    ]
-    ours = [name for name in everything if cameras.getColorSpace(name).getFamily().startswith("Input/")]
-    for name in [*everything, *([] if keep_displays else display)]:
-        if name not in kept and name not in ours:
-            cameras.removeColorSpace(name)
+    searched = OCIO.SEARCH_REFERENCE_SPACE_SCENE if keep_displays else OCIO.SEARCH_REFERENCE_SPACE_ALL
+    for space in [*cameras.getColorSpaces(searched, OCIO.COLORSPACE_ALL)]:
+        if space.getName() not in (REFERENCE, DISPLAY_REFERENCE) and not space.getFamily().startswith("Input/"):
+            cameras.removeColorSpace(space.getName())
     for entry in cameras.getDisplaysAll():
         cameras.removeDisplayView(entry, DATA)
     if not keep_displays:
@@ -203,17 +190,6 @@ def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
         cameras.removeSharedView(UN_TONE_MAPPED)
     cameras.setInactiveColorSpaces("")
     cameras.setFileRules(OCIO.FileRules())
-
-
-def _sdr_displays(config: OCIO.Config) -> list[str]:
-    """Displays of a config that a shared view can be shown on: named as a colour space of video or cinema."""
-    found = []
-    for display in config.getDisplaysAll():
-        space = config.getColorSpace(display)
-        of_display = space is not None and space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
-        if of_display and space.getEncoding() in ("sdr-video", ""):
-            found.append(display)
-    return found
 
 
 def _checked(base: BaseConfig) -> BaseConfig:

@@ -78,9 +78,18 @@ def compact_text(lut: Lut) -> str:
     OpenColorIO writes it with two entries an axis, in whose place the tables are put: text of all their numbers takes
     it ten times as long, and it writes one file at a time. The same text for the same LUT. Raises LutError.
     """
-    outline = replace(lut, ops=tuple(_ends(op) for op in lut.ops))
+    ends: list[Op] = []
+    for op in lut.ops:
+        match op:
+            case Curve():
+                ends.append(replace(op, outputs=op.outputs[[0, -1]]))
+            case Cube():
+                last = op.size - 1
+                ends.append(replace(op, values=op.values[::last, ::last, ::last]))
+            case _:
+                ends.append(op)
     tables = iter([_table(op) for op in lut.ops if isinstance(op, Curve | Cube)])
-    document = minidom.parseString(clf.text_of(outline))
+    document = minidom.parseString(clf.text_of(replace(lut, ops=tuple(ends))))
     for root in document.getElementsByTagName("ProcessList"):
         root.setAttribute("id", clf.identifier(lut))
     for array in document.getElementsByTagName("Array"):
@@ -91,17 +100,6 @@ def compact_text(lut: Lut) -> str:
         array.setAttribute("dim", " ".join(map(str, numbers.shape)))
         text.data = f"\n{short_rows(numbers.reshape(-1, numbers.shape[-1]), DECIMALS)}"
     return document.toxml("UTF-8").decode() + "\n"
-
-
-def _ends(op: Op) -> Op:
-    """The operation with no more of its table than the ends of each axis."""
-    match op:
-        case Curve():
-            return replace(op, outputs=op.outputs[[0, -1]])
-        case Cube():
-            last = op.size - 1
-            return replace(op, values=op.values[::last, ::last, ::last])
-    return op
 
 
 def _table(op: Curve | Cube) -> Array:
@@ -140,6 +138,10 @@ class Rendering:
         """Name of the file JPEG → white-balanced RAW as calibrated, for looks: not the render's exact inverse."""
         return f"{self.stem}_calibrated.clf"
 
+    def refinish_files(self, source: str, target: str) -> tuple[str, str, str]:
+        """Names of the files of a look from JPEGs of one white balance to those of another, one after the other."""
+        return self.calibrated_file, self.balance_file(source, target), self.render_file
+
     def balance_file(self, source: str, target: str) -> str:
         """Name of the file from RAW under one white balance to RAW under another, which keeps white neutral."""
         return f"{self.stem}_{file_stem(self.camera.balances[source], 'to', self.camera.balances[target])}.clf"
@@ -159,29 +161,27 @@ class Rendering:
 
 def renderings(cameras: Iterable[Camera], taken: Iterable[str] = ()) -> tuple[Rendering, ...]:
     """The renderings of cameras; taken: file stems that others use. Raises ConfigError on a style without a model."""
-    files = UniqueNames(taken, "_")
-    return tuple(rendering for camera in cameras for rendering in _of_camera(camera, files))
-
-
-def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
-    profile = camera.profile
-    everywhere = tuple(profile.white_balances)
-    for name, style in profile.styles.items():
-        groups = [everywhere] if style.render or style.linearize else []
-        if not groups:
-            groups = [tuple(b for b in everywhere if b in model.white_balances) for model in style.physical]
-        if not any(groups):
-            raise ConfigError(f"{profile.camera}: style {name} holds no model; calibrate it first")
-        for balances in filter(None, groups):
-            selector = Selector(name, balances[0])
-            render = linearize = None
-            if style.render or style.physical:
-                render = profile.render_balanced(selector)
-            if style.linearize or style.physical:
-                balance = Gain(profile.multipliers(selector))
-                linearize = Transform((*profile.linearize_to_own_raw(selector).stages, balance))
-            stem = files(file_stem(camera.name, camera.styles[name]))
-            yield Rendering(camera, name, balances, stem, render, linearize)
+    files, made = UniqueNames(taken, "_"), []
+    for camera in cameras:
+        profile = camera.profile
+        everywhere = tuple(profile.white_balances)
+        for name, style in profile.styles.items():
+            groups = [everywhere] if style.render or style.linearize else []
+            if not groups:
+                groups = [tuple(b for b in everywhere if b in model.white_balances) for model in style.physical]
+            if not any(groups):
+                raise ConfigError(f"{profile.camera}: style {name} holds no model; calibrate it first")
+            for balances in filter(None, groups):
+                selector = Selector(name, balances[0])
+                render = linearize = None
+                if style.render or style.physical:
+                    render = profile.render_balanced(selector)
+                if style.linearize or style.physical:
+                    balance = Gain(profile.multipliers(selector))
+                    linearize = Transform((*profile.linearize_to_own_raw(selector).stages, balance))
+                stem = files(file_stem(camera.name, camera.styles[name]))
+                made.append(Rendering(camera, name, balances, stem, render, linearize))
+    return tuple(made)
 
 
 BEYOND = 4.0

@@ -10,9 +10,8 @@ from collections.abc import Iterable, Sequence
 from itertools import permutations
 
 import numpy as np
-import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses  # noqa: N814 - the name that its documentation uses  # noqa: N814 - the name that its documentation uses
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.arrays import Array
 from lutforge.model.camera_profile import has_own_raw
 from lutforge.ocio.base_config import matrix_transform
 from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera, UniqueNames, config_names, file_stem, space_name
@@ -31,11 +30,6 @@ TARGET_NAME = f"${{{TO_CAMERA_VAR}}} ${{{TO_STYLE_VAR}}} ${{{TO_BALANCE_VAR}}}"
 def file_transform(name: str) -> OCIO.FileTransform:
     """A LUT file of the config."""
     return OCIO.FileTransform(src=name, interpolation=OCIO.INTERP_BEST)
-
-
-def inverse(matrix: Array) -> Array:
-    """The inverse of a 3 × 3 matrix."""
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> None:
@@ -74,8 +68,8 @@ def jpeg_to_reference(rendering: Rendering, balance: str) -> OCIO.GroupTransform
 
 def reference_to_jpeg(rendering: Rendering, balance: str) -> OCIO.GroupTransform:
     """ACES2065-1 → JPEG."""
-    matrix = rendering.camera.to_reference(balance)
-    return OCIO.GroupTransform([matrix_transform(inverse(matrix)), file_transform(rendering.render_file)])
+    to_raw = np.asarray(np.linalg.inv(rendering.camera.to_reference(balance)), dtype=np.float64)
+    return OCIO.GroupTransform([matrix_transform(to_raw), file_transform(rendering.render_file)])
 
 
 def add_jpegs(
@@ -232,78 +226,51 @@ def add_looks(
 
     looks: the names that are taken; as_shot: the space of photographs by any camera.
     """
+
+    def add(name: str, space: str, transform: OCIO.Transform, back: OCIO.Transform | None, description: str) -> None:
+        inverse = {} if back is None else {"inverseTransform": back}
+        config.addLook(
+            OCIO.Look(name=looks(name), processSpace=space, transform=transform, description=description, **inverse)
+        )
+
     for camera in cameras:
-        _add_white_balances(config, camera, looks)
-        for rendering in (rendering for rendering in renderings if rendering.camera is camera):
-            _add_refinishes(config, rendering, looks)
-        whole = {r.style for r in renderings if r.camera is camera and r.render is not None and r.linearize is not None}
-        _add_styles(config, camera, [name for name in camera.profile.styles if name in whole], looks)
-    config.addLook(
-        OCIO.Look(
-            name=looks(REFINISH),
-            processSpace=as_shot,
-            transform=OCIO.ColorSpaceTransform(src=SOURCE_NAME, dst=TARGET_NAME),
-            inverseTransform=OCIO.ColorSpaceTransform(src=TARGET_NAME, dst=SOURCE_NAME),
-            description="From the settings LUTFORGE_CAMERA, _STYLE and _WB to LUTFORGE_TO_CAMERA, _TO_STYLE and _TO_WB",
-        )
+        names, styles = camera.balances, camera.styles
+        # From each white balance to each other, in RAW: exact, for any light, and the same for all styles.
+        for source, target in permutations(camera.profile.white_balances, 2):
+            ratio = matrix_transform(np.diag(camera.gain(target) / camera.gain(source)))
+            name = space_name(camera.name, names[source], "to", names[target])
+            add(name, camera.raw(), ratio, None, f"White balance {target} instead of {source}")
+        # For photographs, from each white balance of a style to each other: as `apply` refinishes. Colour space
+        # conversions pass the light of the scene alone, which does not tell burnt-out white under one white balance
+        # from a coloured highlight under another; these know both.
+        of_camera = [rendering for rendering in renderings if rendering.camera is camera]
+        for rendering in of_camera:
+            for source, target, _ in rendering.refinishes():
+                there, back = (
+                    OCIO.GroupTransform([file_transform(file) for file in rendering.refinish_files(*pair)])
+                    for pair in ((source, target), (target, source))
+                )
+                name = space_name(camera.name, styles[rendering.style], names[source], "to", names[target])
+                what = f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}"
+                add(name, camera.jpeg(rendering.style, source), there, back, what)
+        # From each style to each other, under the white balance that the context variable names.
+        whole = {part.style for part in of_camera if part.render is not None and part.linearize is not None}
+        settings = {style: space_name(camera.name, styles[style], f"${{{BALANCE_VAR}}}") for style in whole}
+        for source, target in permutations([style for style in camera.profile.styles if style in whole], 2):
+            add(
+                space_name(camera.name, styles[source], "to", styles[target]),
+                space_name(camera.name, styles[source], AS_SHOT),
+                OCIO.ColorSpaceTransform(src=settings[source], dst=settings[target]),
+                OCIO.ColorSpaceTransform(src=settings[target], dst=settings[source]),
+                f"Taken in picture style {source}, as if in {target}; {BALANCE_VAR} is the white balance",
+            )
+    add(
+        REFINISH,
+        as_shot,
+        OCIO.ColorSpaceTransform(src=SOURCE_NAME, dst=TARGET_NAME),
+        OCIO.ColorSpaceTransform(src=TARGET_NAME, dst=SOURCE_NAME),
+        "From the settings LUTFORGE_CAMERA, _STYLE and _WB to LUTFORGE_TO_CAMERA, _TO_STYLE and _TO_WB",
     )
-
-
-def _add_white_balances(config: OCIO.Config, camera: Camera, looks: UniqueNames) -> None:
-    """Add looks from each white balance to each other, in RAW: exact, for any light, and the same for all styles."""
-    for source, target in permutations(camera.profile.white_balances, 2):
-        ratio = camera.gain(target) / camera.gain(source)
-        config.addLook(
-            OCIO.Look(
-                name=looks(space_name(camera.name, camera.balances[source], "to", camera.balances[target])),
-                processSpace=camera.raw(),
-                transform=matrix_transform(np.diag(ratio)),
-                description=f"White balance {target} instead of {source}",
-            )
-        )
-
-
-def _add_refinishes(config: OCIO.Config, rendering: Rendering, looks: UniqueNames) -> None:
-    """Add looks for photographs, from each white balance of a style to each other: as `apply` refinishes.
-
-    Colour space conversions pass the light of the scene alone, which does not tell burnt-out white under one white
-    balance from a coloured highlight under another; these know both.
-    """
-    camera, names = rendering.camera, rendering.camera.balances
-
-    def refinish(source: str, target: str) -> OCIO.GroupTransform:
-        files = rendering.calibrated_file, rendering.balance_file(source, target), rendering.render_file
-        return OCIO.GroupTransform([file_transform(name) for name in files])
-
-    for source, target, _ in rendering.refinishes():
-        style = camera.styles[rendering.style]
-        config.addLook(
-            OCIO.Look(
-                name=looks(space_name(camera.name, style, names[source], "to", names[target])),
-                processSpace=camera.jpeg(rendering.style, source),
-                transform=refinish(source, target),
-                inverseTransform=refinish(target, source),
-                description=f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}",
-            )
-        )
-
-
-def _add_styles(config: OCIO.Config, camera: Camera, styles: Sequence[str], looks: UniqueNames) -> None:
-    """Add looks from each style to each other, under the white balance that the context variable names."""
-
-    def settings(style: str) -> str:
-        return space_name(camera.name, camera.styles[style], f"${{{BALANCE_VAR}}}")
-
-    for source, target in permutations(styles, 2):
-        config.addLook(
-            OCIO.Look(
-                name=looks(space_name(camera.name, camera.styles[source], "to", camera.styles[target])),
-                processSpace=space_name(camera.name, camera.styles[source], AS_SHOT),
-                transform=OCIO.ColorSpaceTransform(src=settings(source), dst=settings(target)),
-                inverseTransform=OCIO.ColorSpaceTransform(src=settings(target), dst=settings(source)),
-                description=f"Taken in picture style {source}, as if in {target}; {BALANCE_VAR} is the white balance",
-            )
-        )
 
 
 # --- File rules: a file whose path names a camera and its settings is in that colour space ---------------------------
@@ -317,28 +284,26 @@ LINEAR = "exr|EXR|tiff?|TIFF?"
 
 
 def camera_rules(cameras: Iterable[Camera], renderings: Iterable[Rendering]) -> list[tuple[str, str, str]]:
-    """(rule name, colour space, regular expression) in the order in which they are to be tried."""
+    """(rule name, colour space, regular expression) in the order in which they are to be tried.
+
+    An ECMAScript expression is for paths that hold the words of a name in their order, then end in a kind of file. A
+    capital of the name may be small. They are short, since OpenColorIO compiles all of them when it loads a config.
+    """
     rules = [(camera.raw(balance), LINEAR) for camera in cameras for balance in (None, *camera.profile.white_balances)]
     for rendering in renderings:
         rules += [(rendering.camera.jpeg(rendering.style, balance), RENDERED) for balance in rendering.white_balances]
     rules.sort(key=lambda rule: (-len(rule[0]), rule[0]))
-    return [(name, name, path_pattern(name, kinds)) for name, kinds in rules]
+    found = []
+    for name, kinds in rules:
+        either = "".join(f"[{sign.lower()}{sign}]" if "A" <= sign <= "Z" else sign for sign in name)
+        words = r"[ _./\\-]+".join(word for word in re.split(r"[ _.()-]+", either) if word)
+        found.append((name, name, rf"^(.*[^A-Za-z0-9])?{words}([^A-Za-z0-9].*)?[.]({kinds})$"))
+    return found
 
 
-def path_pattern(name: str, kinds: str) -> str:
-    """An ECMAScript regular expression for paths that hold the words of a name in their order, then end in `kinds`.
-
-    A capital of the name may be small. They are short, since OpenColorIO compiles all of them when it loads a config.
-    """
-    words = r"[ _./\\-]+".join(_letters(word) for word in re.split(r"[ _.()-]+", name) if word)
-    return rf"^(.*[^A-Za-z0-9])?{words}([^A-Za-z0-9].*)?[.]({kinds})$"
-
-
-def _letters(word: str) -> str:
-    return "".join(f"[{sign.lower()}{sign}]" if "A" <= sign <= "Z" else sign for sign in word)
-
-
-def put_first(rules: OCIO.FileRules, added: Iterable[tuple[str, str, str]]) -> None:
-    """Insert rules before all others."""
+def put_first(config: OCIO.Config, added: Iterable[tuple[str, str, str]]) -> None:
+    """Insert file rules before all others of a config."""
+    rules = config.getFileRules()
     for index, (name, space, pattern) in enumerate(added):
         rules.insertRule(index, name, space, pattern)
+    config.setFileRules(rules)
