@@ -52,16 +52,10 @@ class DngProfile:
 
     def __call__(self, balanced: Array) -> Array:
         """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
-        rgb = np.clip(balanced @ (np.linalg.inv(to_xyz_d50("linear-prophoto")) @ self.forward_matrix).T, 0.0, 1.0)
-        looked = np.clip(self._looked_up(hsv_of_prophoto(rgb)), 0.0, 1.0)
-        toned = _between_ends(looked, lambda x: np.interp(x, *self.tone_curve.T))
-        light = toned @ matrix_between("linear-prophoto", "linear-srgb").T
-        return _SRGB.encode(np.clip(light, 0.0, 1.0))
-
-    def _looked_up(self, hsv: Array) -> Array:
         from scipy.ndimage import map_coordinates
 
-        hue, saturation, value = np.moveaxis(hsv, -1, 0)
+        rgb = np.clip(balanced @ (np.linalg.inv(to_xyz_d50("linear-prophoto")) @ self.forward_matrix).T, 0.0, 1.0)
+        hue, saturation, value = np.moveaxis(hsv_of_prophoto(rgb), -1, 0)
         place = _SRGB.encode(value) if self.encoded_values else value
         values, hues, saturations = self.look_table.shape[:3]
         around = np.concatenate([self.look_table, self.look_table[:, :1]], axis=1)
@@ -69,7 +63,11 @@ class DngProfile:
         shift, more, lighter = (map_coordinates(around[..., i], at, order=1, mode="nearest") for i in range(3))
         lit = np.clip(place * lighter, 0.0, 1.0)
         changed = [np.mod(hue + shift, 360.0), np.clip(saturation * more, 0.0, 1.0)]
-        return prophoto_of_hsv(np.stack([*changed, _SRGB.decode(lit) if self.encoded_values else lit], axis=-1))
+        hsv = np.stack([*changed, _SRGB.decode(lit) if self.encoded_values else lit], axis=-1)
+        looked = np.clip(prophoto_of_hsv(hsv), 0.0, 1.0)
+        toned = _between_ends(looked, lambda x: np.interp(x, *self.tone_curve.T))
+        light = toned @ matrix_between("linear-prophoto", "linear-srgb").T
+        return _SRGB.encode(np.clip(light, 0.0, 1.0))
 
 
 def fit_dng_profile(look: Look) -> DngProfile:
@@ -81,16 +79,37 @@ def fit_dng_profile(look: Look) -> DngProfile:
     forward = to_xyz_d50("linear-srgb") @ look.to_srgb
     # Under D65 a perfect white has camera RGB 1 / multipliers.
     under_d65 = to_xyz("linear-srgb") @ look.to_srgb @ np.diag(look.multipliers)
-    curve = _tone_curve(look.render)
-    nodes = _look_nodes()
-    scene = prophoto_of_hsv(nodes)
-    codes = look.render(np.clip(scene @ np.linalg.inv(to_prophoto).T, 0.0, 1.0))
-    wanted = np.clip(_SRGB.decode(codes) @ matrix_between("linear-srgb", "linear-prophoto").T, 0.0, 1.0)
-    entries = _deltas(nodes, hsv_of_prophoto(_before_tone_curve(wanted, curve)))
+    # The tone curve: what the rendering makes of greys, in linear light, strictly increasing from (0, 0) to (1, 1), as
+    # dense in the dark tones as the eye asks for.
+    grey = _SRGB.decode(np.linspace(0.0, 1.0, 257))
+    shown = _SRGB.decode(look.render(np.repeat(grey[:, None], 3, axis=1))).mean(axis=1)
+    light = np.clip(np.maximum.accumulate(shown), 0.0, 1.0)
+    light[0], light[-1] = 0.0, 1.0
+    kept = np.concatenate([[True], np.diff(light) > 1e-7])
+    kept[-1] = True
+    curve = np.stack([grey[kept], light[kept]], axis=1)
+    # The nodes of the look table in the file's order, (values · hues · saturations, 3). Black has no hue: there it is
+    # what holds just above it.
     hues, saturations, values = DIVISIONS
+    value = _SRGB.decode(np.linspace(0.0, 1.0, values))
+    value[0] = 0.25 * value[1]
+    grid = np.meshgrid(value, np.arange(hues) * (360.0 / hues), np.linspace(0.0, 1.0, saturations), indexing="ij")
+    nodes = np.stack([grid[1], grid[2], grid[0]], axis=-1).reshape(-1, 3)
+    codes = look.render(np.clip(prophoto_of_hsv(nodes) @ np.linalg.inv(to_prophoto).T, 0.0, 1.0))
+    rgb = np.clip(_SRGB.decode(codes) @ matrix_between("linear-srgb", "linear-prophoto").T, 0.0, 1.0)
+    rising = np.concatenate([[True], np.diff(curve[:, 1]) > 0])  # of the inputs that clip, the least
+    before_curve = _between_ends(rgb, lambda y: np.interp(y, curve[rising, 1], curve[rising, 0]))
+    # How far hue, saturation and value are from those of the nodes. The factor of value counts behind the encoding of
+    # the table.
+    wanted = hsv_of_prophoto(before_curve)
+    shift = np.mod(wanted[:, 0] - nodes[:, 0] + 180.0, 360.0) - 180.0
+    is_grey = (nodes[:, 1] == 0) | (wanted[:, 1] == 0)
+    saturation = np.where(nodes[:, 1] > 0, wanted[:, 1] / np.where(nodes[:, 1] > 0, nodes[:, 1], 1.0), 1.0)
+    lighter = _SRGB.encode(wanted[:, 2]) / _SRGB.encode(nodes[:, 2])
+    entries = np.stack([np.where(is_grey, 0.0, shift), saturation, lighter], axis=1)
     return DngProfile(
         name=look.title,
-        camera=look.camera,
+        camera=look.profile.camera,
         color_matrix=np.asarray(np.linalg.inv(under_d65), dtype=np.float64),
         forward_matrix=forward,
         tone_curve=curve,
@@ -145,46 +164,12 @@ def prophoto_of_hsv(hsv: Array) -> Array:
     return np.asarray(value[..., None] * (1.0 - saturation[..., None] * share))
 
 
-def _before_tone_curve(rgb: Array, curve: Array) -> Array:
-    rising = np.concatenate([[True], np.diff(curve[:, 1]) > 0])  # of the inputs that clip, the least
-    return _between_ends(rgb, lambda y: np.interp(y, curve[rising, 1], curve[rising, 0]))
-
-
 def _between_ends(rgb: Array, curve: Callable[[Array], Array]) -> Array:
     largest, least = rgb.max(axis=-1, keepdims=True), rgb.min(axis=-1, keepdims=True)
     gap = largest - least
     place = np.where(gap > 0, (rgb - least) / np.where(gap > 0, gap, 1.0), 0.0)
     top, bottom = curve(largest), curve(least)
     return bottom + place * (top - bottom)
-
-
-def _tone_curve(render: Callable[[Array], Array]) -> Array:
-    """(n, 2): what the rendering makes of greys, in linear light, strictly increasing from (0, 0) to (1, 1)."""
-    even = np.linspace(0.0, 1.0, 257)
-    grey = _SRGB.decode(even)  # as dense in the dark tones as the eye asks for
-    codes = render(np.repeat(grey[:, None], 3, axis=1))
-    light = np.clip(np.maximum.accumulate(_SRGB.decode(codes).mean(axis=1)), 0.0, 1.0)
-    light[0], light[-1] = 0.0, 1.0
-    kept = np.concatenate([[True], np.diff(light) > 1e-7])
-    kept[-1] = True
-    return np.stack([grey[kept], light[kept]], axis=1)
-
-
-def _look_nodes() -> Array:
-    """(values · hues · saturations, 3): HSV of the table's nodes in the file's order."""
-    hues, saturations, values = DIVISIONS
-    value = _SRGB.decode(np.linspace(0.0, 1.0, values))
-    value[0] = 0.25 * value[1]  # black has no hue: what holds just above it
-    grid = np.meshgrid(value, np.arange(hues) * (360.0 / hues), np.linspace(0.0, 1.0, saturations), indexing="ij")
-    return np.stack([grid[1], grid[2], grid[0]], axis=-1).reshape(-1, 3)
-
-
-def _deltas(nodes: Array, wanted: Array) -> Array:
-    shift = np.mod(wanted[:, 0] - nodes[:, 0] + 180.0, 360.0) - 180.0
-    grey = (nodes[:, 1] == 0) | (wanted[:, 1] == 0)
-    saturation = np.where(nodes[:, 1] > 0, wanted[:, 1] / np.where(nodes[:, 1] > 0, nodes[:, 1], 1.0), 1.0)
-    value = _SRGB.encode(wanted[:, 2]) / _SRGB.encode(nodes[:, 2])  # the factor counts behind the encoding of the table
-    return np.stack([np.where(grey, 0.0, shift), saturation, value], axis=1)
 
 
 def read_dcp(path: str | Path) -> DngProfile:

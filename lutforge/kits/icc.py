@@ -57,7 +57,11 @@ class IccProfile:
 
     def __call__(self, balanced: Array) -> Array:
         """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
-        light = _light_of_codes(self.cube(self.curve(balanced)))
+        lightness, a, b = np.moveaxis(self.cube(self.curve(balanced)) * 65535 / _STEPS - _ZERO, -1, 0)
+        y = (lightness + 16) / 116
+        root = np.stack([y + a / 500, y, y - b / 200], axis=-1)
+        ratio = np.where(root > 6 / 29, root**3, (116 * root - 16) * 27 / 24389)
+        light = ratio @ np.linalg.inv(_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
         return _SRGB.encode(np.clip(light, 0.0, 1.0))
 
 
@@ -66,7 +70,10 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
     shown = scene_linear(look) if variant else lambda x: _SRGB.decode(np.clip(look.render(x), 0.0, 1.0))
 
     def codes(root: Array) -> Array:
-        return _codes_of_light(shown(root**GAMMA))
+        ratio = shown(root**GAMMA) @ (_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
+        x, y, z = np.moveaxis(np.where(ratio > 216 / 24389, np.cbrt(ratio), (24389 / 27 * ratio + 16) / 116), -1, 0)
+        lab = np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+        return np.asarray((lab + _ZERO) * _STEPS / 65535)
 
     # All channels share their axis, so that greys run from node to node and stay neutral.
     level = polyline_levels(_ROOTS, codes(np.repeat(_ROOTS[:, None], 3, axis=1)) * 65535 / _STEPS, NODES, WIDEST)
@@ -124,22 +131,6 @@ def scene_linear(look: Look) -> Callable[[Array], Array]:
         return np.asarray(np.where(toned >= tones[-1], np.maximum(inverse, balanced), inverse))
 
     return light
-
-
-def _codes_of_light(light: Array) -> Array:
-    """Linear sRGB (…, 3) → codes of Lab as shares of 65535."""
-    ratio = light @ (_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
-    x, y, z = np.moveaxis(np.where(ratio > 216 / 24389, np.cbrt(ratio), (24389 / 27 * ratio + 16) / 116), -1, 0)
-    lab = np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
-    return np.asarray((lab + _ZERO) * _STEPS / 65535)
-
-
-def _light_of_codes(codes: Array) -> Array:
-    lightness, a, b = np.moveaxis(codes * 65535 / _STEPS - _ZERO, -1, 0)
-    y = (lightness + 16) / 116
-    root = np.stack([y + a / 500, y, y - b / 200], axis=-1)
-    ratio = np.where(root > 6 / 29, root**3, (116 * root - 16) * 27 / 24389)
-    return np.asarray(ratio @ np.linalg.inv(_XYZ_FROM_SRGB / np.array(D50)[:, None]).T)
 
 
 def write_icc(profile: IccProfile, path: Path) -> None:

@@ -34,39 +34,20 @@ class Look:
     multipliers: Array
 
     @property
-    def camera(self) -> str:
-        """The camera's name."""
-        return self.profile.camera
-
-    @property
     def to_srgb(self) -> Array:
         """(3, 3): white-balanced input → linear sRGB, by the matrix of all colours of the style if it has one."""
         models = self.profile.styles[self.style].physical
         return models[0].matrix if models else self.profile.matrix
 
     @property
-    def space(self) -> str:
-        """What the input is in: "raw", or the linear space of the developed pictures."""
-        return self.profile.raw_space
-
-    @property
-    def developer(self) -> str:
-        """The program that developed the pictures, or ""."""
-        return self.profile.developer
-
-    @property
     def title(self) -> str:
         """The look's name, for menus."""
-        return f"{self.camera} {self.style}"
+        return f"{self.profile.camera} {self.style}"
 
     @property
     def file_name(self) -> str:
         """The title as the name of a file, without a suffix."""
         return re.sub(r"[^\w .+-]", "_", self.title)[:120]
-
-    def within(self, space: str) -> Callable[[ArrayLike], Array]:
-        """Give the look as a function of colours encoded in `space`, to colours encoded in the same space."""
-        return self.between(space, space)
 
     def between(self, source: str, target: str) -> Callable[[ArrayLike], Array]:
         """Give the look as a function of colours encoded in `source`, to colours encoded in `target`.
@@ -75,14 +56,15 @@ class Look:
         program's light goes back to camera RGB by one matrix.
         """
         encoded, wanted, srgb = rgb_space(source), rgb_space(target), rgb_space("srgb")
-        to_left = matrix_between(encoded.linear.name, "linear-srgb" if self.space == "raw" else self.space)
-        if self.space == "raw":
-            to_left = np.linalg.inv(self.to_srgb) @ to_left
+        fed = self.profile.raw_space
+        to_fed = matrix_between(encoded.linear.name, "linear-srgb" if fed == "raw" else fed)
+        if fed == "raw":
+            to_fed = np.linalg.inv(self.to_srgb) @ to_fed
         from_srgb = matrix_between("linear-srgb", wanted.linear.name)
 
         def look(x: ArrayLike) -> Array:
-            left = np.clip(encoded.decode(x) @ to_left.T, 0.0, 1.0)
-            light = srgb.decode(np.clip(self.render(left), 0.0, 1.0))
+            camera = np.clip(encoded.decode(x) @ to_fed.T, 0.0, 1.0)
+            light = srgb.decode(np.clip(self.render(camera), 0.0, 1.0))
             return wanted.encode(np.maximum(light @ from_srgb.T, 0.0))
 
         return look

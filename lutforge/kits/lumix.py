@@ -43,12 +43,22 @@ class LumixKit(Kit):
             "names of eight letters only: rename it.",
             f"Menu → Photo Style → REAL TIME LUT → load it, with the base {base or 'V-Log'}.",
         ]
-        if camera is not None:
-            steps.append(
-                "One LUT serves all white balances. Its error, ΔE00, mean and 99 %:"
-                + _errors(camera, base, look, paths)
-            )
-        return steps
+        if camera is None:
+            return steps
+        # What the files, read back, make of colours that the base style shows, against the model.
+        balanced = np.random.default_rng(0).random((20_000, 3)) ** 2  # as many dark colours as light ones
+        rows = []
+        for white_balance in camera.white_balances:
+            setting = f"{base}/{white_balance}"
+            jpeg = np.clip(camera.render_balanced(setting)(balanced), 0.0, 1.0)
+            wanted = over_base(camera, setting, look)(jpeg)
+            figures = []
+            for path in paths:
+                error = delta_e_2000(read_lut(path)(jpeg), wanted)
+                figures.append(f"{path.suffix} {error.mean():.2f}, {np.quantile(error, 0.99):.2f}")
+            rows.append(f" {white_balance}: {'; '.join(figures)}")
+        heading = "One LUT serves all white balances. Its error, ΔE00, mean and 99 %:"
+        return [*steps, f"{heading}{'.'.join(rows)}."]
 
 
 def over_base(camera: CameraProfile, base: str, look: Look) -> Transform:
@@ -57,23 +67,6 @@ def over_base(camera: CameraProfile, base: str, look: Look) -> Transform:
     known = white_balance in look.profile.white_balances
     target = f"{look.style}/{white_balance if known else look.white_balance}"
     return match(camera, base, look.profile, target, neutral_highlights=False)  # the same for all white balances
-
-
-def _errors(camera: CameraProfile, base: str, look: Look, paths: list[Path]) -> str:
-    """What the files, read back, make of colours that the base style shows, against the model."""
-    balanced = np.random.default_rng(0).random((20_000, 3)) ** 2  # as many dark colours as light ones
-    rows = []
-    for white_balance in camera.white_balances:
-        setting = f"{base}/{white_balance}"
-        jpeg = np.clip(camera.render_balanced(setting)(balanced), 0.0, 1.0)
-        wanted = over_base(camera, setting, look)(jpeg)
-        errors = [delta_e_2000(read_lut(path)(jpeg), wanted) for path in paths]
-        figures = (
-            f"{path.suffix} {each.mean():.2f}, {np.quantile(each, 0.99):.2f}"
-            for path, each in zip(paths, errors, strict=True)
-        )
-        rows.append(f" {white_balance}: {'; '.join(figures)}")
-    return ".".join(rows) + "."
 
 
 def lumix_kit(camera: CameraProfile, base: str) -> LumixKit:

@@ -1,22 +1,25 @@
-"""Kits of programs that need no files but profiles and LUTs: a table of what each is fed, and what to do there."""
+"""Kits of programs that need no files but profiles and LUTs: a table of what each is fed, and what to do there.
+
+And that of Blender, which needs a config.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
 from lutforge.kits.icc import VARIANTS, fit_icc_profile, write_icc
-from lutforge.kits.kit import Kit, Look
+from lutforge.kits.kit import Kit, Look, Source, write_script
 from lutforge.luts.bake import bake
 from lutforge.luts.check import verify
+from lutforge.ocio.config import write_config
 
 
 @dataclass(frozen=True)
 class LutFile:
-    """A LUT of a kit. ending: of its name; fed, gives: colour spaces on both sides; size: nodes per axis."""
+    """A LUT of a kit. ending: of its name; space: of the colours on both sides; size: nodes per axis."""
 
     ending: str
-    fed: str
-    gives: str
+    space: str
     size: int | None = None
 
 
@@ -41,8 +44,8 @@ class OtherKit(Kit):
                 for variant in VARIANTS:
                     write_icc(fit_icc_profile(look, variant), folder / f"{look.file_name}{variant}.icc")
             elif isinstance(file, LutFile):
-                path, function = folder / f"{look.file_name}{file.ending}", look.between(file.fed, file.gives)
-                shown = file.gives == "srgb"
+                path, function = folder / f"{look.file_name}{file.ending}", look.between(file.space, file.space)
+                shown = file.space == "srgb"
                 lut = bake(function, path, size=file.size, display_referred=shown, title=look.title)
                 errors[path.name] = verify(path, function, lut, display_referred=shown).mean
         best = min(errors, key=errors.__getitem__, default="")
@@ -93,8 +96,8 @@ OTHER_KITS = (
     OtherKit(
         "resolve", "DaVinci Resolve", "any", "the files in OpenColorIO; Resolve itself was not run",
         (
-            LutFile(" davinci-intermediate.resolve.cube", "davinci-intermediate", "davinci-intermediate", 65),
-            LutFile(" davinci-intermediate.plain.cube", "davinci-intermediate", "davinci-intermediate", 65),
+            LutFile(" davinci-intermediate.resolve.cube", "davinci-intermediate", 65),
+            LutFile(" davinci-intermediate.plain.cube", "davinci-intermediate", 65),
         ),
         (
             "Project settings → Color management: timeline space DaVinci Wide Gamut, gamma DaVinci Intermediate.",
@@ -104,20 +107,39 @@ OTHER_KITS = (
     ),
     OtherKit(
         "nuke", "Nuke", "any", "the CLF in OpenColorIO; Nuke itself was not run",
-        (LutFile(" acescg.clf", "acescg", "acescg"),),
+        (LutFile(" acescg.clf", "acescg"),),
         ('A node OCIOFileTransform with "{} acescg.clf" takes and gives scene-linear ACEScg.',),
     ),
     OtherKit(
-        "ffmpeg", "ffmpeg", "any", "ffmpeg 5.1 (lut3d)", (LutFile(".cube", "srgb", "srgb", 65),),
+        "ffmpeg", "ffmpeg", "any", "ffmpeg 5.1 (lut3d)", (LutFile(".cube", "srgb", 65),),
         ('ffmpeg -i IN.mov -vf "lut3d=file={}.cube:interp=tetrahedral" OUT.mov',),
     ),
     OtherKit(
         "obs", "OBS Studio", "any", "not run; a plain cube, which it reads by its manual",
-        (LutFile(".cube", "srgb", "srgb", 33),),
+        (LutFile(".cube", "srgb", 33),),
         ("Right-click the source → Filters → + → Apply LUT: {}.cube.",),
     ),
     OtherKit(
-        "gimp", "GIMP with G'MIC", "any", "G'MIC 2.9 (command line)", (LutFile(".cube", "srgb", "srgb", 65),),
+        "gimp", "GIMP with G'MIC", "any", "G'MIC 2.9 (command line)", (LutFile(".cube", "srgb", 65),),
         ("Filters → G'MIC → Colors → Apply External CLUT: {}.cube.",),
     ),
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class BlenderKit(Kit):
+    """Blender reads a whole OpenColorIO config, whose views show scene-linear renders as the camera would."""
+
+    program: str = "blender"
+    title: str = "Blender"
+    source: Source = "raw"
+    tried: str = "Blender 3.4.1 (in the background)"
+
+    def write(self, look: Look, folder: Path) -> list[str]:
+        """Write the config and a script that starts Blender with it."""
+        write_config([look.profile], folder / "ocio", version="2.1")
+        write_script(folder / "blender.sh", "blender", 'OCIO="$here/ocio/config.ocio" exec blender "$@"\n')
+        return [
+            "Start Blender by blender.sh, or with the environment variable OCIO set to ocio/config.ocio.",
+            f'Render properties → Color Management: display device "sRGB - Display", view transform "{look.title}".',
+        ]

@@ -58,7 +58,13 @@ class RawTherapeeKit(Kit):
         for variant in VARIANTS:
             write_icc(fit_icc_profile(look, variant), folder / f"{name}{variant}.icc")
         for preset, camera_profile in presets.items():
-            (folder / f"{preset}.pp3").write_text(_processing_profile(camera_profile), encoding="utf-8")
+            sections = {section: dict(values) for section, values in NEUTRAL.items()}
+            sections["Color Management"]["InputProfile"] = f"file:{camera_profile}"
+            blocks = [
+                "\n".join([f"[{section}]", *(f"{key}={value}" for key, value in values.items())])
+                for section, values in sections.items()
+            ]
+            (folder / f"{preset}.pp3").write_text("\n\n".join(blocks) + "\n", encoding="utf-8")
         return [
             f"Open a RAW photograph, and load {name}.pp3 as its processing profile: it chooses the .dcp beside it in "
             "Color → Color Management → Input Profile → Custom, and makes everything else neutral. White balance and "
@@ -81,13 +87,3 @@ class RawTherapeeKit(Kit):
                 '[ -s "$picture" ] || refuse "RawTherapee made no picture of it" "$work/log"\n'
             ),
         )
-
-
-def _processing_profile(camera_profile: str) -> str:
-    """A processing profile (.pp3) that takes the camera profile beside it."""
-    sections = {name: dict(values) for name, values in NEUTRAL.items()}
-    sections["Color Management"]["InputProfile"] = f"file:{camera_profile}"
-    blocks = (
-        "\n".join([f"[{name}]", *(f"{key}={value}" for key, value in rows.items())]) for name, rows in sections.items()
-    )
-    return "\n\n".join(blocks) + "\n"

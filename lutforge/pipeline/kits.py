@@ -15,11 +15,10 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.development import Development, run_command
 from lutforge.images.read import read_image
-from lutforge.kits.blender import BlenderKit
 from lutforge.kits.darktable import DarktableKit
 from lutforge.kits.kit import Kit, Look, look_of, write_develop_script
 from lutforge.kits.lumix import LumixKit, lumix_kit
-from lutforge.kits.others import OTHER_KITS
+from lutforge.kits.others import OTHER_KITS, BlenderKit
 from lutforge.kits.rawtherapee import RawTherapeeKit
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import check_output, one_of
@@ -207,10 +206,10 @@ def _manifest(folder: Path) -> dict[str, list[str]]:
 def _readme(kit: Kit, looks: Sequence[Look], steps: Sequence[Sequence[str]], files: Sequence[str]) -> str:
     """One page: what it is, what to do, what it was tried with."""
     look = looks[0]
-    made = f"pictures that {look.developer} developed" if look.developer else "RAW files"
+    made = f"pictures that {look.profile.developer} developed" if look.profile.developer else "RAW files"
     styles = ", ".join(each.style for each in looks)
     lines = [
-        f"# {look.camera}, {'styles' if len(looks) > 1 else 'style'} {styles}: for {kit.title}",
+        f"# {look.profile.camera}, {'styles' if len(looks) > 1 else 'style'} {styles}: for {kit.title}",
         "",
         f"The camera's own JPEG look, calibrated on pairs of {made} and the camera's JPEGs by LutForge.",
         "",
@@ -226,14 +225,14 @@ def _readme(kit: Kit, looks: Sequence[Look], steps: Sequence[Sequence[str]], fil
 
 def _require_source(kit: Kit, look: Look) -> None:
     """Raise SettingsError, with the command that helps, where a profile's pairs are not what a kit can be made from."""
-    if kit.source == "raw" and look.space != "raw":
+    if kit.source == "raw" and look.profile.raw_space != "raw":
         raise SettingsError(
-            f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.developer}: "
+            f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.profile.developer}: "
             "lutforge calibrate SHOT… -o camera.npz"
         )
-    if look.space != "raw" and look.white_balance.lower() not in look.profile.white_balances:
+    if look.profile.raw_space != "raw" and look.white_balance.lower() not in look.profile.white_balances:
         own = ", ".join(f"{look.style}/{name}" for name in look.profile.white_balances)
         raise SettingsError(
-            f"the profile is of {look.developer}, whose white balance is in it already: instead of "
+            f"the profile is of {look.profile.developer}, whose white balance is in it already: instead of "
             f"{look.white_balance} name one of its own, {own}"
         )
