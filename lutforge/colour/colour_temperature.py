@@ -24,9 +24,20 @@ def locus(kelvin: float) -> Array:
     It is Planck's up to 3500 K, daylight from 4000 K where its locus begins, mixed in between. Closed forms: M. Krystek
     (1985) and CIE 15:2018, equations 4.6 and 4.7.
     """
-    share = float(np.clip((kelvin - 3500.0) / 500.0, 0.0, 1.0))
-    planck = _planck(kelvin) if share < 1 else np.zeros(2)
-    return np.asarray((1 - share) * planck + (share * _daylight(kelvin) if share > 0 else 0.0))
+    t, share = kelvin, float(np.clip((kelvin - 3500.0) / 500.0, 0.0, 1.0))
+    planck = daylight = np.zeros(2)
+    if share < 1:
+        u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (1 + 8.42420235e-4 * t + 7.08145163e-7 * t**2)
+        v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t**2) / (1 - 2.89741816e-5 * t + 1.61456053e-7 * t**2)
+        planck = np.array([u, v])
+    if share > 0:
+        if t <= 7000.0:
+            x = -4.6070e9 / t**3 + 2.9678e6 / t**2 + 0.09911e3 / t + 0.244063
+        else:
+            x = -2.0064e9 / t**3 + 1.9018e6 / t**2 + 0.24748e3 / t + 0.237040
+        y = -3.000 * x**2 + 2.870 * x - 0.275
+        daylight = np.array([4 * x, 6 * y]) / (-2 * x + 12 * y + 3)
+    return np.asarray((1 - share) * planck + share * daylight)
 
 
 def white(kelvin: float, tint: float = 0.0) -> Array:
@@ -81,18 +92,3 @@ def _xyz(uv: Array) -> Array:
     u, v = uv
     x, y = 3 * u / (2 * u - 8 * v + 4), 2 * v / (2 * u - 8 * v + 4)
     return np.array([x / y, 1.0, (1 - x - y) / y])
-
-
-def _planck(t: float) -> Array:
-    u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (1 + 8.42420235e-4 * t + 7.08145163e-7 * t**2)
-    v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t**2) / (1 - 2.89741816e-5 * t + 1.61456053e-7 * t**2)
-    return np.array([u, v])
-
-
-def _daylight(t: float) -> Array:
-    if t <= 7000.0:
-        x = -4.6070e9 / t**3 + 2.9678e6 / t**2 + 0.09911e3 / t + 0.244063
-    else:
-        x = -2.0064e9 / t**3 + 1.9018e6 / t**2 + 0.24748e3 / t + 0.237040
-    y = -3.000 * x**2 + 2.870 * x - 0.275
-    return np.array([4 * x, 6 * y]) / (-2 * x + 12 * y + 3)

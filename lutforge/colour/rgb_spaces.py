@@ -1,9 +1,8 @@
 """RGB colour spaces by their usual names: primaries with a transfer function or none.
 
-Matrices
-are derived from the chromaticities, as OpenColorIO's are, and adapt to the white by Bradford's transform (ICC.1:2022,
-annex E). Linear values are relative to the space's white: 1 is diffuse white, 0.18 mid grey. Of Adobe RGB (1998) there
-is an ICC profile, too: cameras tell it in EXIF tags alone, which programs that write files lose.
+Matrices are derived from the chromaticities, as OpenColorIO's are, and adapt to the white by Bradford's transform
+(ICC.1:2022, annex E). Linear values are relative to the space's white: 1 is diffuse white, 0.18 mid grey. Of Adobe RGB
+(1998) there is an ICC profile, too: cameras tell it in EXIF tags alone, which programs that write files lose.
 """
 
 import struct
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
-from lutforge.colour.chromaticities import xyz_matrix
+from lutforge.colour.chromaticities import CHROMATICITIES, xyz_matrix
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import SettingsError, alternatives
 
@@ -29,7 +28,7 @@ D50 = (0.9642, 1.0, 0.8249)
 
 @dataclass(frozen=True)
 class RgbSpace:
-    """An RGB space. primaries: a name in CHROMATICITIES; transfer: one in TRANSFER_FUNCTIONS, "" where linear."""
+    """An RGB space. primaries: the linear space of the same; transfer: one of TRANSFER_FUNCTIONS, "" where linear."""
 
     name: str
     primaries: str
@@ -43,76 +42,49 @@ class RgbSpace:
     @property
     def linear(self) -> "RgbSpace":
         """The linear space of the same primaries."""
-        return next(space for space in SPACES.values() if space.is_linear and space.primaries == self.primaries)
+        return SPACES[self.primaries]
 
     def encode(self, linear: ArrayLike) -> Array:
         """Linear values (…,) → encoded ones."""
-        x = np.asarray(linear, dtype=np.float64)
-        if self.is_linear:
-            return x
-        return TRANSFER_FUNCTIONS[self.transfer].encode(x)
+        return TRANSFER_FUNCTIONS[self.transfer].encode(np.asarray(linear, dtype=np.float64))
 
     def decode(self, encoded: ArrayLike) -> Array:
         """Encoded values (…,) → linear ones: the inverse of `encode`."""
-        y = np.asarray(encoded, dtype=np.float64)
-        if self.is_linear:
-            return y
-        return TRANSFER_FUNCTIONS[self.transfer].decode(y)
+        return TRANSFER_FUNCTIONS[self.transfer].decode(np.asarray(encoded, dtype=np.float64))
 
 
 SPACES: dict[str, RgbSpace] = {
     space.name: space
     for space in (
-        RgbSpace("linear-srgb", "sRGB"),
-        RgbSpace("linear-p3", "P3-D65"),
-        RgbSpace("linear-rec2020", "ITU-R BT.2020"),
-        RgbSpace("linear-adobe-rgb", "Adobe RGB (1998)"),
-        RgbSpace("linear-prophoto", "ProPhoto RGB"),
-        RgbSpace("linear-awg3", "ARRI Wide Gamut 3"),
-        RgbSpace("linear-awg4", "ARRI Wide Gamut 4"),
-        RgbSpace("linear-sgamut", "S-Gamut"),
-        RgbSpace("linear-sgamut3", "S-Gamut3"),
-        RgbSpace("linear-sgamut3-cine", "S-Gamut3.Cine"),
-        RgbSpace("linear-vgamut", "V-Gamut"),
-        RgbSpace("linear-cinema-gamut", "Cinema Gamut"),
-        RgbSpace("linear-fgamut", "F-Gamut"),
-        RgbSpace("linear-fgamut-c", "F-Gamut C"),
-        RgbSpace("linear-ngamut", "N-Gamut"),
-        RgbSpace("linear-dgamut", "DJI D-Gamut"),
-        RgbSpace("linear-davinci-wide-gamut", "DaVinci Wide Gamut"),
-        RgbSpace("linear-blackmagic-wide-gamut", "Blackmagic Wide Gamut"),
-        RgbSpace("linear-redwidegamut", "REDWideGamutRGB"),
-        RgbSpace("linear-apple-wide-gamut", "Apple Wide Gamut"),
-        RgbSpace("acescg", "ACEScg"),
-        RgbSpace("aces2065-1", "ACES2065-1"),
-        RgbSpace("srgb", "sRGB", "sRGB"),
-        RgbSpace("display-p3", "P3-D65", "sRGB"),
-        RgbSpace("rec2020-srgb", "ITU-R BT.2020", "sRGB"),
-        RgbSpace("adobe-rgb", "Adobe RGB (1998)", "Adobe RGB (1998)"),
-        RgbSpace("prophoto", "ProPhoto RGB", "ROMM RGB"),
-        RgbSpace("acescc", "ACEScg", "ACEScc"),
-        RgbSpace("acescct", "ACEScg", "ACEScct"),
-        RgbSpace("logc3", "ARRI Wide Gamut 3", "ARRI LogC3"),
-        RgbSpace("logc4", "ARRI Wide Gamut 4", "ARRI LogC4"),
-        RgbSpace("s-log2", "S-Gamut", "S-Log2"),
-        RgbSpace("slog3", "S-Gamut3", "S-Log3"),
-        RgbSpace("slog3-cine", "S-Gamut3.Cine", "S-Log3"),
-        RgbSpace("vlog", "V-Gamut", "V-Log"),
-        RgbSpace("clog2", "Cinema Gamut", "Canon Log 2"),
-        RgbSpace("clog3", "Cinema Gamut", "Canon Log 3"),
-        RgbSpace("flog", "F-Gamut", "F-Log"),
-        RgbSpace("flog2", "F-Gamut", "F-Log2"),
-        RgbSpace("f-log2-c", "F-Gamut C", "F-Log2"),
-        RgbSpace("l-log", "ITU-R BT.2020", "L-Log"),
-        RgbSpace("nlog", "N-Gamut", "N-Log"),
-        RgbSpace("dlog", "DJI D-Gamut", "D-Log"),
-        RgbSpace("davinci-intermediate", "DaVinci Wide Gamut", "DaVinci Intermediate"),
-        RgbSpace("blackmagic-film-gen5", "Blackmagic Wide Gamut", "Blackmagic Film Generation 5"),
-        RgbSpace("redlog3g10", "REDWideGamutRGB", "Log3G10"),
-        RgbSpace("applelog", "ITU-R BT.2020", "Apple Log"),
-        RgbSpace("apple-log-2", "Apple Wide Gamut", "Apple Log"),
-        RgbSpace("rec2100-pq", "ITU-R BT.2020", "PQ"),
-        RgbSpace("rec2100-hlg", "ITU-R BT.2020", "HLG"),
+        *(RgbSpace(name, name) for name in CHROMATICITIES),
+        RgbSpace("srgb", "linear-srgb", "sRGB"),
+        RgbSpace("display-p3", "linear-p3", "sRGB"),
+        RgbSpace("rec2020-srgb", "linear-rec2020", "sRGB"),
+        RgbSpace("adobe-rgb", "linear-adobe-rgb", "Adobe RGB (1998)"),
+        RgbSpace("prophoto", "linear-prophoto", "ROMM RGB"),
+        RgbSpace("acescc", "acescg", "ACEScc"),
+        RgbSpace("acescct", "acescg", "ACEScct"),
+        RgbSpace("logc3", "linear-awg3", "ARRI LogC3"),
+        RgbSpace("logc4", "linear-awg4", "ARRI LogC4"),
+        RgbSpace("s-log2", "linear-sgamut", "S-Log2"),
+        RgbSpace("slog3", "linear-sgamut3", "S-Log3"),
+        RgbSpace("slog3-cine", "linear-sgamut3-cine", "S-Log3"),
+        RgbSpace("vlog", "linear-vgamut", "V-Log"),
+        RgbSpace("clog2", "linear-cinema-gamut", "Canon Log 2"),
+        RgbSpace("clog3", "linear-cinema-gamut", "Canon Log 3"),
+        RgbSpace("flog", "linear-fgamut", "F-Log"),
+        RgbSpace("flog2", "linear-fgamut", "F-Log2"),
+        RgbSpace("f-log2-c", "linear-fgamut-c", "F-Log2"),
+        RgbSpace("l-log", "linear-rec2020", "L-Log"),
+        RgbSpace("nlog", "linear-ngamut", "N-Log"),
+        RgbSpace("dlog", "linear-dgamut", "D-Log"),
+        RgbSpace("davinci-intermediate", "linear-davinci-wide-gamut", "DaVinci Intermediate"),
+        RgbSpace("blackmagic-film-gen5", "linear-blackmagic-wide-gamut", "Blackmagic Film Generation 5"),
+        RgbSpace("redlog3g10", "linear-redwidegamut", "Log3G10"),
+        RgbSpace("applelog", "linear-rec2020", "Apple Log"),
+        RgbSpace("apple-log-2", "linear-apple-wide-gamut", "Apple Log"),
+        RgbSpace("rec2100-pq", "linear-rec2020", "PQ"),
+        RgbSpace("rec2100-hlg", "linear-rec2020", "HLG"),
     )
 }
 """The spaces that `--space` takes, by name."""
@@ -320,11 +292,6 @@ def _n_log() -> TransferFunction:
     )
 
 
-def _log3g10() -> TransferFunction:
-    """Log3G10, version 3 (RED, White Paper on REDWideGamutRGB and Log3G10, 915-0187 Rev-C)."""
-    return _log(-0.01, 15.1927, 15.1927 * 0.01, 0.224282, 155.975327, 155.975327 * 0.01 + 1.0, 0.0)
-
-
 def _hlg() -> TransferFunction:
     """HLG as cameras encode the scene (ITU-R BT.2100-2, table 5); diffuse white is 75 % (BT.2408-7, table 1)."""
     a = 0.17883277
@@ -358,6 +325,7 @@ def _pq() -> TransferFunction:
 
 
 TRANSFER_FUNCTIONS = {
+    "": TransferFunction(lambda x: x, lambda y: y),
     "sRGB": _mirrored(srgb_encode, srgb_decode),
     # Adobe RGB (1998) Color Image Encoding, section 4.3.4.2
     "Adobe RGB (1998)": _mirrored(lambda x: x ** (256.0 / 563.0), lambda y: y ** (563.0 / 256.0)),
@@ -407,7 +375,8 @@ TRANSFER_FUNCTIONS = {
         0.005, 8.283605932402494, 0.09246575342465753,
         0.08692876065491224 * log(10.0), 1.0, 0.005494072432257808, 0.5300133392291939,
     ),
-    "Log3G10": _log3g10(),
+    # RED, White Paper on REDWideGamutRGB and Log3G10, 915-0187 Rev-C: version 3
+    "Log3G10": _log(-0.01, 15.1927, 15.1927 * 0.01, 0.224282, 155.975327, 155.975327 * 0.01 + 1.0, 0.0),
     "Apple Log": _apple_log(),
 }  # fmt: skip
 """The transfer functions, by the names that their makers give them."""

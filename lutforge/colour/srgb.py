@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array
 from lutforge.colour.chromaticities import xyz_matrix
 
-SRGB_TO_XYZ = xyz_matrix("sRGB")
+SRGB_TO_XYZ = xyz_matrix("linear-srgb")
 """(3, 3): linear sRGB → XYZ, as derived from its chromaticities; the standard rounds it to four digits."""
 D65 = SRGB_TO_XYZ.sum(axis=1)
 """XYZ of sRGB's white."""

@@ -76,12 +76,6 @@ def opencolorios(style: str, values: Array) -> Array:
     return pixels.astype(np.float64)
 
 
-@pytest.mark.parametrize("name", SPACES)
-def test_every_space_has_a_linear_one_of_the_same_primaries(name: str) -> None:
-    linear = rgb_space(name).linear
-    assert linear.is_linear and linear.primaries == rgb_space(name).primaries
-
-
 def test_matrices_take_white_to_white_and_back() -> None:
     for name in SPACES:
         there, back = matrix_between("linear-srgb", name), matrix_between(name, "linear-srgb")
@@ -89,11 +83,24 @@ def test_matrices_take_white_to_white_and_back() -> None:
         assert np.abs(there @ back - np.eye(3)).max() < 1e-12
 
 
-@pytest.mark.parametrize("name", [name for name, space in SPACES.items() if space.primaries in colour.RGB_COLOURSPACES])
+SPELT = {
+    "linear-p3": "P3-D65", "linear-rec2020": "ITU-R BT.2020", "linear-awg3": "ARRI Wide Gamut 3",
+    "linear-awg4": "ARRI Wide Gamut 4",
+}  # fmt: skip
+
+
+def letters(name: str) -> str:
+    """A name without what LutForge and colour-science spell in different ways."""
+    return "".join(sign for sign in SPELT.get(name, name).removeprefix("linear-").lower() if sign.isalnum())
+
+
+@pytest.mark.parametrize(
+    "name", sorted(set(CHROMATICITIES) - {"linear-fgamut-c", "linear-apple-wide-gamut"})
+)  # not in there
 def test_matrices_are_those_of_colour_sciences_chromaticities(name: str) -> None:
-    first, second = (colour.RGB_COLOURSPACES[rgb_space(each).primaries].copy() for each in ("linear-srgb", name))
-    known = CHROMATICITIES[second.name]
-    assert np.array_equal(known, [*second.primaries, second.whitepoint])
+    theirs = min((each for each in colour.RGB_COLOURSPACES if letters(name) in letters(each)), key=len)
+    first, second = (colour.RGB_COLOURSPACES[each].copy() for each in ("sRGB", theirs))
+    assert np.array_equal(CHROMATICITIES[name], [*second.primaries, second.whitepoint])
     for space in (first, second):
         space.use_derived_transformation_matrices(True)
     wanted = colour.matrix_RGB_to_RGB(first, second, chromatic_adaptation_transform="Bradford")
