@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.check import verify
@@ -61,11 +60,21 @@ def test_clf_holds_gain_and_matrix_exactly(tmp_path: Path, gain: tuple[float, fl
     assert verify(lut.write(tmp_path / "a.clf"), lut, lut, display_referred=False).max < 1e-5
 
 
-@pytest.mark.parametrize("name", ["a.clf", "a.ctf", "a.cube", "a.csp"])
+@pytest.mark.parametrize("name", ["a.clf", "a.ctf", "a.resolve.cube", "a.csp", "a.cube", "a.png", "a.tif", "a.3dl"])
 def test_what_is_written_is_read_back(tmp_path: Path, name: str) -> None:
-    lut = worst_case(size=5)
-    x = np.random.default_rng(0).random((500, 3))
-    np.testing.assert_allclose(read_lut(lut.write(tmp_path / name))(x), lut(x), atol=1e-5)
+    bits = 12 if name == "a.3dl" else 16
+    if name in ("a.cube", "a.png", "a.tif", "a.3dl"):
+        size = 4 if bits == 16 else 17
+        lut = Lut((Cube(grid(uniform_levels(size)) ** 0.7, "trilinear"),), title="t")
+    else:
+        lut = worst_case(size=5)
+    read, x = read_lut(lut.write(tmp_path / name)), np.random.default_rng(0).random((500, 3))
+    if read.cube is not None and read.cube.interpolation != lut.interpolation:  # the file names none
+        read = replace(read, ops=(*read.ops[:-1], replace(read.cube, interpolation=lut.interpolation)))
+    np.testing.assert_allclose(read(x), lut(x), atol=1e-5 if bits == 16 else 0.5 / 4095 + 1e-9)
+    if name in ("a.cube", "a.png", "a.tif"):
+        assert read.title == "t"
+    assert bits == 16 or read.metadata["bits"] == "12"
 
 
 @pytest.mark.parametrize("name", ["a.cube", "a.csp", "a.spi1d", "a.3dl", "a.png"])
@@ -85,9 +94,6 @@ def test_a_shaper_is_refused_where_only_a_cube_is_held(tmp_path: Path) -> None:
         lut.write(tmp_path / "a.3dl")
     with pytest.raises(LutError, match="choose a size"):
         Lut((Cube(grid(uniform_levels(18))),)).write(tmp_path / "a.3dl")
-
-
-def test_too_many_nodes_for_a_file(tmp_path: Path) -> None:
     with pytest.raises(LutError, match="129"):
         Lut((Cube(np.zeros((130, 130, 130, 3))),)).write(tmp_path / "a.cube")
 
@@ -149,20 +155,6 @@ def test_writing_again_is_seen_by_verify(tmp_path: Path) -> None:
     assert verify(path, lut, lut, display_referred=False).max > 0.5
 
 
-def test_delta_e_2000_of_published_pairs() -> None:
-    """Grey steps of sRGB: L* from CIE 15; CIEDE2000 of neutrals is ΔL* / S_L (Sharma et al. 2005)."""
-    a, b = np.full((1, 3), 0.5), np.full((1, 3), 0.52)
-
-    def lightness(v: float) -> float:
-        y = ((v + 0.055) / 1.055) ** 2.4
-        return float(116 * np.cbrt(y) - 16)
-
-    l1, l2 = lightness(0.5), lightness(0.52)
-    mean = (l1 + l2) / 2
-    s_l = 1 + 0.015 * (mean - 50) ** 2 / np.sqrt(20 + (mean - 50) ** 2)
-    assert delta_e_2000(a, b)[0] == pytest.approx((l2 - l1) / s_l, abs=2e-3)
-
-
 def test_verify_reports_a_known_difference(tmp_path: Path) -> None:
     error = verify(IDENTITY.write(tmp_path / "a.cube"), lambda x: np.asarray(x) + 0.01)
     assert error.max == pytest.approx(0.01 * np.sqrt(3), rel=1e-4)
@@ -180,26 +172,6 @@ def test_clear_refusals(tmp_path: Path) -> None:
     with pytest.raises(LutError, match="2 to 64"):
         bake(IDENTITY, tmp_path / "a.cube", program="aftereffects", size=65)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_unreadable_luts_are_one_line(tmp_path: Path) -> None:
-    (tmp_path / "empty.cube").touch()
-    (tmp_path / "text.cube").write_text("hello\n")
-    (tmp_path / "cut.clf").write_text("<ProcessList id='x'><LUT1D>")
-    (tmp_path / "lut.unknown").write_text("1 2 3\n")
-    (tmp_path / "titled.cube").write_text('TITLE "x"\nLUT_1D_SIZE 2\nLUT_3D_SIZE 2\n0 0 0\n1 1 1\n' + "0 0 0\n" * 8)
-    for name, words in [
-        ("none.cube", "no such file"),
-        (".", "folder|not a LUT"),
-        ("empty.cube", "empty"),
-        ("text.cube", "cannot read it"),
-        ("cut.clf", "cannot read it"),
-        ("lut.unknown", "not a .unknown file that OpenColorIO can read"),
-        ("titled.cube", "neither TITLE nor DOMAIN"),
-    ]:
-        with pytest.raises(LutError, match=words) as caught:
-            file_processor(tmp_path / name)
-        assert "\n" not in str(caught.value)
 
 
 def test_paths_with_variables_of_opencolorio(tmp_path: Path) -> None:
