@@ -1,5 +1,6 @@
 """An OpenColorIO config whose colour spaces, views and looks are cameras."""
 
+import shutil
 import zipfile
 from collections.abc import Mapping, Sequence
 from itertools import count
@@ -111,8 +112,10 @@ def write_config(
         cameras, parts = _plan(profiles, base)
         texts, errors = _all_baked(parts, inverse, progress)
         config = _assembled(cameras, parts, base, version, errors)
-        if base is not None:
-            base.copy_files(target)
+        if base is not None and base.folder is not None:
+            for file in base.files:
+                (target / file).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(base.folder / file, target / file)
     for old in (target / LUT_FOLDER).glob("*.clf") if replace and base is None else ():
         if old.name not in texts:
             old.unlink()
@@ -170,8 +173,9 @@ def _plan(
     profiles: Sequence[CameraProfile | str | Path], base: BaseConfig | None
 ) -> tuple[tuple[Camera, ...], tuple[Rendering, ...]]:
     """Name the cameras and list their renderings, without clashes with a base config and its files."""
-    cameras = name_cameras(profiles, base.names if base is not None else config_names(base_config(DEFAULT_VERSION)))
-    return cameras, renderings(cameras, base.file_stems if base is not None else ())
+    cameras = name_cameras(profiles, config_names(base_config(DEFAULT_VERSION) if base is None else base.config))
+    stems = [] if base is None else [file.stem.lower() for file in base.files]
+    return cameras, renderings(cameras, [stem.removesuffix("_render").removesuffix("_linearize") for stem in stems])
 
 
 def _assembled(

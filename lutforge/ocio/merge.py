@@ -26,7 +26,6 @@ from lutforge.ocio.base_config import (
     REFERENCE,
     UN_TONE_MAPPED,
 )
-from lutforge.ocio.cameras import config_names
 from lutforge.ocio.check import file_names, read_named
 from lutforge.ocio.spaces import put_first
 
@@ -47,11 +46,6 @@ class BaseConfig:
     def version(self) -> str:
         """Its profile version."""
         return f"{self.config.getMajorVersion()}.{self.config.getMinorVersion()}"
-
-    @property
-    def names(self) -> set[str]:
-        """Names that a colour space may not take."""
-        return config_names(self.config)
 
     @property
     def views(self) -> set[str]:
@@ -80,19 +74,6 @@ class BaseConfig:
             found |= {path for path in files if path.suffix.lower() in LUT_SUFFIXES and path.is_file()}
         return sorted(path.relative_to(self.folder) for path in found)
 
-    @property
-    def file_stems(self) -> set[str]:
-        """Stems that files of cameras may not have."""
-        return {file.stem.lower().removesuffix("_render").removesuffix("_linearize") for file in self.files}
-
-    def copy_files(self, target: Path) -> None:
-        """Its LUT files into another folder, under the same relative names."""
-        for file in self.files:
-            assert self.folder is not None
-            place = target / file
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(self.folder / file, place)
-
 
 @contextmanager
 def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
@@ -105,7 +86,7 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
         return
     label = str(source)
     if label.startswith(BUILTIN) or label in _builtin_names():
-        yield _checked(BaseConfig(_read(f"{BUILTIN}{label.removeprefix(BUILTIN)}", label), label, None))
+        yield _read(f"{BUILTIN}{label.removeprefix(BUILTIN)}", label, None)
         return
     path = Path(source)
     if not path.is_file():
@@ -113,14 +94,14 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
             f"{path}: no such config; name a .ocio or .ocioz file, or one of {', '.join(_builtin_names())}"
         )
     if not zipfile.is_zipfile(path):
-        yield _checked(BaseConfig(_read(str(path), label), label, path.absolute().parent))
+        yield _read(str(path), label, path.absolute().parent)
         return
     with scratch_folder() as folder:
         _unpack(path, folder)
         inside = folder / "config.ocio"
         if not inside.is_file():
             raise ConfigError(f"{path}: not an OpenColorIO archive, there is no config.ocio in it")
-        yield _checked(BaseConfig(_read(str(inside), label), label, folder))
+        yield _read(str(inside), label, folder)
 
 
 def merged(
@@ -192,22 +173,11 @@ def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
     cameras.setFileRules(OCIO.FileRules())
 
 
-def _checked(base: BaseConfig) -> BaseConfig:
-    if base.config.getMajorVersion() < 2:
-        raise ConfigError(f"{base.label}: is of OpenColorIO 1; bring it to profile version 2 first")
-    if not base.config.hasRole(OCIO.ROLE_INTERCHANGE_SCENE):
-        raise ConfigError(
-            f"{base.label}: has no role {OCIO.ROLE_INTERCHANGE_SCENE}, so nobody knows what its reference is; give "
-            "that role to its ACES2065-1 first"
-        )
-    return base
-
-
 def _builtin_names() -> list[str]:
     return [entry[0] for entry in OCIO.BuiltinConfigRegistry().getBuiltinConfigs()]
 
 
-def _read(source: str, label: str) -> OCIO.Config:
+def _read(source: str, label: str, folder: Path | None) -> BaseConfig:
     """A config of a stranger, whose files are read in a process of their own first."""
     try:
         config = OCIO.Config.CreateFromFile(source)
@@ -220,7 +190,14 @@ def _read(source: str, label: str) -> OCIO.Config:
             raise ConfigError(f"{label}: {name}: {error}") from error
         except LutForgeError:
             continue  # the check of the whole tells what is wrong with it, and where
-    return config
+    if config.getMajorVersion() < 2:
+        raise ConfigError(f"{label}: is of OpenColorIO 1; bring it to profile version 2 first")
+    if not config.hasRole(OCIO.ROLE_INTERCHANGE_SCENE):
+        raise ConfigError(
+            f"{label}: has no role {OCIO.ROLE_INTERCHANGE_SCENE}, so nobody knows what its reference is; give that "
+            "role to its ACES2065-1 first"
+        )
+    return BaseConfig(config, label, folder)
 
 
 def _unpack(path: Path, folder: Path) -> None:
