@@ -51,8 +51,6 @@ def bake(
     path: Path | None = None,
     *,
     size: int | None = None,
-    form: Form = "full",
-    tolerance: float | None = None,
     interpolation: Interpolation | None = None,
     display_referred: bool = True,
     title: str = "",
@@ -61,10 +59,11 @@ def bake(
 
     path: a file to be written, too, which then says the form.
     """
-    target = Target(form, size, interpolation)
-    if path is not None:
+    if path is None:
+        target = Target(size=size, interpolation=interpolation)
+    else:
         target = target_of(path, None, size, interpolation, takes_scenes(transform))
-    lut = bake_forms(transform, [target], tolerance=tolerance, display_referred=display_referred, title=title)[0]
+    (lut,) = bake_forms(transform, [target], display_referred=display_referred, title=title)
     if path is not None:
         lut.write(path)
     return lut

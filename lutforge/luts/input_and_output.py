@@ -29,12 +29,12 @@ class InputAndOutput:
     @property
     def takes_linear(self) -> bool:
         """True where the input is linear light."""
-        return _is_linear(self.input)
+        return self.input == RAW or self.input.startswith("scene-linear")
 
     @property
     def gives_linear(self) -> bool:
         """True where the output is linear light."""
-        return _is_linear(self.output)
+        return self.output == RAW or self.output.startswith("scene-linear")
 
     @property
     def comments(self) -> tuple[str, ...]:
@@ -43,10 +43,6 @@ class InputAndOutput:
         if self.gives_linear:
             advice.append("keep its output in half or float files, 8 bits would show bands")
         return f"input: {self.input}", f"output: {self.output}", *([f"use: {'; '.join(advice)}"] if advice else [])
-
-
-def _is_linear(end: str) -> bool:
-    return end == RAW or end.startswith("scene-linear")
 
 
 def input_and_output_of(kind: str, space: str, encoded: str = ENCODED) -> InputAndOutput:
@@ -61,5 +57,5 @@ def input_and_output_of(kind: str, space: str, encoded: str = ENCODED) -> InputA
 
 def read_input_and_output(comments: Iterable[str]) -> InputAndOutput | None:
     """What the comments of a LUT file say; None where they do not."""
-    found = dict(comment.split(": ", 1) for comment in comments if ": " in comment)
-    return InputAndOutput(found["input"], found["output"]) if {"input", "output"} <= found.keys() else None
+    stated = dict(comment.split(": ", 1) for comment in comments if ": " in comment)
+    return InputAndOutput(stated["input"], stated["output"]) if {"input", "output"} <= stated.keys() else None

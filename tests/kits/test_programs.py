@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import LutForgeError
 from lutforge.images.read import read_image
 from lutforge.kits.darktable import NEUTRAL
@@ -17,17 +16,10 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.kits import check_kit, write_kit
 from lutforge.pipeline.sampling import gather_samples
-from lutforge.samples.sample_set import SampleSet
 
 pytestmark = pytest.mark.slow
 
 PROGRAMS = {"darktable": "darktable-cli", "rawtherapee": "rawtherapee-cli"}
-
-
-@pytest.fixture(scope="module")
-def raw_profile(s40_samples: SampleSet) -> CameraProfile:
-    """Calibrated from RAW files."""
-    return calibrate(s40_samples, CalibrationOptions(size=17))
 
 
 def need(program: str) -> None:
@@ -48,11 +40,11 @@ def test_a_camera_profile_in_its_program(program: str, shared_data: Path, tmp_pa
 
 
 @pytest.mark.parametrize("program", sorted(PROGRAMS))
-def test_what_a_program_cannot_read_is_one_line(program: str, raw_profile: CameraProfile, tmp_path: Path) -> None:
+def test_what_a_program_cannot_read_is_one_line(program: str, profile: CameraProfile, tmp_path: Path) -> None:
     need(PROGRAMS[program])
     broken = tmp_path / "broken.CRW"
     broken.write_bytes(b"no camera wrote this" * 100)
-    kit = write_kit(raw_profile, "standard/auto", tmp_path / "kit", program)
+    kit = write_kit(profile, "standard/auto", tmp_path / "kit", program)
     with pytest.raises(LutForgeError) as raised:
         check_kit(kit, [broken])
     assert len(str(raised.value).splitlines()) == 1
@@ -62,11 +54,11 @@ def test_what_a_program_cannot_read_is_one_line(program: str, raw_profile: Camer
 
 @pytest.mark.parametrize("program", sorted(PROGRAMS))
 def test_a_kit_with_a_damaged_profile_is_one_line(
-    program: str, raw_profile: CameraProfile, shared_data: Path, tmp_path: Path
+    program: str, profile: CameraProfile, shared_data: Path, tmp_path: Path
 ) -> None:
     """The programs show their own colours with it, without a word."""
     need(PROGRAMS[program])
-    kit = write_kit(raw_profile, "standard/auto", tmp_path / "kit", program)
+    kit = write_kit(profile, "standard/auto", tmp_path / "kit", program)
     damaged = next(kit.glob("*standard.dcp" if program == "rawtherapee" else "*standard.icc"))
     whole, output = damaged.read_bytes(), tmp_path / "out.tif"
     raw = str(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
@@ -84,11 +76,11 @@ def test_a_kit_with_a_damaged_profile_is_one_line(
 
 
 def test_a_darktable_that_cannot_use_the_kit_is_one_line(
-    raw_profile: CameraProfile, shared_data: Path, tmp_path: Path
+    profile: CameraProfile, shared_data: Path, tmp_path: Path
 ) -> None:
     """Parameters that this darktable does not know: it would show its own colours."""
     need("darktable-cli")
-    kit = write_kit(raw_profile, "standard/auto", tmp_path / "kit", "darktable")
+    kit = write_kit(profile, "standard/auto", tmp_path / "kit", "darktable")
     for sidecar in kit.glob("*.xmp"):
         sidecar.write_text(sidecar.read_text(encoding="utf-8").replace('modversion="7"', 'modversion="99"'))
     raw = str(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
@@ -99,10 +91,10 @@ def test_a_darktable_that_cannot_use_the_kit_is_one_line(
     assert not (tmp_path / "out.tif").exists()
 
 
-def test_the_style_is_the_sidecar(raw_profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
+def test_the_style_is_the_sidecar(profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
     """Imported by darktable itself, as its window does, and applied to a photograph."""
     need("darktable-cli")
-    kit = write_kit(raw_profile, "standard/auto", tmp_path / "kit", "darktable")
+    kit = write_kit(profile, "standard/auto", tmp_path / "kit", "darktable")
     raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
     place = tmp_path / "config" / "color" / "in"
     place.mkdir(parents=True)
@@ -123,11 +115,11 @@ def test_the_style_is_the_sidecar(raw_profile: CameraProfile, shared_data: Path,
 
 @pytest.mark.parametrize("preset", ["", " icc", " colours"])
 def test_a_processing_profile_works_by_hand(
-    preset: str, raw_profile: CameraProfile, shared_data: Path, tmp_path: Path
+    preset: str, profile: CameraProfile, shared_data: Path, tmp_path: Path
 ) -> None:
     """Loaded from the kit's folder, as its page says."""
     need("rawtherapee-cli")
-    kit = write_kit(raw_profile, "standard/auto", tmp_path / "kit", "rawtherapee")
+    kit = write_kit(profile, "standard/auto", tmp_path / "kit", "rawtherapee")
     raw, look = str(shared_data / "canon_powershot_s40" / "CRW_0101.CRW"), f"Canon PowerShot S40 standard{preset}"
     by_hand = ["rawtherapee-cli", "-o", str(tmp_path / "hand.tif"), "-p", str(kit / f"{look}.pp3"), "-t", "-b16", "-Y"]
     subprocess.run([*by_hand, "-c", raw], check=True, capture_output=True)
@@ -137,9 +129,9 @@ def test_a_processing_profile_works_by_hand(
     assert np.abs(hand - scripted).max() < 2e-4
 
 
-def test_blender_renders_with_the_config(raw_profile: CameraProfile, tmp_path: Path) -> None:
+def test_blender_renders_with_the_config(profile: CameraProfile, tmp_path: Path) -> None:
     need("blender")
-    folder = write_kit(raw_profile, "standard/auto", tmp_path / "kit", "blender")
+    folder = write_kit(profile, "standard/auto", tmp_path / "kit", "blender")
     view = re.findall(r'view transform "([^"]+)"', (folder / "README.md").read_text(encoding="utf-8"))[0]
     script = (
         "import bpy\n"
@@ -159,13 +151,13 @@ def test_blender_renders_with_the_config(raw_profile: CameraProfile, tmp_path: P
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     grey = read_image(tmp_path / "picture.png").pixels[16, 16, :3]
-    wanted = raw_profile.render("standard/auto")(np.full(3, 0.18) / raw_profile.multipliers("standard/auto"))
+    wanted = profile.render("standard/auto")(np.full(3, 0.18) / profile.multipliers("standard/auto"))
     assert np.abs(grey - wanted).max() < 0.02
 
 
-def test_ffmpeg_runs_the_line_of_the_page(raw_profile: CameraProfile, tmp_path: Path) -> None:
+def test_ffmpeg_runs_the_line_of_the_page(profile: CameraProfile, tmp_path: Path) -> None:
     need("ffmpeg")
-    folder = write_kit(raw_profile, "standard/auto", tmp_path / "kit", "ffmpeg")
+    folder = write_kit(profile, "standard/auto", tmp_path / "kit", "ffmpeg")
     line = re.findall(r"ffmpeg .*", (folder / "README.md").read_text(encoding="utf-8"))[0]
     make = ["ffmpeg", "-loglevel", "error", "-f", "lavfi", "-i", "color=gray:s=32x32:d=0.2", str(folder / "IN.mov")]
     subprocess.run(make, check=True)

@@ -12,7 +12,6 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.base_config import DEFAULT_VERSION, base_config
 from lutforge.ocio.cameras import UniqueNames, file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config
-from lutforge.ocio.config import build_config
 from tests.cases.profiles import MATRIX, plain_profile
 from tests.ocio.test_config import ociocheck, write_config
 
@@ -104,13 +103,6 @@ def test_a_config_of_hostile_names_is_sound(tmp_path: Path) -> None:
         assert config.getColorSpace(name).getName() in ("ACEScg", "Raw")  # still the roles
     for file in path.parent.rglob("*.clf"):
         assert file.resolve().is_relative_to((tmp_path / "ocio" / "luts").resolve())
-
-
-def test_two_profiles_of_one_camera_are_told_apart() -> None:
-    one = plain_profile("Nikon D40")
-    two = CameraProfile("Nikon D40", MATRIX * 1.01, one.white_balances, one.styles)
-    names = set(build_config([one, two]).getColorSpaceNames())
-    assert {"Nikon D40 standard daylight", "Nikon D40 2 standard daylight"} <= names
 
 
 @pytest.mark.parametrize("names", [("A b", "c d", "A", "b c d"), ("A", "b", "A b", "b")])
