@@ -6,7 +6,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import ArrayLike
 
-from lutforge.arrays import Single
+from lutforge.arrays import Array, Single
 from lutforge.errors import LutError
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 
@@ -15,15 +15,20 @@ OCIO_ERRORS = (OCIO.Exception, OCIO.ExceptionMissingFile, UnicodeDecodeError)
 name in a file, is no text."""
 
 
+def matrix_transform(matrix: Array, offset: Array | None = None) -> OCIO.MatrixTransform:
+    """A 3 × 3 matrix and an offset (3,), or none, as a transform."""
+    four = np.eye(4)
+    four[:3, :3] = matrix
+    return OCIO.MatrixTransform(four.ravel().tolist(), [*(np.zeros(3) if offset is None else offset).tolist(), 0.0])
+
+
 def group_of(ops: Sequence[Op]) -> OCIO.GroupTransform:
     """The operations as OpenColorIO's transforms. Raises LutError on a curve at free knots, which it has none of."""
     group = OCIO.GroupTransform()
     for op in ops:
         match op:
             case Matrix():
-                four = np.eye(4)
-                four[:3, :3] = op.matrix
-                group.appendTransform(OCIO.MatrixTransform(four.ravel().tolist(), [*op.offset.tolist(), 0.0]))
+                group.appendTransform(matrix_transform(op.matrix, op.offset))
             case Range():
                 ends = {f"{end}{side}Value": value for end, value in (("min", op.low), ("max", op.high))
                         for side in ("In", "Out") if value is not None}  # fmt: skip
@@ -33,8 +38,7 @@ def group_of(ops: Sequence[Op]) -> OCIO.GroupTransform:
                     raise LutError("LUT: OpenColorIO has no curves at free knots; read the file with it instead")
                 if (op.low, op.high) != (0.0, 1.0):
                     span = op.high - op.low
-                    scale = np.diag([1 / span] * 3 + [1.0]).ravel().tolist()
-                    group.appendTransform(OCIO.MatrixTransform(scale, [-op.low / span] * 3 + [0.0]))
+                    group.appendTransform(matrix_transform(np.diag([1 / span] * 3), np.full(3, -op.low / span)))
                 curve = OCIO.Lut1DTransform(len(op.outputs), False)
                 curve.setFileOutputBitDepth(OCIO.BIT_DEPTH_F32)
                 curve.setInterpolation(OCIO.INTERP_LINEAR)

@@ -4,10 +4,8 @@ Spaces, with their names, aliases, IDs and views, are those of OpenColorIO's own
 scripts know them.
 """
 
-import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.arrays import Array
 from lutforge.errors import ConfigError
 
 OLDEST, NEWEST = 1, 6
@@ -51,13 +49,6 @@ def minor_version(text: str) -> int:
     if major != "2" or not dot or not minor.isdigit() or not OLDEST <= int(minor) <= NEWEST:
         raise ConfigError(f'OpenColorIO profile version "{text}": choose 2.{OLDEST} to 2.{NEWEST}')
     return int(minor)
-
-
-def matrix_transform(matrix: Array) -> OCIO.MatrixTransform:
-    """A 3 × 3 matrix as a transform."""
-    whole = np.eye(4)
-    whole[:3, :3] = matrix
-    return OCIO.MatrixTransform(whole.ravel().tolist())
 
 
 def base_config(version: str) -> OCIO.Config:

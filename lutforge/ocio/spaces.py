@@ -12,8 +12,8 @@ from itertools import permutations
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
+from lutforge.luts.processor import matrix_transform
 from lutforge.model.camera_profile import has_own_raw
-from lutforge.ocio.base_config import matrix_transform
 from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera, UniqueNames, config_names, file_stem, space_name
 from lutforge.ocio.renderings import Rendering
 
