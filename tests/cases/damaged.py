@@ -25,9 +25,10 @@ from lutforge.errors import LutForgeError
 from lutforge.images.raw import read_raw
 from lutforge.inverse.linearization import InverseOptions
 from lutforge.kits.dcp import DngProfile, write_dcp
+from lutforge.kits.icc import IccProfile, write_icc
 from lutforge.luts.check import check_lut, report_lines
-from lutforge.luts.ops import Cube
-from lutforge.luts.sequence import Lut, suffixes
+from lutforge.luts.ops import Cube, Curve
+from lutforge.luts.sequence import FORMATS, Lut
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.ocio.check import check_config, load_config
@@ -78,11 +79,11 @@ def _rendered(path: Path) -> None:
     lf.bake(profile.render("/".join(first)), size=9, form="plain")
 
 
-LUTS = (".1d.cube", ".resolve.cube", *(f".lut{suffix}" for suffix in suffixes() if suffix != ".tiff"))
+LUTS = (".1d.cube", ".resolve.cube", *(f".lut{suffix}" for suffix in FORMATS if suffix != ".tiff"))
 """Kinds of LUT files, one for each format."""
 READERS: Mapping[str, Callable[[Path], object]] = {
     ".dng": _shot, ".jpg": inspect, ".ocio": _config, ".ocioz": _config, ".npz": _rendered, ".csv": read_samples,
-    ".table.npz": read_samples, ".dcp": inspect, ".exr": _graded, ".tif": _graded, ".png": _graded,
+    ".table.npz": read_samples, ".dcp": inspect, ".icc": inspect, ".exr": _graded, ".tif": _graded, ".png": _graded,
     ".graded.jpg": _graded, **dict.fromkeys(LUTS, _lut),
 }  # fmt: skip
 """What reads a kind of file, which the end of its name tells."""
@@ -102,6 +103,8 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     write_config([profile], folder / "a.ocioz", inverse=InverseOptions(size=9, rounds=1))
     table = np.tile([0.0, 1.0, 1.0], (2, 6, 4, 1))
     write_dcp(DngProfile("a", "C", np.eye(3), np.eye(3), np.array([[0.0, 0.0], [1.0, 1.0]]), table), folder / "a.dcp")
+    curve, cube = Curve(np.array([[0.0] * 3, [1.0] * 3])), Cube(np.full((2, 2, 2, 3), 0.5))
+    write_icc(IccProfile("a", curve, cube), folder / "a.icc")
     rows = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b\n"
     rows += "".join(f"C,s,w,{n % 3},{n},0.01,0.{n},0.2,0.3,0.4,0.{n},0.6\n" for n in range(10, 60))
     (folder / "a.csv").write_text(rows)
