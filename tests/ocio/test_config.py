@@ -315,18 +315,6 @@ def test_ociocheck_passes_every_version_without_warnings(tmp_path: Path, version
     assert wanted <= set(config.getColorSpaceNames())
 
 
-def test_a_config_of_many_cameras() -> None:
-    """31 cameras × 4 styles × 7 white balances; how long it takes to load is in tests/benchmarks."""
-    balances = ("daylight", "cloudy", "shade", "flash", "tungsten", "fluorescent", "auto")
-    profiles = []
-    for number in range(31):
-        one = plain_profile(f"Maker Model {number}", balances=balances)
-        styles = dict.fromkeys(("standard", "vivid", "neutral", "landscape"), one.styles["standard"])
-        profiles.append(CameraProfile(one.camera, MATRIX + 0.001 * number, one.white_balances, styles))
-    config = OCIO.Config.CreateFromStream(build_config(profiles).serialize())
-    assert len(list(config.getColorSpaceNames())) > 31 * (4 * 7 + 8)
-
-
 def test_a_style_with_one_direction_only(tmp_path: Path) -> None:
     full = made_profile()
     style = PictureStyle(render=full.styles["standard"].render)
