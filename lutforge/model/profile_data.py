@@ -74,7 +74,7 @@ class Diagnosis:
         return f"{self.cause}: {self.evidence}; {self.advice}"
 
 
-def _is_invertible(matrix: Array) -> bool:
+def is_invertible(matrix: Array) -> bool:
     """True of 3 × 3 finite numbers whose inverse is no nonsense."""
     return matrix.shape == (3, 3) and bool(np.all(np.isfinite(matrix))) and bool(np.linalg.cond(matrix) < 1e6)
 
@@ -93,7 +93,7 @@ class PhysicalModel:
     inverse_gamut_map: GamutMap
 
     def __post_init__(self) -> None:
-        if not _is_invertible(self.matrix):
+        if not is_invertible(self.matrix):
             raise ProfileError("a physical model's matrix is not 3 × 3 numbers that can be inverted")
 
     def render(self, balanced: Array) -> Array:
@@ -203,14 +203,12 @@ class ProfileData:
                     f"{name[:200]!r} is no name of a camera, style or white balance: one line of at most "
                     "200 printable characters"
                 )
-        if self.matrix.shape != (3, 3) or not np.all(np.isfinite(self.matrix)):
-            raise ProfileError(f"{self.camera}: the matrix is not 3 × 3 finite numbers")
-        if np.linalg.cond(self.matrix) > 1e6:
-            raise ProfileError(f"{self.camera}: the matrix cannot be inverted")
+        if not is_invertible(self.matrix):
+            raise ProfileError(f"{self.camera}: the matrix is not 3 × 3 finite numbers that can be inverted")
         transfer = self.raw_transfer
         if (transfer is None) != (self.raw_camera == ""):
             raise ProfileError(f"{self.camera}: a reference camera and the matrix from its RAW belong together")
-        if transfer is not None and not _is_invertible(transfer):
+        if transfer is not None and not is_invertible(transfer):
             raise ProfileError(f"{self.camera}: the matrix from the reference camera's RAW cannot be inverted")
 
     def save(self, path: str | Path) -> None:

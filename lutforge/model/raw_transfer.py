@@ -18,6 +18,7 @@ from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import path_of, reading, require_file
 from lutforge.errors import ProfileError
+from lutforge.model.profile_data import is_invertible
 from lutforge.model.transform import ColourFunction, checked_colours
 
 FORMAT = "lutforge-raw-transfer"
@@ -84,7 +85,6 @@ class RawTransfer:
     """RAW of `source` → RAW of `target`, both before white balance.
 
     matrix: Tc (3, 3); wedges, or roots (6, 3) of `root_terms`: instead, where fitted.
-
     neutral: (3,) the source's RAW of a white under the light of the fit, where known. error: root mean square of the
     pairs that the fit had not seen, relative to their norm.
     """
@@ -98,15 +98,13 @@ class RawTransfer:
     roots: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.matrix.shape != (3, 3) or not np.all(np.isfinite(self.matrix)) or np.linalg.cond(self.matrix) > 1e6:
-            raise ProfileError(f"RAW transfer {self.source} to {self.target}: the matrix is not invertible")
-        neutral = self.neutral
+        named, neutral, roots = f"RAW transfer {self.source} to {self.target}", self.neutral, self.roots
+        if not is_invertible(self.matrix):
+            raise ProfileError(f"{named}: the matrix is not invertible")
         if neutral is not None and not (neutral.shape == (3,) and np.all(np.isfinite(neutral)) and np.all(neutral > 0)):
-            raise ProfileError(f"RAW transfer {self.source} to {self.target}: its white is not three positive numbers")
-        if self.roots is not None and (
-            neutral is None or self.roots.shape != (6, 3) or not np.all(np.isfinite(self.roots))
-        ):
-            raise ProfileError(f"RAW transfer {self.source} to {self.target}: its root polynomial is not 6 × 3 numbers")
+            raise ProfileError(f"{named}: its white is not three positive numbers")
+        if roots is not None and (neutral is None or roots.shape != (6, 3) or not np.all(np.isfinite(roots))):
+            raise ProfileError(f"{named}: its root polynomial is not 6 × 3 numbers")
 
     @property
     def is_linear(self) -> bool:

@@ -35,10 +35,10 @@ def with_own_raw(profile: CameraProfile, samples: SampleSet) -> SampleSet:
             continue
         rows = (samples.style == style) & (samples.white_balance == setting)
         wb[rows] = profile.white_balances[setting].multipliers
-        told = profile.linearize_to_own_raw(f"{style}/{setting}")(samples.srgb[rows])
+        own = profile.linearize_to_own_raw(f"{style}/{setting}")(samples.srgb[rows])
         bright = samples.srgb[rows].max(axis=1) > 0.2
-        ratio = np.maximum(told.sum(axis=1), 1e-6) / np.maximum(raw[rows].sum(axis=1), 1e-6)
+        ratio = np.maximum(own.sum(axis=1), 1e-6) / np.maximum(raw[rows].sum(axis=1), 1e-6)
         for shot in np.unique(samples.shot[rows][bright]):
-            mine = bright & (samples.shot[rows] == shot)
-            raw[np.flatnonzero(rows)[samples.shot[rows] == shot]] *= float(np.median(ratio[mine]))
+            of_shot = samples.shot[rows] == shot
+            raw[np.flatnonzero(rows)[of_shot]] *= float(np.median(ratio[bright & of_shot]))
     return replace(samples, raw=raw, wb=wb, raw_camera=samples.camera.copy())

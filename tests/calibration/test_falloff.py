@@ -67,7 +67,7 @@ def test_settings_of_no_sample_take_the_nearest_of_their_lens() -> None:
     for known, setting, nearest in (
         ((near, falloff), ("Nikkor", 35.0, 4.0), falloff),
         ((near,), ("Nikkor", 35.0, 4.0), near),  # a third of a stop off
-        ((falloff,), ("Nikkor", 35.0, 5.0), None),
+        ((falloff,), ("Nikkor", 35.0, 6.3), None),
         ((falloff,), ("Zeiss", 35.0, 4.0), None),
         ((falloff,), ("Nikkor", np.nan, 4.0), None),
         ((falloff, unknown), ("Nikkor", np.nan, 4.0), unknown),

@@ -10,6 +10,7 @@ from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 
 RNG = np.random.default_rng(1)
+LEVELS = [0.0, 0.5, 1.0]
 
 
 def _levels(rng: np.random.Generator, sizes: tuple[int, int, int] = (5, 7, 6)) -> Levels:
@@ -63,23 +64,19 @@ def test_the_shape_of_the_input_is_kept() -> None:
     assert lattice.size == (3, 3, 3)
 
 
-def test_bad_lattices_are_refused() -> None:
-    levels = uniform_levels(3)
-    with pytest.raises(ProfileError, match="shape"):
-        Lattice(levels, np.zeros((3, 3, 2, 3)))
-    with pytest.raises(ProfileError, match="not a finite"):
-        Lattice(levels, np.full((3, 3, 3, 3), np.nan))
-    with pytest.raises(ProfileError, match="G node levels"):
-        Lattice((levels[0], np.array([0.0, 0.5, 0.5]), levels[2]), np.zeros((3, 3, 3, 3)))
-    with pytest.raises(ProfileError, match="B node levels"):
-        Lattice((levels[0], levels[1], np.array([0.0, np.inf, 1.0])), np.zeros((3, 3, 3, 3)))
-
-
-def test_absurd_node_values_are_refused() -> None:
-    values = np.zeros((2, 2, 2, 3))
-    values[1, 0, 1, 2] = 1e30
-    with pytest.raises(ProfileError, match="no colour"):
-        Lattice(uniform_levels(2), values)
+@pytest.mark.parametrize(
+    ("green", "blue", "values", "says"),
+    [
+        (LEVELS, LEVELS, np.zeros((3, 3, 2, 3)), "shape"),
+        (LEVELS, LEVELS, np.full((3, 3, 3, 3), np.nan), "not a finite"),
+        (LEVELS, LEVELS, np.full((3, 3, 3, 3), 1e30), "no colour"),
+        ([0.0, 0.5, 0.5], LEVELS, np.zeros((3, 3, 3, 3)), "G node levels"),
+        (LEVELS, [0.0, np.inf, 1.0], np.zeros((3, 3, 3, 3)), "B node levels"),
+    ],
+)
+def test_bad_lattices_are_refused(green: list[float], blue: list[float], values: np.ndarray, says: str) -> None:
+    with pytest.raises(ProfileError, match=says):
+        Lattice((np.array(LEVELS), np.array(green), np.array(blue)), values)
 
 
 def test_a_lattice_prints_as_its_size() -> None:

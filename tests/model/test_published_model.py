@@ -8,6 +8,7 @@ import pytest
 
 from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.errors import ProfileError
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.published_model import (
     PublishedModel,
@@ -15,37 +16,46 @@ from lutforge.model.published_model import (
     import_published,
     read_published_model,
 )
-from lutforge.model.transform import Encode
 
 FOLDERS = ("fluorescent", "other_white_balances")
 
 
-@pytest.fixture(scope="module", params=FOLDERS)
-def published(request: pytest.FixtureRequest, shared_data: Path) -> PublishedModel:
-    return read_published_model(shared_data / "nus_nikon_d40" / request.param)
+@pytest.fixture(scope="module")
+def paths(shared_data: Path) -> list[Path]:
+    return [shared_data / "nus_nikon_d40" / name for name in FOLDERS]
 
 
-def test_the_files_are_read_as_they_stand(shared_data: Path) -> None:
+@pytest.fixture(scope="module")
+def models(paths: list[Path]) -> list[PublishedModel]:
+    return [read_published_model(path) for path in paths]
+
+
+@pytest.fixture(scope="module")
+def profile(paths: list[Path]) -> CameraProfile:
+    return import_published(paths, "Nikon D40")
+
+
+def test_the_files_are_read_as_they_stand(models: list[PublishedModel]) -> None:
     # raw2jpg_transform.txt, raw2jpg_ctrlPoints.txt of fluorescent/.
-    model = read_published_model(shared_data / "nus_nikon_d40" / "fluorescent")
-    assert len(model.linear) == 936
-    assert list(model.white_balances) == ["fluorescent"]
-    other = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
+    model, other = models
+    assert (len(model.linear), list(model.white_balances)) == (936, ["fluorescent"])
     assert len(other.linear) == 3018
     assert set(other.white_balances) == {"tungsten", "flash", "daylight", "cloudy", "shade"}
     assert other.white_balances["tungsten"].multipliers[2] > other.white_balances["daylight"].multipliers[2]
 
 
-def test_it_renders_its_own_centres_and_linearizes_them(published: PublishedModel) -> None:
-    model = published.model
-    rendered = model.response.encode(model.gamut_map(published.linear))
-    assert np.linalg.norm(rendered - published.encoded, axis=1).mean() * 255 < 0.6
-    back = model.inverse_gamut_map(model.response.linearize(published.encoded))
-    assert np.linalg.norm(back - published.linear, axis=1).mean() < 1e-3
+def test_they_render_their_own_centres_and_linearize_them(models: list[PublishedModel]) -> None:
+    for published in models:
+        model = published.model
+        rendered = model.response.encode(model.gamut_map(published.linear))
+        assert np.linalg.norm(rendered - published.encoded, axis=1).mean() * 255 < 0.6
+        back = model.inverse_gamut_map(model.response.linearize(published.encoded))
+        assert np.linalg.norm(back - published.linear, axis=1).mean() < 1e-3
 
 
-def test_what_is_exported_is_imported_as_the_same_model(shared_data: Path, tmp_path: Path) -> None:
-    profile = import_published([shared_data / "nus_nikon_d40" / name for name in FOLDERS], "Nikon D40")
+def test_what_is_exported_is_imported_as_the_same_model(
+    models: list[PublishedModel], profile: CameraProfile, tmp_path: Path
+) -> None:
     folders = export_published(profile, "standard", tmp_path / "nus_nikon_d40")
     again = import_published(folders, "Nikon D40")
     rng = np.random.default_rng(0)
@@ -56,17 +66,12 @@ def test_what_is_exported_is_imported_as_the_same_model(shared_data: Path, tmp_p
         np.testing.assert_allclose(again.render(selector)(raw), profile.render(selector)(raw), atol=1e-6)
         codes = rng.random((500, 3))
         np.testing.assert_allclose(again.linearize(selector)(codes), profile.linearize(selector)(codes), atol=1e-6)
-    for first, second in zip(
-        (read_published_model(shared_data / "nus_nikon_d40" / name) for name in FOLDERS),
-        map(read_published_model, folders),
-        strict=True,
-    ):
+    for first, second in zip(models, map(read_published_model, folders), strict=True):
         np.testing.assert_allclose(second.encoded, first.encoded, atol=1e-6)
 
 
-def test_what_the_files_cannot_hold_is_refused(shared_data: Path, tmp_path: Path) -> None:
-    profile = import_published([shared_data / "nus_nikon_d40" / "fluorescent"], "Nikon D40")
-    (model,) = profile.styles["standard"].physical
+def test_what_the_files_cannot_hold_is_refused(profile: CameraProfile, tmp_path: Path) -> None:
+    model = profile.styles["standard"].physical[0]
     even = replace(model, gamut_map=replace(model.gamut_map, offset=0.1))
     with pytest.raises(ProfileError, match="--preset thesis"):
         export_published(replace(profile, styles={"standard": PictureStyle(physical=(even,))}), "standard", tmp_path)
@@ -76,13 +81,12 @@ def test_what_the_files_cannot_hold_is_refused(shared_data: Path, tmp_path: Path
         export_published(replace(profile, raw_camera="Reference", raw_transfer=np.eye(3)), "standard", tmp_path)
 
 
-def test_every_setting_is_the_product_that_the_files_print(shared_data: Path) -> None:
+def test_every_setting_is_the_product_that_the_files_print(
+    paths: list[Path], models: list[PublishedModel], profile: CameraProfile
+) -> None:
     """Ts·Tw with the common factor of each setting, in linear light, to the files' six decimals."""
-    profile = import_published([shared_data / "nus_nikon_d40" / name for name in FOLDERS], "Nikon D40")
-    for folder in FOLDERS:
-        path = shared_data / "nus_nikon_d40" / folder
+    for path, model in zip(paths, models, strict=True):
         lines = [line.split() for line in (path / "raw2jpg_transform.txt").read_text().splitlines()]
-        model = read_published_model(path)
         assert list(model.white_balances) and int(lines[0][0]) == len(model.white_balances)
         for place, name in enumerate(model.white_balances):
             product = np.array(lines[5 + 5 * place : 8 + 5 * place], dtype=np.float64)
@@ -90,21 +94,8 @@ def test_every_setting_is_the_product_that_the_files_print(shared_data: Path) ->
             np.testing.assert_allclose(model.model.matrix * factors, product, atol=1.5e-6)
 
 
-def test_the_profile_is_the_formula_of_the_files(shared_data: Path) -> None:
-    profile = import_published([shared_data / "nus_nikon_d40" / name for name in FOLDERS], "Nikon D40")
-    transform = profile.render("standard/daylight")
-    assert isinstance(transform.stages[-1], Encode)
-    other = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
-    raw = np.array([[0.1, 0.2, 0.12], [0.02, 0.05, 0.04]])
-    linear = (raw * other.white_balances["daylight"].factors) @ other.model.matrix.T
-    distance = np.linalg.norm(linear[:, None] - other.model.gamut_map.centres[None], axis=2)
-    weights, polynomial = other.model.gamut_map.coefficients, other.model.gamut_map.polynomial
-    expected = other.model.response.encode(distance @ weights + polynomial[0] + linear @ polynomial[1:])
-    np.testing.assert_allclose(transform(raw), expected, atol=2e-5)
-
-
-def test_our_own_fit_of_its_pairs_split_in_two(shared_data: Path) -> None:
-    model = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
+def test_our_own_fit_of_its_pairs_split_in_two(models: list[PublishedModel]) -> None:
+    model = models[1]
     source, target, encoded = model.linear, model.mapped, model.encoded
     means = []
     for seed in range(2):
