@@ -18,7 +18,6 @@ from lutforge.apply.blocks import apply_to_pixels, grade_codes
 from lutforge.apply.grade import Grade, LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
-from lutforge.errors import ImageError
 from lutforge.images.jpeg import JpegHeader, Segment, exif_places, read_header
 from lutforge.images.read import read_image
 from lutforge.images.write import IN_ANOTHER_SPACE
@@ -191,14 +190,6 @@ def test_another_colour_space_is_said_in_all_places(tmp_path: Path, grade: Grade
     apply_image(back, tmp_path / "adobe.jpg", tmp_path / "srgb.jpg")
     assert read_image(tmp_path / "srgb.jpg").spec.getattribute("ICCProfile") is None
     assert tags(tmp_path / "srgb.jpg")["Photo", 0xA001] == (1,)
-
-
-def test_damage_is_noticed_and_leaves_nothing(tmp_path: Path, grade: Grade) -> None:
-    data = with_everything(tmp_path / "a.jpg").read_bytes()
-    (tmp_path / "cut.jpg").write_bytes(data[:-300])
-    with pytest.raises(ImageError, match="damaged or cut short"):
-        apply_image(grade, tmp_path / "cut.jpg", tmp_path / "out.jpg")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.jpg", "cut.jpg", "look.cube"]
 
 
 def test_headers_of_strangers_raise_nothing(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from lutforge.simulate.dng import write_dng
 from tests.conftest import CommandLine
 
 HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b\n"
-ROW = "Test Cam,standard,daylight,a,p{n},0.01,{r},0.2,0.3,0.4,0.5,0.6\n"
+ROW = "Test Cam,standard,daylight,a,p,0.01,{r},0.2,0.3,0.4,0.5,0.6\n"
 
 
 class Refused(Protocol):
@@ -68,23 +68,6 @@ def test_unusual_raw_files(refused: Refused, shared_data: Path, tmp_path: Path, 
     assert name in refused(tmp_path, "calibrate", shared_data / "unusual_raw" / name, "-o", "x.npz")
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (HEADER.replace("raw_g,", "") + ROW.format(n=0, r=0.1), "raw_g"),
-        (HEADER + ROW.format(n=0, r="nan"), "line 2"),
-        (HEADER + ROW.format(n=0, r=0.1) + ROW.format(n=1, r=7.5), "line 3"),
-        (HEADER + ROW.format(n=0, r="abc"), "abc"),
-        (HEADER, "no samples"),
-        (HEADER + ROW.format(n=0, r=0.1), "at least"),
-        ("", "empty"),
-    ],
-)
-def test_sample_tables(refused: Refused, tmp_path: Path, text: str, says: str) -> None:
-    (tmp_path / "samples.csv").write_text(text)
-    assert says in refused(tmp_path, "calibrate", "samples.csv", "-o", "x.npz")
-
-
 def small_table(path: Path) -> None:
     """A made camera: a curve and a white balance, 60 samples of two shots."""
     raw = np.random.default_rng(5).uniform(0.02, 0.4, (60, 3))
@@ -120,6 +103,8 @@ def test_settings_outputs_and_profiles(profile: Path, refused: Refused) -> None:
     before = (profile / "camera.npz").read_bytes()
     (profile / "link.npz").symlink_to("camera.npz")
     (profile / "file").touch()
+    for value in ("0.1", "nan"):
+        (profile / f"{value}.csv").write_text(HEADER + ROW.format(r=value))
     for words, says in (
         (("bake", "camera.npz", "render", "--to", "sepia/daylight", "-o", "x.cube"), "standard"),
         (("bake", "camera.npz", "render", "--to", "standard/moon", "-o", "x.cube"), "daylight"),
@@ -134,6 +119,8 @@ def test_settings_outputs_and_profiles(profile: Path, refused: Refused) -> None:
         ((*REFINISH, "--ev", "99", "-o", "x.cube"), "20 stops"),
         (("bake", "samples.csv", *RENDER[2:], "-o", "x.cube"), "not a LutForge profile"),
         (("calibrate", "samples.csv", "--size", "2", "-o", "y.npz"), "size"),
+        (("calibrate", "nan.csv", "-o", "y.npz"), "line 2"),
+        (("calibrate", "0.1.csv", "-o", "y.npz"), "at least"),
         (("calibrate", "samples.csv", "--preset", "magic", "-o", "y.npz"), "preset"),
         (("apply", "camera.npz", "none.jpg", "--from", "standard/daylight", "-o", "out"), "no such file"),
         (("apply", "none.cube", "none.jpg", "-o", "out"), "none.cube"),
