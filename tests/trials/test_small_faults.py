@@ -1,4 +1,4 @@
-"""What strangers and farms ran into: exit statuses, words, what a failed run leaves behind, what a killed one does."""
+"""What strangers and farms ran into: exit statuses, words, and what a failed run leaves behind."""
 
 import os
 import subprocess
