@@ -61,13 +61,7 @@ def test_likeness_of_tinted_charts() -> None:
 
 def test_false_charts_are_refused() -> None:
     grid = REFERENCE.reshape(4, 6, 3)
-    for false in (
-        grid[:, ::-1],
-        grid[::-1],
-        grid[::-1, ::-1],
-        np.roll(grid, 1, axis=1),
-        np.roll(grid, 1, axis=0),
-    ):
+    for false in (grid[:, ::-1], grid[::-1], grid[::-1, ::-1], np.roll(grid, 1, axis=1), np.roll(grid, 1, axis=0)):
         assert likeness(false.reshape(24, 3), PLAIN) is None
     rng = np.random.default_rng(6)
     for _ in range(500):
@@ -123,16 +117,11 @@ def test_real_chart_against_its_own_tiles(shared_data: Path) -> None:
 
 
 @needs_detector
-@pytest.mark.parametrize(
-    "name",
-    [
-        "chart_jpegs/Canon_PowerShot_G6_IMG_0003.JPG",
-        "chart_jpegs/Kodak_DC280_DCP_4394.JPG",
-        "chart_jpegs/Olympus_C-5050_PB180005.JPG",
-        "chart_jpegs/Pentax_ist_DL_IMGP6667.JPG",
-        "canon_powershot_s40/IMG_0102.JPG",
-    ],
-)
+@pytest.mark.parametrize("name", [
+    "chart_jpegs/Canon_PowerShot_G6_IMG_0003.JPG", "chart_jpegs/Kodak_DC280_DCP_4394.JPG",
+    "chart_jpegs/Olympus_C-5050_PB180005.JPG", "chart_jpegs/Pentax_ist_DL_IMGP6667.JPG",
+    "canon_powershot_s40/IMG_0102.JPG",
+])  # fmt: skip
 def test_charts_of_many_cameras_are_found(name: str, shared_data: Path) -> None:
     jpeg = np.rint(read_image(shared_data / name).pixels * 255).astype(np.uint8)
     upright, turned = find_chart(jpeg), find_chart(np.ascontiguousarray(np.rot90(jpeg)))

@@ -49,17 +49,10 @@ def error(shot: Shot) -> float:
 
 @pytest.mark.parametrize(
     "drawn",
-    [
-        lens(-0.06),
-        lens(0.06),
-        lens(-0.02),
-        lens(-0.15),
-        lens(-0.08, 0.07),
-        lens(-0.06, x=0.03, y=-0.02),
-        lens(red=0.002, blue=-0.001),
-    ],
+    [lens(-0.06), lens(0.06), lens(-0.02), lens(-0.15), lens(-0.08, 0.07), lens(-0.06, x=0.03, y=-0.02),
+     lens(red=0.002, blue=-0.001)],
     ids=["barrel", "pincushion", "weak", "strong", "moustache", "off-centre", "fringes"],
-)
+)  # fmt: skip
 def test_samples_of_straightened_pictures_are_as_good(drawn: Distortion, tmp_path: Path) -> None:
     plain, bent = shot_of(tmp_path, None), shot_of(tmp_path, drawn)
     assert plain.drawn is None
