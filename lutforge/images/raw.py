@@ -82,7 +82,13 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
             colours = np.roll(raw.raw_pattern, (-raw.sizes.top_margin, -raw.sizes.left_margin), axis=(0, 1))
         scale, clip_scale = _scales_to_saturation(raw, colours)
         clip_level = np.minimum(1.0, clip_levels(raw, colours) * clip_scale)
-        steps = _steps_to_centre(colours) if half_size else np.zeros((3, 2), np.intp)
+        # Rows and columns, −1 … 1, from the 2×2 block whose red or blue is seen at its corner to the next one: the
+        # blocks' centres lie between the two. 0 for green, which lies there, and where the mosaic is no Bayer one.
+        steps = np.zeros((3, 2), np.intp)
+        for channel in (0, 2) if half_size and colours.shape == (2, 2) else ():
+            at = np.argwhere(colours == channel)
+            if len(at) == 1:
+                steps[channel] = 1 - 2 * at[0]
         rendered = raw.postprocess(
             half_size=half_size,
             gamma=(1, 1),
@@ -174,19 +180,6 @@ def _scales_to_saturation(raw: rawpy.RawPy, colours: NDArray[np.uint8]) -> tuple
     if not np.all(linear > black):
         return np.ones(3), np.ones(3)
     return nominal / (linear - black), (white - black) / (linear - black)
-
-
-def _steps_to_centre(colours: NDArray[np.uint8]) -> Index:
-    """(3, 2) rows and columns, −1 … 1, from the 2×2 block whose red or blue is seen at its corner to the next one.
-
-    The blocks' centres lie between the two; 0 for green, which lies there itself, and where the mosaic is no Bayer one.
-    """
-    steps = np.zeros((3, 2), np.intp)
-    for channel in (0, 2) if colours.shape == (2, 2) else ():
-        at = np.argwhere(colours == channel)
-        if len(at) == 1:
-            steps[channel] = 1 - 2 * at[0]
-    return steps
 
 
 @compiled()

@@ -136,8 +136,11 @@ def _output_spec(path: Path, target: oiio.ImageOutput, source: oiio.ImageSpec, f
                 spec.erase_attribute(attribute.name)
     for thumbnail in ("thumbnail_image", "thumbnail_width", "thumbnail_height", "thumbnail_nchannels"):
         spec.erase_attribute(thumbnail)
-    if not _is_icc_profile(spec.getattribute("ICCProfile")):
-        spec.erase_attribute("ICCProfile")  # a broken one makes the PNG writer fail
+    # A profile without the signature and the length that ICC.1:2022, 7.2 asks for makes the PNG writer fail.
+    stored = spec.getattribute("ICCProfile")
+    profile = bytes(stored) if isinstance(stored, bytes | np.ndarray) else b""
+    if len(profile) < 132 or profile[36:40] != b"acsp" or int.from_bytes(profile[:4], "big") != len(profile):
+        spec.erase_attribute("ICCProfile")
     if not target.supports("tiles"):
         spec.tile_width = spec.tile_height = spec.tile_depth = 0
     depth = _depth(name, str(source.format))
@@ -168,14 +171,6 @@ def _depth(name: str, source: str) -> str:
         wanted = "float"  # 32-bit integers, doubles
     widest = _WIDEST.get(name, "float")
     return wanted if _DEPTHS.index(wanted) <= _DEPTHS.index(widest) else widest
-
-
-def _is_icc_profile(profile: object) -> bool:
-    """True where the bytes carry the signature and the length that ICC.1:2022, 7.2 asks for."""
-    if not isinstance(profile, bytes | np.ndarray):
-        return False
-    data = bytes(profile)
-    return len(data) >= 132 and data[36:40] == b"acsp" and int.from_bytes(data[:4], "big") == len(data)
 
 
 # --- The file --------------------------------------------------------------------------------------------------------

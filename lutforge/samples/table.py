@@ -60,7 +60,15 @@ def read_samples(path: str | Path) -> SampleSet:
         columns = _read_csv(path) if suffix == ".csv" else _read_npz(path)
         if not len(columns["camera"]):
             raise SampleError(f"{path}: a header but no samples; add one sample a line")
-        return _sample_set(columns)
+        arrays: dict[str, Any] = {"wb": np.full((len(columns["camera"]), 3), math.nan), "raw_camera": columns["camera"]}
+        arrays |= {name: values for name, values in columns.items() if name not in chain(*COLUMNS_OF.values())}
+        for name, group in COLUMNS_OF.items():
+            if group[0] in columns:
+                arrays[name] = np.stack([columns[column] for column in group], axis=1)
+        arrays["raw"], arrays["srgb"] = np.clip(arrays["raw"], *RAW_RANGE), np.clip(arrays["srgb"], 0.0, 1.0)
+        arrays["wb"] = arrays["wb"] / arrays["wb"][:, 1:2]
+        arrays["raw_camera"] = np.where(arrays["raw_camera"] == "", arrays["camera"], arrays["raw_camera"])
+        return SampleSet(**arrays)
 
 
 def write_samples(path: str | Path, samples: SampleSet) -> None:
@@ -75,11 +83,23 @@ def write_samples(path: str | Path, samples: SampleSet) -> None:
         raise SampleError(f"{path}: there are no samples to write")
     columns = _columns(samples)
     with atomic_path(path) as temporary:
-        if suffix == ".csv":
-            _write_csv(temporary, columns)
-        else:
+        if suffix == ".npz":
             with temporary.open("wb") as file:
                 np.savez_compressed(file, **cast(dict[str, Any], columns))
+            return
+        cells: list[list[str]] = []
+        for name, values in columns.items():
+            if name not in NUMBER_COLUMNS:
+                cells.append(values.tolist())
+            elif name == "exposure_s":
+                cells.append(["" if math.isnan(value) else f"{value:.12g}" for value in values.tolist()])
+            else:
+                cells.append(["" if math.isnan(value) else repr(value) for value in np.round(values, 10).tolist()])
+        # A file name that is not UTF-8 is not text either: its bytes are written as escapes.
+        with temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as text:
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*cells, strict=True))
 
 
 def is_table(path: str | Path) -> bool:
@@ -98,18 +118,6 @@ def _suffix(path: Path) -> str:
     return suffix
 
 
-def _sample_set(columns: Columns) -> SampleSet:
-    made: dict[str, Any] = {"wb": np.full((len(columns["camera"]), 3), math.nan), "raw_camera": columns["camera"]}
-    made |= {name: values for name, values in columns.items() if name not in chain(*COLUMNS_OF.values())}
-    for name, group in COLUMNS_OF.items():
-        if group[0] in columns:
-            made[name] = np.stack([columns[column] for column in group], axis=1)
-    made["raw"], made["srgb"] = np.clip(made["raw"], *RAW_RANGE), np.clip(made["srgb"], 0.0, 1.0)
-    made["wb"] = made["wb"] / made["wb"][:, 1:2]
-    made["raw_camera"] = np.where(made["raw_camera"] == "", made["camera"], made["raw_camera"])
-    return SampleSet(**made)
-
-
 def _columns(samples: SampleSet) -> Columns:
     """The columns to write, in order, without the optional ones of which nothing is known."""
     whole: Columns = {name: values for name, values in vars(samples).items() if name not in COLUMNS_OF}
@@ -123,22 +131,6 @@ def _columns(samples: SampleSet) -> Columns:
     if np.all(samples.raw_camera == samples.camera):
         unknown.add("raw_camera")
     return {name: whole[name] for name in (*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS) if name not in unknown}
-
-
-def _write_csv(path: Path, columns: Columns) -> None:
-    cells: list[list[str]] = []
-    for name, values in columns.items():
-        if name not in NUMBER_COLUMNS:
-            cells.append(values.tolist())
-        elif name == "exposure_s":
-            cells.append(["" if math.isnan(value) else f"{value:.12g}" for value in values.tolist()])
-        else:
-            cells.append(["" if math.isnan(value) else repr(value) for value in np.round(values, 10).tolist()])
-    # A file name that is not UTF-8 is not text either: its bytes are written as escapes.
-    with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*cells, strict=True))
 
 
 def _read_npz(path: Path) -> Columns:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 
 from lutforge.errors import ShotError
@@ -33,7 +34,16 @@ def discover(paths: Iterable[Path | str]) -> list[Path]:
     for path in map(Path, paths):
         if not path.exists():
             raise ShotError(f"{path}: no such file or folder")
-        for file in _in_folder(path) if path.is_dir() else [path]:
+        files = [path]
+        if path.is_dir():
+            named = (entry for entry in path.rglob("*") if entry.suffix.lower() in RAW_SUFFIXES)
+            visible = (entry for entry in named if not entry.name.startswith(".") and entry.is_file())
+            files = sorted(islice(visible, MAX_FILES + 1))
+            if len(files) > MAX_FILES:
+                raise ShotError(f"{path}: more than {MAX_FILES} RAW files; name a smaller folder")
+            if not files:
+                raise ShotError(f"{path}: the folder holds no RAW files")
+        for file in files:
             if file.suffix.lower() not in (*JPEG_SUFFIXES, *HEIF_SUFFIXES) or raw_beside(file) is None:
                 found.setdefault(file.resolve(), file)
     if not found:
@@ -85,15 +95,3 @@ def _raw_names(folder: str, changed: int) -> Mapping[str, str]:
     """The RAW files of a folder by their stems in lower case, the first of each by name."""
     files = sorted((path for path in Path(folder).iterdir() if path.suffix.lower() in RAW_SUFFIXES), reverse=True)
     return {path.stem.lower(): path.name for path in files}
-
-
-def _in_folder(folder: Path) -> list[Path]:
-    files = []
-    for entry in folder.rglob("*"):
-        if entry.suffix.lower() in RAW_SUFFIXES and not entry.name.startswith(".") and entry.is_file():
-            files.append(entry)
-            if len(files) > MAX_FILES:
-                raise ShotError(f"{folder}: more than {MAX_FILES} RAW files; name a smaller folder")
-    if not files:
-        raise ShotError(f"{folder}: the folder holds no RAW files")
-    return sorted(files)

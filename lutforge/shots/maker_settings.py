@@ -37,7 +37,11 @@ def style_of(tags: Tags) -> str | None:
     if name is None:
         # Makers' own adjustments, of cameras that had no styles yet, or EXIF's, mean that the style is the only one.
         own = any(key in tags for key in (("CanonCs", 14), ("Nikon", 0x0081), ("Fujifilm", 0x1003)))
-        if not own and not _exif_tells_style(tags):
+        # EXIF's saturation repeats a maker's style coarsely. It is not all that there is where a maker's note is of a
+        # kind that is not read here, nor where a program dropped it.
+        read = any(group not in ("Image", "Photo", "Iop") for group, _ in tags)
+        unread = MAKER_NOTE in tags or str(tags.get(MAKE, "")).lower().startswith(_NAMING_MAKES)
+        if not own and (("Photo", 0xA409) not in tags or (unread and not read)):
             return None
         name = "standard"
     if name in ("standard", "custom") and str(tags.get(("Nikon", 0x008D), "")).lower().startswith("mode3"):
@@ -56,8 +60,14 @@ def white_balance_of(tags: Tags) -> str | None:
     if kelvin is not None:
         name = f"{kelvin:g}k"
     # The multipliers of these differ from shot to shot anyway: a shift makes no other setting of them.
-    shift = "" if name in ("auto", "custom", "kelvin") else _shift(tags)
-    return name if not name or not shift else f"{name} {shift}"
+    if not name or name in ("auto", "custom", "kelvin"):
+        return name
+    # Signs and steps are the maker's own. Numbers beyond 10,000 mean something else; Sony's are thousandths of a step.
+    for texts in _table("shifts"):
+        numbers = [number for text in texts for number in _signed(tags.get(key_of(text)))[: 3 - len(texts)]]
+        if any(numbers) and all(abs(number) <= 10000 for number in numbers):
+            return f"{name} shift" + "".join(f"{number:+d}" for number in numbers)
+    return name
 
 
 def in_adobe_rgb(tags: Tags) -> bool:
@@ -110,16 +120,6 @@ def _named_style(tags: Tags) -> str | None:
     return _described(tags, "PictureStyle")
 
 
-def _exif_tells_style(tags: Tags) -> bool:
-    """Tell whether EXIF's saturation, which repeats a maker's style coarsely, is all that there is.
-
-    It is not where a maker's note is of a kind that is not read here, nor where a program dropped it.
-    """
-    read = any(group not in ("Image", "Photo", "Iop") for group, _ in tags)
-    unread = MAKER_NOTE in tags or str(tags.get(MAKE, "")).lower().startswith(_NAMING_MAKES)
-    return ("Photo", 0xA409) in tags and (read or not unread)
-
-
 def _adjustments(tags: Tags, style_is_named: bool) -> Iterator[tuple[str, float]]:
     """What was adjusted, and by how many steps of the camera's menu. Sharpness changes no flat colour and is left out.
 
@@ -162,18 +162,6 @@ def _white_balance_word(tags: Tags) -> str | None:
         if code is not None and (name := names.get(hex(code & 0xFFFF))) and name != "unknown":
             return str(name)
     return _described(tags, "WhiteBalance")
-
-
-def _shift(tags: Tags) -> str:
-    """The fine tuning of a setting, "shift+2-1"; "" where there is none. Signs and steps are the maker's own.
-
-    Numbers beyond 10,000 mean something else; Sony's are thousandths of a step.
-    """
-    for texts in _table("shifts"):
-        numbers = [number for text in texts for number in _signed(tags.get(key_of(text)))[: 3 - len(texts)]]
-        if any(numbers) and all(abs(number) <= 10000 for number in numbers):
-            return "shift" + "".join(f"{number:+d}" for number in numbers)
-    return ""
 
 
 def _described(tags: Tags, what: str) -> str | None:
