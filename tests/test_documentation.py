@@ -96,9 +96,9 @@ def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     raw = rng.uniform(0.02, 0.5, (count, 3)) / gains
     srgb = np.array([camera.render(r, s, b) for r, s, b in zip(raw, styles, balances, strict=True)])
     shot = np.char.add("shot", (np.arange(count) % 4).astype(np.str_))
-    patch = np.arange(count).astype(np.str_)
-    name = np.full(count, "Simulated")
-    samples = SampleSet(name, styles, balances, shot, patch, np.full(count, 0.01), raw, srgb, gains, name)
+    samples = SampleSet.from_arrays(
+        raw, srgb, camera="Simulated", style=styles, white_balance=balances, shot=shot, exposure_s=0.01, wb=gains
+    )
     samples.save(tmp_path / "samples.csv")
     monkeypatch.chdir(tmp_path)
     names = {"pixels": rng.random((4, 5, 3))}

@@ -9,29 +9,16 @@ import pytest
 import lutforge as lf
 from lutforge.errors import SampleError, ShotError
 from lutforge.pipeline.sampling import gather_samples, sample_shots
-from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import SHOTS, demo_shots
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
-from tests.cases.samples import chart_140, photograph_patches
-
-
-def made_samples(count: int = 300, style: str = "Standard", balance: str = " Day/Light ") -> SampleSet:
-    rng = np.random.default_rng(4)
-    gain = np.array([1.8, 1.0, 1.5])
-    raw = rng.uniform(0.02, 0.5, (count, 3)) / gain
-    shot = np.char.add("s", (np.arange(count) % 3).astype(np.str_))
-    name = np.full(count, "Camera")
-    return SampleSet(
-        name, np.full(count, style), np.full(count, balance), shot, np.arange(count).astype(np.str_),
-        np.full(count, 0.01), raw, (raw * gain) ** 0.45, np.tile(gain, (count, 1)), name,
-    )  # fmt: skip
+from tests.cases.samples import chart_140, made_samples, photograph_patches
 
 
 def test_names_of_settings_become_those_of_selectors() -> None:
-    profile = lf.calibrate(made_samples(), lf.CalibrationOptions(size=9))
+    profile = lf.calibrate(made_samples(style="Standard", balance=" Day/Light "), lf.CalibrationOptions(size=9))
     assert list(profile.styles) == ["standard"]
     assert list(profile.white_balances) == ["day-light"]
     render = profile.render("STANDARD/Day-Light")
@@ -44,7 +31,7 @@ def test_tables_and_shots_mix(tmp_path: Path) -> None:
     settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s)
     for folder in ("a", "b"):
         photograph(camera, SCENES["wall"](404, 608, 3), settings, tmp_path / folder, "same", jpeg_beside=False)
-    made_samples().save(tmp_path / "table.csv")
+    made_samples(style="Standard", balance=" Day/Light ").save(tmp_path / "table.csv")
     sampled = gather_samples([tmp_path / "table.csv", tmp_path / "a", tmp_path / "b"])
     assert len(sampled.shots) == 2
     assert len({account.shot for account in sampled.shots}) == 2  # of one stem, told apart by their folders

@@ -27,40 +27,14 @@ from lutforge.luts.processor import evaluate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
-from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.shots.metadata import read_picture_settings
-from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, palette
-
-STYLES, BALANCES = ("standard", "vivid"), ("tungsten", "fluorescent", "daylight", "flash", "cloudy", "shade")
-LEVELS = (0.12, 0.45, 1.0)
+from tests.cases.samples import SETTINGS, STYLES, samples_of_settings
 
 Recipes = Callable[..., ProfileRecipe]
 """Makes a recipe of the simulated camera's profile, with options."""
-
-
-def samples_of(
-    camera: SimulatedCamera, seed: int, styles: tuple[str, ...] = STYLES, balances: tuple[str, ...] = BALANCES
-) -> SampleSet:
-    """Colours of 60 surfaces at three levels under three lights, on every setting; every other surface is of another
-    "shot", so that leaving them out in turn, which costs most of a calibration, takes two fits.
-    """
-    parts: list[SampleSet] = []
-    rng = np.random.default_rng(seed)
-    for style in styles:
-        for balance in balances:
-            for light in (balance, "tungsten", "shade"):
-                colours = palette(36, rng)
-                raw = np.clip(np.vstack([camera.expose(level * colours, light) for level in LEVELS]), 0.0, 1.0)
-                jpeg = camera.render(raw[:, None] + rng.normal(0, 0.002, (len(raw), 16, 3)), style, balance)
-                rows = len(parts) * len(raw) + np.arange(len(raw))
-                shot = np.char.add(f"{style} ", (rows % 2).astype(str))
-                parts.append(SampleSet.from_arrays(
-                    raw, np.rint(255 * jpeg).mean(axis=1) / 255, camera=camera.name, style=style, white_balance=balance,
-                    shot=shot, patch=rows.astype(str), exposure_s=1 / 60, wb=camera.white_balances[balance].multipliers,
-                ))  # fmt: skip
-    return concatenate(parts)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def profile(folder: Path) -> CameraProfile:
-    made = calibrate(samples_of(nikon_d5100(), 1), CalibrationOptions(size=17))
+    made = calibrate(samples_of_settings(nikon_d5100(), 1), CalibrationOptions(size=17))
     made.save(folder / "camera.npz")
     return made
 
@@ -118,7 +92,7 @@ def error(before: NDArray[np.float32], after: NDArray[np.float32], wanted: NDArr
 def test_every_pair_of_settings_on_a_scene_that_was_held_out(
     recipe_of: Recipes, profile: CameraProfile, shot: Photograph, folder: Path
 ) -> None:
-    settings = [(style, balance) for style in STYLES for balance in BALANCES]
+    settings = [(style, balance) for style in STYLES for balance in SETTINGS]
     pictures = {setting: truth(shot, folder, *setting) for setting in settings}
     errors = {}
     for source in settings:
@@ -321,7 +295,7 @@ def test_photographs_of_two_cameras_come_to_one_look(
     recipe_of: Recipes, shot: Photograph, picture: Path, folder: Path, tmp_path: Path
 ) -> None:
     other = sigma_sd_merrill()
-    theirs_only = samples_of(other, 2, ("vivid",), ("tungsten", "daylight", "shade"))
+    theirs_only = samples_of_settings(other, 2, ("vivid",), ("tungsten", "daylight", "shade"))
     calibrate(theirs_only, CalibrationOptions(size=17)).save(tmp_path / "other.npz")
     settings = CameraSettings("vivid", "daylight", other.nominal_exposure_s * 0.6)
     scene = SCENES["still-life"](232, 344, 7)

@@ -17,7 +17,7 @@ from lutforge.pipeline.grading import Grading, apply
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import still_life
-from tests.apply.test_profile_recipe import samples_of
+from tests.cases.samples import samples_of_settings
 
 STYLES, BALANCES, EXPOSURES = ("standard", "vivid"), ("tungsten", "daylight", "shade"), (-2, -1, 0, 1, 2)
 TILE = 8
@@ -26,7 +26,7 @@ TILE = 8
 @pytest.fixture(scope="module")
 def profile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("profile") / "camera.npz"
-    calibrate(samples_of(nikon_d5100(), 1, STYLES, BALANCES), CalibrationOptions(size=17)).save(path)
+    calibrate(samples_of_settings(nikon_d5100(), 1, STYLES, BALANCES), CalibrationOptions(size=17)).save(path)
     return path
 
 

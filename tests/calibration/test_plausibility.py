@@ -80,11 +80,5 @@ def test_what_no_cause_explains_is_only_said_to_be_no_camera_s(sets: dict[str, S
 
 def test_a_black_and_white_style_is_no_fault(sets: dict[str, SampleSet]) -> None:
     grey = CASES["sepia"][1](sets["D40"], np.random.default_rng(1)).srgb[:, 1]
-    samples = SampleSet(
-        **{
-            name: getattr(sets["D40"], name)
-            for name in ("camera", "style", "white_balance", "shot", "patch", "exposure_s", "raw", "wb", "raw_camera")
-        },
-        srgb=np.repeat(grey[:, None], 3, axis=1),
-    )
+    samples = replace(sets["D40"], srgb=np.repeat(grey[:, None], 3, axis=1))
     assert diagnosed(samples) == ()

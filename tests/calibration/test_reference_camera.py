@@ -57,21 +57,12 @@ def test_a_dial_that_is_wrong_for_the_light_needs_nothing_neutral() -> None:
     for balance in ("daylight", "tungsten", "shade"):
         for stop in (-2, -1, 0):
             encoded = np.rint(255 * OWN.render(raws["own"] * 2.0**stop, "standard", balance)) / 255
-            count, shot = len(encoded), f"{balance}{stop}"
-            parts.append(
-                SampleSet(
-                    camera=np.full(count, OWN.name),
-                    style=np.full(count, "standard"),
-                    white_balance=np.full(count, balance),
-                    shot=np.full(count, shot),
-                    patch=np.arange(count).astype(np.str_),
-                    exposure_s=np.full(count, 2.0**stop),
-                    raw=0.8 * raws["ref"] * 2.0**stop,
-                    srgb=encoded,
-                    wb=np.full((count, 3), np.nan),
-                    raw_camera=np.full(count, REFERENCE.name),
-                )
-            )
+            shot, raw = f"{balance}{stop}", 0.8 * raws["ref"] * 2.0**stop
+            taken = SampleSet.from_arrays(
+                raw, encoded, camera=OWN.name, white_balance=balance, shot=shot,
+                patch=np.arange(len(raw)).astype(np.str_), exposure_s=2.0**stop,
+            )  # fmt: skip
+            parts.append(replace(taken, raw_camera=np.full(len(raw), REFERENCE.name)))
     carried = own_raw(concatenate(parts))
     for balance in ("tungsten", "shade"):
         found, wanted = (

@@ -1,5 +1,7 @@
 """Colour temperatures of settings whose names tell none: the simulated cameras' known lights, and a real Nikon D40."""
 
+from dataclasses import replace
+
 import colour
 import numpy as np
 import pytest
@@ -9,7 +11,6 @@ from lutforge.calibration.physical.white_balance import named_temperature, with_
 from lutforge.colour.colour_temperature import camera_from_xyz, white_of
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
-from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from tests.cases.real_data import PublishedPairs
 from tests.cases.samples import chart_140, photograph_patches
@@ -48,7 +49,7 @@ def test_calibration_fills_them_in(model: str) -> None:
     camera = nikon_d5100()
     samples = photograph_patches(camera, chart_140()[:60], balances=("daylight", "tungsten", "shade"), stops=(-1, 0))
     names = np.where(samples.white_balance == "daylight", "daylight", np.char.add("my ", samples.white_balance))
-    renamed = SampleSet(**{**samples.__dict__, "white_balance": names})
+    renamed = replace(samples, white_balance=names)
     options = CalibrationOptions(model=model, size=5, nonuniform=False)  # type: ignore[arg-type]  # str of the parameters
     profile = calibrate(renamed, options)
     for name in ("tungsten", "shade"):

@@ -27,15 +27,7 @@ def photographed(camera: SimulatedCamera, balance: str, count: int, grey: bool) 
 
 
 def sample_set(raw: NDArray[np.float64], srgb: NDArray[np.float64], balance: str) -> SampleSet:
-    count = len(raw)
-
-    def text(value: str) -> NDArray[np.str_]:
-        return np.full(count, value)
-
-    return SampleSet(
-        text("Camera"), text("standard"), text(balance), text("a"), np.arange(count).astype(np.str_),
-        np.full(count, 0.01), raw, srgb, np.full((count, 3), np.nan), text("Camera"),
-    )  # fmt: skip
+    return SampleSet.from_arrays(raw, srgb, camera="Camera", white_balance=balance, shot="a", exposure_s=0.01)
 
 
 @pytest.mark.parametrize("balance", ["daylight", "tungsten", "shade"])

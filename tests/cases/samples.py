@@ -11,9 +11,11 @@ from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import SimulatedCamera
+from lutforge.simulate.scene import palette
 
 Array = NDArray[np.float64]
 
+STYLES, SETTINGS = ("standard", "vivid"), ("tungsten", "fluorescent", "daylight", "flash", "cloudy", "shade")
 BALANCES = ("tungsten", "fluorescent", "daylight", "cloudy", "shade")
 PIXELS = 64
 """Pixels of a patch: JPEG values are means of so many rounded ones."""
@@ -69,6 +71,54 @@ def photograph_patches(
                         patch=[f"{place:04d}" for place in range(count)],
                         exposure_s=time,
                         wb=camera.multipliers(balance) if known else np.nan,
+                    )
+                )
+    return concatenate(parts)
+
+
+def made_samples(
+    count: int = 300, style: str = "standard", balance: str = "daylight", shots: Sequence[str] = ("s0", "s1", "s2")
+) -> SampleSet:
+    """Random colours of a made camera, whose rendering is a white balance and a power, dealt out to shots."""
+    raw, gain = np.random.default_rng(4).uniform(0.02, 0.5, (count, 3)), np.array([1.8, 1.0, 1.5])
+    return SampleSet.from_arrays(
+        raw / gain,
+        raw**0.45,
+        camera="Test Cam",
+        style=style,
+        white_balance=balance,
+        shot=np.resize(shots, count),
+        patch=np.arange(count).astype(np.str_),
+        exposure_s=0.01,
+        wb=gain,
+    )
+
+
+def samples_of_settings(
+    camera: SimulatedCamera, seed: int, styles: Sequence[str] = STYLES, balances: Sequence[str] = SETTINGS
+) -> SampleSet:
+    """Colours of 36 surfaces at three levels under three lights, on every setting; every other colour is of another
+    "shot", so that leaving them out in turn, which costs most of a calibration, takes two fits.
+    """
+    parts: list[SampleSet] = []
+    rng = np.random.default_rng(seed)
+    for style in styles:
+        for balance in balances:
+            for light in (balance, "tungsten", "shade"):
+                drawn = palette(36, rng)
+                raw = np.clip(np.vstack([camera.expose(level * drawn, light) for level in (0.12, 0.45, 1.0)]), 0.0, 1.0)
+                jpeg = camera.render(raw[:, None] + rng.normal(0, 0.002, (len(raw), 16, 3)), style, balance)
+                parts.append(
+                    SampleSet.from_arrays(
+                        raw,
+                        np.rint(255 * jpeg).mean(axis=1) / 255,
+                        camera=camera.name,
+                        style=style,
+                        white_balance=balance,
+                        shot=np.resize([f"{style} 0", f"{style} 1"], len(raw)),
+                        patch=[f"{len(parts)}-{row}" for row in range(len(raw))],
+                        exposure_s=1 / 60,
+                        wb=camera.white_balances[balance].multipliers,
                     )
                 )
     return concatenate(parts)

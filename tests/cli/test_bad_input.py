@@ -11,9 +11,9 @@ import numpy as np
 import OpenImageIO
 import pytest
 
-from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.simulate.dng import write_dng
+from tests.cases.samples import made_samples
 from tests.conftest import CommandLine
 
 HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b\n"
@@ -69,20 +69,8 @@ def test_unusual_raw_files(refused: Refused, shared_data: Path, tmp_path: Path, 
 
 
 def small_table(path: Path) -> None:
-    """A made camera: a curve and a white balance, 60 samples of two shots."""
-    raw = np.random.default_rng(5).uniform(0.02, 0.4, (60, 3))
-    balance = np.array([2.0, 1.0, 1.5])
-
-    def text(value: str) -> np.ndarray[tuple[int, ...], np.dtype[np.str_]]:
-        return np.full(60, value)
-
-    shot = np.array(["a", "b"] * 30)
-    patch = np.array([f"p{n}" for n in range(60)])
-    table = SampleSet(
-        text("Test Cam"), text("standard"), text("daylight"), shot, patch, np.full(60, 0.01), raw,
-        np.clip(raw * balance, 0, 1) ** 0.45, np.tile(balance, (60, 1)), text("Test Cam"),
-    )  # fmt: skip
-    write_samples(path, table)
+    """60 samples of two shots."""
+    write_samples(path, made_samples(60, shots=("a", "b")))
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ FOLDER holds canon_powershot_s40, nus_nikon_d40 and middlebury_charts; README.md
 
 import csv
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,20 +26,17 @@ def chart_samples(table: Path) -> SampleSet:
             key = (line["camera"], line["illum"], line["exposure"], line["patch"])
             found.setdefault(key, {})[line["kind"]] = [float(line[channel]) / 255 for channel in "RGB"]
     keys = sorted(found)
-    count = len(keys)
-    camera = np.array([key[0] for key in keys])
-    return SampleSet(
-        camera=camera,
-        style=np.full(count, "standard"),
-        white_balance=np.full(count, "wb1"),
-        shot=np.array([f"light{light}-exposure{exposure}" for _, light, exposure, _ in keys]),
-        patch=np.array([f"{light}-{int(patch):02d}" for _, light, _, patch in keys]),
-        exposure_s=np.array([2.0 ** int(exposure) / 60 for _, _, exposure, _ in keys]),
-        raw=np.array([found[key]["raw"] for key in keys]),
-        srgb=np.array([found[key]["jpg"] for key in keys]),
-        wb=np.full((count, 3), np.nan),
-        raw_camera=camera.copy(),
+    samples = SampleSet.from_arrays(
+        [found[key]["raw"] for key in keys],
+        [found[key]["jpg"] for key in keys],
+        camera="several",
+        white_balance="wb1",
+        shot=[f"light{light}-exposure{exposure}" for _, light, exposure, _ in keys],
+        patch=[f"{light}-{int(patch):02d}" for _, light, _, patch in keys],
+        exposure_s=[2.0 ** int(exposure) / 60 for _, _, exposure, _ in keys],
     )
+    camera = np.array([key[0] for key in keys])
+    return replace(samples, camera=camera, raw_camera=camera)
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from lutforge.model.white_balance import WhiteBalance, resolve, temperature_rang
 from lutforge.samples.sample_set import SampleSet
 from lutforge.settings import Kelvin, Multipliers
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from tests.apply.test_profile_recipe import samples_of
+from tests.cases.samples import samples_of_settings
 
 CAMERA = nikon_d5100()
 MATRIX = CAMERA.matrix
@@ -113,7 +113,7 @@ def test_the_gain_of_a_setting_stays_with_a_tint() -> None:
 
 def automatic_samples() -> SampleSet:
     """Colours of a camera on automatic white balance, under four lights, with what LibRaw knows of it."""
-    samples = samples_of(CAMERA, 3, ("standard",))
+    samples = samples_of_settings(CAMERA, 3, ("standard",))
     seen = (light(6504.0)[:, None] * CAMERA.sensitivity).sum(axis=0)
     d65 = seen[1] / seen
     count = len(samples.camera)

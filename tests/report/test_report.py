@@ -33,11 +33,10 @@ def shots(names: tuple[str, ...] = ("a", "b", "c"), count: int = 600) -> SampleS
     gain = np.array(camera.white_balances["daylight"].multipliers)
     raw = rng.uniform(0.02, 0.8, (count, 3)) / gain
     srgb = np.array(camera.render(raw, "standard", "daylight"))
-    name, style, balance = (np.full(count, value) for value in ("Simulated <b>", "standard", "daylight"))
-    shot = np.array(names)[np.arange(count) % len(names)]
-    patch = np.arange(count).astype(np.str_)
-    time, wb = np.full(count, 0.01), np.tile(gain, (count, 1))
-    return SampleSet(name, style, balance, shot, patch, time, raw, srgb, wb, name)
+    return SampleSet.from_arrays(
+        raw, srgb, camera="Simulated <b>", white_balance="daylight", shot=np.resize(names, count),
+        patch=np.arange(count).astype(np.str_), exposure_s=0.01, wb=gain,
+    )  # fmt: skip
 
 
 class Tags(HTMLParser):

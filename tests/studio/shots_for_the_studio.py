@@ -30,18 +30,12 @@ def chart_samples(patches: int = 60, noise: float = 0.002, names: tuple[str, str
                 time = camera.nominal_exposure_s * 2.0**stops
                 raw = camera.expose(reflectances, "daylight", time)
                 raw = np.clip(raw * (1 + noise * rng.standard_normal(raw.shape)), 0.0, 1.0)
-                count = len(raw)
-
-                def column(value: str, count: int = count) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
-                    return np.full(count, value)
-
-                shot = f"{names[1]} {style} {balance} {stops:+g}"
+                jpeg = np.round(camera.render(raw, style, balance) * 255) / 255
                 parts.append(
-                    SampleSet(
-                        column(names[0]), column(style), column(balance), column(shot),
-                        np.arange(count).astype(np.str_), np.full(count, time), raw,
-                        np.round(camera.render(raw, style, balance) * 255) / 255, np.tile(gain, (count, 1)),
-                        column(names[0]),
+                    SampleSet.from_arrays(
+                        raw, jpeg, camera=names[0], style=style, white_balance=balance,
+                        shot=f"{names[1]} {style} {balance} {stops:+g}", patch=np.arange(len(raw)).astype(np.str_),
+                        exposure_s=time, wb=gain,
                     )
                 )  # fmt: skip
     return concatenate(parts)

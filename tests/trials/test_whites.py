@@ -25,8 +25,8 @@ from lutforge.ocio.config import write_config
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from tests.apply.test_profile_recipe import samples_of
 from tests.cases.profiles import small_profile
+from tests.cases.samples import samples_of_settings
 
 Array = NDArray[np.float64]
 
@@ -142,7 +142,7 @@ def test_white_stays_white_in_the_published_configs() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("camera", [nikon_d5100(), sigma_sd_merrill()], ids=lambda camera: camera.name)
 def test_ramps_of_a_calibrated_camera_rise_to_a_neutral_white(camera: SimulatedCamera, tmp_path: Path) -> None:
-    profile = calibrate(samples_of(camera, 1, ("standard",)), CalibrationOptions(size=17))
+    profile = calibrate(samples_of_settings(camera, 1, ("standard",)), CalibrationOptions(size=17))
     for ways in measured(profile, tmp_path, 12, InverseOptions(size=33, rounds=2)):
         assert ways.fall <= 5.0, ways
         assert ways.tint <= 2.0, ways
