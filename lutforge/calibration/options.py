@@ -40,7 +40,7 @@ class PhysicalOptions:
     @property
     def nugget(self) -> float | None:
         """8Nπρ of (4.8)."""
-        return None if self.rho is None else 8.0 * self.centres * math.pi * self.rho
+        return None if self.rho is None else 8 * self.centres * math.pi * self.rho
 
 
 Preset = Literal["lutforge", "thesis"]

@@ -38,6 +38,26 @@ NOT_ONE_CAMERA = "these samples do not look like one camera's rendering"
 """The cause where none is known; single shots may be to blame."""
 NO_CAMERA = 12.0
 """Mean residual of unsaturated colours, in codes, that no camera has: of thirteen real ones the worst has 8."""
+BLACK_LEVELS = (0.004, 0.0065, 0.01, 0.015, 0.025, 0.04)
+"""Black levels, as shares of white, that are tried as left in the RAW or as taken from it twice."""
+LEAST_POWER, MOST_POWER, PER_POWER = 1.05, 2.4, 50
+"""Light rises as a power of JPEG values between these; each step of 1 beyond them is as wrong as 50 codes."""
+WHITE_IN_THE_DARK, PER_STOP_OF_WHITE = -1.9, 30
+"""Stops below a usual white where no camera's white lies, and what each stop beyond is worth in codes."""
+USUAL_POWER = 2.2
+CODES_PER_STOP, EXCHANGED = 40, 100
+"""A stop of light in codes, about; what channels of the JPEG that are others of the RAW are worth in codes."""
+FAR_OFF = 0.25
+"""Encoded residuals count no more than this: what is further off is as wrong."""
+TONED, COLOURFUL, LEAST_TINT = 2, 0.2, 3
+"""A toned picture: channels within 2 codes of a function of green, RAW of which a tenth differs by this share, and a
+tint of so many codes."""
+SAME_BALANCE = 0.1
+"""Logarithm of a ratio of multipliers that tells two settings apart."""
+SLIPPED = 0.85
+"""Rows are shifted if the error of others is below this share of their own."""
+TINY = 1e-6
+"""Light counts as this at least, so that ratios and logarithms stay finite."""
 WARM_TO_COOL = ("tungsten", "daylight", "cloudy", "shade")
 """Settings in the order of the light that they are for: the cooler it is, the more red a camera adds beside blue."""
 
@@ -108,7 +128,7 @@ def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
         if judged is not None and judged.misfit < best:
             evidence = f"samples are {given.misfit:.0f} codes off what cameras make, without it {judged.misfit:.1f}"
             best, diagnosis = judged.misfit, Diagnosis(cause, evidence, advice)
-            if best < 0.1 * given.misfit:
+            if 10 * best < given.misfit:  # nothing can be far better than that
                 break
     if diagnosis is None and colours.known and given.residual > NO_CAMERA:
         return Diagnosis(
@@ -129,20 +149,21 @@ def _judged(colours: _Colours) -> _Judgement | None:
         whole = with_matrix_of_all(fit, x, encoded)
     except (CalibrationError, np.linalg.LinAlgError):
         return None
-    residual = 255.0 * np.average(
-        np.minimum(encoded_residual(fit.response, fit.matrix, x, encoded), 0.25), weights=fit.trust + 1e-9
+    residual = 255 * np.average(
+        np.minimum(encoded_residual(fit.response, fit.matrix, x, encoded), FAR_OFF), weights=fit.trust + TINY / 1000
     )
-    dark, bright = np.quantile(encoded.mean(axis=1), (0.1, 0.9))
+    dark, bright = np.percentile(encoded.mean(axis=1), (10, 90))
     greys = np.linspace(dark, bright, 9)
-    light = np.log2(np.maximum(fit.response.linearize(np.repeat(greys[:, None], 3, axis=1)), 1e-5))
+    light = np.log2(np.maximum(fit.response.linearize(np.repeat(greys[:, None], 3, axis=1)), 10 * TINY))
     tint = np.median(light - light.mean(axis=1, keepdims=True), axis=0)
     power = float(np.polyfit(np.log2(greys), light.mean(axis=1), 1)[0])
-    white = float(np.median((light.mean(axis=1) - 2.2 * np.log2(greys))[4:]))
+    white = float(np.median((light.mean(axis=1) - USUAL_POWER * np.log2(greys))[4:]))
     order = linear_sum_assignment(-whole.matrix)[1]
-    misfit = 100.0 * float(np.any(order != np.arange(3)))
-    misfit += 50.0 * (max(0.0, 1.05 - power) + max(0.0, power - 2.4)) + 30.0 * max(0.0, -1.9 - white)
+    misfit = EXCHANGED * float(np.any(order != np.arange(3)))
+    misfit += PER_POWER * (max(0.0, LEAST_POWER - power) + max(0.0, power - MOST_POWER))
+    misfit += PER_STOP_OF_WHITE * max(0.0, WHITE_IN_THE_DARK - white)
     if colours.known:  # else it may be the estimated multipliers that are wrong
-        misfit += residual + 40.0 * float(np.ptp(tint))  # a stop of light is some forty codes
+        misfit += residual + CODES_PER_STOP * float(np.ptp(tint))
     return _Judgement(whole.render(everything), float(residual), tint, power, white, float(misfit))
 
 
@@ -156,9 +177,9 @@ def _causes(colours: _Colours, given: _Judgement, samples: SampleSet) -> Iterato
     advice = "use the camera's JPEG as it is, encoded"
     yield "the JPEG values are linear", advice, replace(colours, encoded=srgb_encode(encoded))
     advice = "divide by the level at which this sensor saturates, and sample again"
-    if raw.max() * 2.0**-given.white < 4.0:
+    if raw.max() * 2.0**-given.white < 4:
         yield "RAW is divided by too high a white level", advice, replace(colours, raw=raw * 2.0**-given.white)
-    for level in (0.004, 0.0065, 0.01, 0.015, 0.025, 0.04):
+    for level in BLACK_LEVELS:
         advice = "subtract the sensor's own black level, once, before the samples are taken"
         yield "the black level is left in the RAW", advice, replace(colours, raw=raw - level)
         yield "more than the black level is taken from the RAW", advice, replace(colours, raw=raw + level)
@@ -176,20 +197,20 @@ def _causes(colours: _Colours, given: _Judgement, samples: SampleSet) -> Iterato
         a, b = samples.white_balance == first, samples.white_balance == second
         exchanged = by.copy()
         exchanged[a], exchanged[b] = np.median(by[b], axis=0), np.median(by[a], axis=0)
-        if np.abs(np.log(exchanged / by)).max() > 0.1:
+        if np.abs(np.log(exchanged / by)).max() > SAME_BALANCE:
             cause = f'the white balances "{first}" and "{second}" are exchanged'
             yield cause, "exchange their names or multipliers in the table", replace(colours, multipliers=exchanged)
 
 
 def _toned(colours: _Colours) -> Diagnosis | None:
     """Diagnose sepia and other toned pictures: one channel determines the others, though the RAW is colourful."""
-    red, _, blue = 255.0 * colours.encoded.T
+    red, _, blue = 255 * colours.encoded.T
     powers = np.vander(colours.encoded[:, 1], 6)
     left = [channel - powers @ np.linalg.lstsq(powers, channel, rcond=None)[0] for channel in (red, blue)]
-    tint = float(np.median(np.ptp(255.0 * colours.encoded, axis=1)))
+    tint = float(np.median(np.ptp(255 * colours.encoded, axis=1)))
     balanced = colours.raw * colours.multipliers
-    colourful = np.ptp(balanced / np.maximum(balanced.mean(axis=1, keepdims=True), 1e-6), axis=1)
-    if max(np.std(left[0]), np.std(left[1])) > 2.0 or np.quantile(colourful, 0.9) < 0.2 or tint < 3.0:
+    colourful = np.ptp(balanced / np.maximum(balanced.mean(axis=1, keepdims=True), TINY), axis=1)
+    if max(np.std(left[0]), np.std(left[1])) > TONED or np.percentile(colourful, 90) < COLOURFUL or tint < LEAST_TINT:
         return None
     evidence = f"all their colours are one tint, {tint:.0f} codes from grey, though the RAW is colourful"
     return Diagnosis("the JPEGs are toned", evidence, "shoot with a colour style, or a plain black-and-white one")
@@ -206,9 +227,9 @@ def _shifted_rows(given: _Judgement, samples: SampleSet) -> Diagnosis | None:
         for step in range(-8, 9):
             first, last = max(-step, 0), len(encoded) - max(step, 0)
             distance = np.linalg.norm(rendered[first:last] - encoded[first + step : last + step], axis=1)
-            errors[step] = 255.0 * float(np.minimum(distance, 0.125).mean())
+            errors[step] = 255 * float(np.minimum(distance, FAR_OFF / 2).mean())
         best = min(errors, key=lambda step: errors[step])
-        if best and errors[0] > 2.0 and errors[best] < 0.85 * errors[0]:
+        if best and errors[0] > 2.0 and errors[best] < SLIPPED * errors[0]:
             slipped.append(f"{name} (by {best:+d})")
     if not slipped:
         return None
@@ -226,7 +247,7 @@ def _wrong_names(multipliers: Mapping[str, Array]) -> Diagnosis | None:
     """
     for warm, cool in combinations([name for name in WARM_TO_COOL if name in multipliers], 2):
         (r, _, b), (other_r, _, other_b) = multipliers[warm], multipliers[cool]
-        if np.log(r / b) > np.log(other_r / other_b) + 0.1:
+        if np.log(r / b) > np.log(other_r / other_b) + SAME_BALANCE:
             return Diagnosis(
                 f'the white balances "{warm}" and "{cool}" have each other\'s names',
                 f'the multipliers of "{cool}" are for the warmer light of the two',

@@ -150,7 +150,7 @@ def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleD
     # Clipped in the JPEG alone, and in whole channels: a value between the last code and the end is a mixture.
     whole = np.all(((samples.raw > 0.0) & (samples.raw < 0.999) & (balanced < 1.0)), axis=1)
     ends = (samples.srgb <= 0.0) | (samples.srgb >= 1.0)
-    half_code = 0.5 / 255.0
+    half_code = 0.5 / 255
     inside = (samples.srgb >= half_code) & (samples.srgb <= 1.0 - half_code)
     one_sided = enough & ~usable & whole & np.all(ends | inside, axis=1)
     styles = {}

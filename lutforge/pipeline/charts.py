@@ -13,7 +13,7 @@ import numpy as np
 
 from lutforge.arrays import Array, Pixels
 from lutforge.calibration.physical.bracket import fit_bracket
-from lutforge.calibration.physical.exposure_pairs import PairingOptions, pairs_of_samples
+from lutforge.calibration.physical.exposure_pairs import CLIPPED, pairs_of_samples
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
@@ -151,7 +151,7 @@ def _patches(
         )
     # The camera's own white need not be 1. One patch may be the brightest by chance; several that are equally bright
     # follow the exposure no more.
-    near = values > np.nanmax(values, axis=(0, 1)) - PairingOptions.clipped
+    near = values > np.nanmax(values, axis=(0, 1)) - CLIPPED
     piled = near & (np.count_nonzero(near, axis=(0, 1)) >= 4)
     values[piled.any(axis=2)] = np.nan
     return values, tuple(files[index].name for index in sorted(places))

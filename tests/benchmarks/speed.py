@@ -32,7 +32,7 @@ from lutforge.apply.grade import LutRecipe
 from lutforge.arrays import Pixels
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
+from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.calibration.style import fit_lattices
 from lutforge.luts.bake import bake_forms
 from lutforge.luts.programs import target_of
@@ -176,7 +176,7 @@ def gamut_map_task(centres: int, count: int) -> Callable[[], object]:
     rng = np.random.default_rng(0)
     source = rng.uniform(size=(count, 3))
     target = source + 0.08 * np.sin(5 * source[:, [1, 2, 0]]) * source + 0.002 * rng.standard_normal(source.shape)
-    return lambda: fit_gamut_map(source, target, GamutMapOptions(tolerance=1e-6, most=centres))
+    return lambda: fit_gamut_map(source, target, tolerance=1e-6, most=centres)
 
 
 def bake_task(size: int, _: int) -> Callable[[], object]:

@@ -5,7 +5,7 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
-from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
+from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.calibration.physical.kriging import fit_camera_model
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
@@ -105,7 +105,7 @@ def test_the_thesis_preset_weighs_all_colours_of_the_gamut_map_alike() -> None:
     model = fit_gamut_maps(linear, encoded, shot, np.eye(3), response, (), physical)
     mapped, maps = response.linearize(encoded), (model.gamut_map, model.inverse_gamut_map)
     for found, (x, y) in zip(maps, ((linear, mapped), (mapped, linear)), strict=True):
-        alike = fit_gamut_map(x, y, GamutMapOptions(nugget=physical.nugget), groups=shot)
+        alike = fit_gamut_map(x, y, nugget=physical.nugget, groups=shot)
         np.testing.assert_array_equal(found(x), alike.gamut_map(x))  # (4.8)
 
 

@@ -19,10 +19,10 @@ def is_monochrome(balanced: Array, encoded: Array) -> bool:
     style rendered each channel by its tones. The tones match the ranks of brightness, so that noise of dark greys
     counts as little as it shows.
     """
-    if np.ptp(encoded, axis=1).max() > 2.0 / 255.0:
+    if np.ptp(encoded, axis=1).max() > 2 / 255:
         return False
     in_colour = np.interp(balanced, np.sort(balanced.mean(axis=1)), np.sort(encoded.mean(axis=1)))
-    return bool(np.quantile(np.ptp(in_colour, axis=1), 0.9) >= 16.0 / 255.0)
+    return bool(np.percentile(np.ptp(in_colour, axis=1), 90) >= 16 / 255)
 
 
 def monochrome_note(style: str) -> str:

@@ -118,7 +118,7 @@ def _fit(pairs: ExposurePairs, beta: float) -> tuple[BracketFit, str]:
         "monotone spline": fit_response_to_exposures(pairs, "thesis", beta, log_spline_basis()),
     }
     gamma = minimize_scalar(
-        lambda value: _residual(pairs, gamma_response(value), plain)[1], bounds=(0.5, 5.0), method="bounded"
+        lambda value: _residual(pairs, gamma_response(value), plain)[1], bounds=(0.5, 5), method="bounded"
     ).x
     named = {
         **{name: fit.response for name, fit in fits.items()},
@@ -211,7 +211,7 @@ def _residual(pairs: ExposurePairs, response: Response, rows: Mask) -> tuple[flo
 
 def _codes_off(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
     """I' − f(k' f⁻¹(I)) (m, 3) of some rows, in codes."""
-    return np.asarray(255.0 * (pairs.white - pairs.black) * pairs.select(rows).departure(response))
+    return np.asarray(255 * (pairs.white - pairs.black) * pairs.select(rows).departure(response))
 
 
 def _over_codes(response: Response, pairs: ExposurePairs) -> Response:

@@ -24,20 +24,19 @@ from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
-
-@dataclass(frozen=True)
-class TransferOptions:
-    """outlier: a JPEG value this far from the camera's transfer function, and so its whole colour (3.2).
-
-    merged: ratios within so many stops are one. shift, own_curves: a response is a fixed property of the camera below
-    this shift of whole shots, as a shutter 5 % off moves middle grey so far, and this share that curves of shots
-    explain: it is 1 % at most of 48 fixed simulated cameras, and 3 and 6 % of two real brackets.
-    """
-
-    outlier: float = 3.0 / 255.0
-    merged: float = 0.1
-    shift: float = 3.0 / 255.0
-    own_curves: float = 0.1
+OUTLIER = 3 / 255
+"""A JPEG value this far from the camera's transfer function is an outlier, and so is its whole colour (3.2)."""
+MERGED = 0.1
+"""Ratios within so many stops are one."""
+LARGEST_SHIFT, OWN_CURVES = 3 / 255, 0.1
+"""A response is a fixed property of the camera below this shift of whole shots, as a shutter 5 % off moves middle grey
+so far, and below this share that curves of shots explain: it is 1 % at most of 48 fixed simulated cameras, and 3 and
+6 % of two real brackets."""
+DARK_RAW, NEAR_WHITE = 0.02, 0.98
+SLOWEST = 1e-3
+"""Slope of f⁻¹ at least, so that black has a slope."""
+DEPENDENT = 1e-6
+"""Terms whose squares differ by this share are nearly dependent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,35 +89,31 @@ class ResponseVerdict:
         )
 
 
-def transfer_functions(pairs: ExposurePairs, options: TransferOptions | None = None) -> tuple[TransferFunction, ...]:
+def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
     """The pairs by exposure ratio, each with the function that the camera's one response implies.
 
     Raises CalibrationError where the pairs do not determine a response.
     """
-    options = options or TransferOptions()
     response, of_all = fit_response_to_exposures(pairs).response, fit_response_to_all_colours(pairs).response
     stops = pairs.log_ratio / np.log(2.0)
     result = []
-    for centre in _centres(stops, options.merged):
-        mine = pairs.select(np.abs(stops - centre) <= options.merged)
-        outlier = np.any(np.abs(mine.departure(response)) > options.outlier, axis=1)
+    for centre in _centres(stops):
+        mine = pairs.select(np.abs(stops - centre) <= MERGED)
+        outlier = np.any(np.abs(mine.departure(response)) > OUTLIER, axis=1)
         values = mine.first, mine.second, mine.raw_first, mine.raw_second
         curves = _curve(response, centre), _curve(of_all, centre)
         result.append(TransferFunction(float(centre), *values, outlier, *curves))
     return tuple(result)
 
 
-def judge(
-    pairs: ExposurePairs, response: Response | None = None, options: TransferOptions | None = None
-) -> ResponseVerdict:
+def judge(pairs: ExposurePairs, response: Response | None = None) -> ResponseVerdict:
     """Outliers and shifts over all pairs, from the function that a response implies; none: the one of the pairs.
 
     Raises CalibrationError where the pairs do not determine a response.
     """
-    options = options or TransferOptions()
     response = response or fit_response_to_exposures(pairs).response
     departure = pairs.departure(response)
-    by_channel = np.abs(departure) > options.outlier
+    by_channel = np.abs(departure) > OUTLIER
     outlier = by_channel.any(axis=1)
     chroma = np.maximum(saturation(pairs.first), saturation(pairs.second))
     shifts: dict[int, list[float]] = {}
@@ -132,7 +127,7 @@ def judge(
             shift = float(np.median(np.abs(np.median(departure[plain], axis=0))))
             for shot in divmod(int(pair), len(pairs.shots)):
                 shifts.setdefault(shot, []).append(shift)
-        bright = rows & np.all(pairs.raw_first > 0.02, axis=1)
+        bright = rows & np.all(pairs.raw_first > DARK_RAW, axis=1)
         if bright.sum() >= 3:
             logs = np.log(pairs.raw_second[bright] / pairs.raw_first[bright])
             spreads.append(float(np.median(np.abs(logs - np.median(logs)))))
@@ -147,16 +142,16 @@ def judge(
         shift=worst,
         raw_spread=max(spreads),
         own_curves=own,
-        fixed=worst < options.shift and own < options.own_curves,
+        fixed=worst < LARGEST_SHIFT and own < OWN_CURVES,
     )
 
 
-def _centres(stops: Array, merged: float) -> list[float]:
+def _centres(stops: Array) -> list[float]:
     """The distinct exposure ratios, in stops."""
     centres: list[float] = []
     for value in np.unique(np.round(stops, 3)):
-        if not centres or value - centres[-1] > 2 * merged:
-            centres.append(float(np.median(stops[np.abs(stops - value) <= merged])))
+        if not centres or value - centres[-1] > 2 * MERGED:
+            centres.append(float(np.median(stops[np.abs(stops - value) <= MERGED])))
     return centres
 
 
@@ -178,14 +173,14 @@ def share_of_own_curves(pairs: ExposurePairs, response: Response, rows: Mask) ->
         return 0.0
     common, own, departure = _terms(chosen, response)
     residual_of_common = departure - common @ _solution(common, departure)
-    weight = np.sqrt(RobustWeights(cauchy, multiple=3.0, least=1e-6)(np.abs(residual_of_common)))
+    weight = np.sqrt(RobustWeights(cauchy, multiple=3, least=DEPENDENT)(np.abs(residual_of_common)))
     residuals = np.zeros((2, len(departure)))
     for held in leave_groups_out(np.repeat(surfaces, 3)):
         for residual, terms in zip(residuals, (common, np.hstack([common, own])), strict=True):
             found = _solution((weight[:, None] * terms)[~held], (weight * departure)[~held])
             residual[held] = (weight * (departure - terms @ found))[held]
     without, with_own = np.sum(residuals**2, axis=1)
-    return float(1.0 - with_own / max(without, 1e-12))
+    return float(1.0 - with_own / max(without, DEPENDENT**2))
 
 
 def _terms(pairs: ExposurePairs, response: Response) -> tuple[Array, Array, Array]:
@@ -198,14 +193,14 @@ def _terms(pairs: ExposurePairs, response: Response) -> tuple[Array, Array, Arra
     """
     first, second, ratio = pairs.first, pairs.second, np.exp(pairs.log_ratio)[:, None]
     codes = np.linspace(0.0, 1.0, len(response.inverse))
-    speed = np.maximum(np.gradient(response.inverse, codes, axis=0), 1e-3)
+    speed = np.maximum(np.gradient(response.inverse, codes, axis=0), SLOWEST)
     light = ratio * response.linearize(first)
     expected = response.encode(light)
     before, after = (
         np.stack([np.interp(side[:, c], codes, speed[:, c]) for c in range(3)], axis=1) for side in (first, expected)
     )
     slope = ratio * before / after
-    scale = np.where(np.all(expected < 0.98, axis=1)[:, None], 1.0 / np.hypot(1.0, slope), 0.0)
+    scale = np.where(np.all(expected < NEAR_WHITE, axis=1)[:, None], 1.0 / np.hypot(1.0, slope), 0.0)
     shots = np.arange(len(pairs.shots))[:, None, None]
     is_first, is_second = pairs.first_shot[:, None] == shots, pairs.second_shot[:, None] == shots
     waves = [(np.sin(j * np.pi * second), slope * np.sin(j * np.pi * first)) for j in range(1, 7)]
@@ -219,4 +214,4 @@ def _terms(pairs: ExposurePairs, response: Response) -> tuple[Array, Array, Arra
 
 def _solution(terms: Array, values: Array) -> Array:
     """The least-squares solution of least norm; terms that are nearly dependent get no weight."""
-    return np.asarray(np.linalg.pinv(terms.T @ terms, rcond=1e-6, hermitian=True) @ (terms.T @ values))
+    return np.asarray(np.linalg.pinv(terms.T @ terms, rcond=DEPENDENT, hermitian=True) @ (terms.T @ values))

@@ -53,6 +53,19 @@ class CurveBasis:
         )  # fmt: skip
 
 
+OF_VALUES, OF_BENDS = 0.01, 0.003
+"""What the prior of a spline weighs beside a sample: of its values, and of the relative changes of its slope."""
+CHANGE = 0.03
+"""Standard deviation of these changes, beside half of what the prior's own are."""
+SLOWEST = 0.05
+"""Least slope of f⁻¹ that is compared with, and least share of the prior's slope that a spline has."""
+BEND = 40
+"""Precision of the bends of log f⁻¹ from knot to knot: those of sRGB's curve are off by 1/6."""
+LEAST_RISE = 0.2
+"""Share of the rise of sRGB's log curve that a fitted one has at least."""
+LEAST_GAMMA, MOST_GAMMA = 0.2, 5
+
+
 @cache
 def emor_basis(count: int = 15) -> CurveBasis:
     """f⁻¹ = scale · g0 + ξ · h, EMoR in the linear domain; θ = (scale, ξ).
@@ -69,10 +82,10 @@ def emor_basis(count: int = 15) -> CurveBasis:
     return CurveBasis(
         offset=np.zeros(1024),
         design=design,
-        precision=np.diag(np.concatenate([[0.0], order**4 / 4.0])),
+        precision=np.diag(np.concatenate([[0.0], order**4 / 4])),
         wanted=np.zeros(count + 1),
         rising=np.vstack([steps, np.eye(1, count + 1)]),
-        least=np.append(np.zeros(len(steps)), 0.01),
+        least=np.append(np.zeros(len(steps)), OF_VALUES),
     )
 
 
@@ -84,23 +97,23 @@ def spline_basis(like: Array, knots: int = 33) -> CurveBasis:
     3 % and half of that change, because `like` is least certain where f⁻¹ becomes steep near white.
     """
     shape = np.interp(np.linspace(0.0, 1.0, knots), np.linspace(0.0, 1.0, len(like)), like)
-    rate = np.maximum(np.gradient(shape, 1.0 / (knots - 1)), 0.05)
+    rate = np.maximum(np.gradient(shape, 1.0 / (knots - 1)), SLOWEST)
     steps = np.diff(shape)
     change, scale = np.diff(steps) / np.maximum(steps[1:] + steps[:-1], 1e-9), (knots - 1) / rate[1:-1]
     bend, place = np.zeros((knots - 2, knots)), np.arange(knots - 2)
     bend[place, place + 1], bend[place, place + 2] = (-1.0 - change) * scale, (1.0 - change) * scale
-    bend /= np.hypot(1.0, 0.5 * change / 0.03)[:, None]
+    bend /= np.hypot(1.0, 0.5 * change / CHANGE)[:, None]
     values = np.tril(np.ones((knots, knots)))
     relative = values / rate[:, None]
-    precision = 3e-3 * bend.T @ bend + 1e-2 * relative.T @ relative
+    precision = OF_BENDS * bend.T @ bend + OF_VALUES * relative.T @ relative
     precision[0, 0] += 1.0 / rate[0] ** 2  # black is black
     return CurveBasis(
         offset=np.zeros(knots),
         design=values,
         precision=precision * SAMPLE,
-        wanted=1e-2 * SAMPLE * relative.T @ (shape / rate),
+        wanted=OF_VALUES * SAMPLE * relative.T @ (shape / rate),
         rising=np.eye(knots),
-        least=np.concatenate([[0.0], np.maximum(0.05 * steps, 0.0)]),
+        least=np.concatenate([[0.0], np.maximum(SLOWEST * steps, 0.0)]),
     )
 
 
@@ -117,7 +130,7 @@ def log_emor_basis(count: int = 15) -> CurveBasis:
     return CurveBasis(
         offset=basis.mean,
         design=np.ascontiguousarray(basis.curves.T),
-        precision=np.diag(np.arange(1, count + 1) ** 4 / 25.0),
+        precision=np.diag(np.arange(1, count + 1) ** 4 / 25),
         wanted=np.zeros(count),
         rising=np.diff(basis.curves[:, 1:], axis=1).T,
         least=(LEAST_SLOPE - 1.0) * steps,
@@ -140,10 +153,10 @@ def log_spline_basis(knots: int = 24) -> CurveBasis:
     return CurveBasis(
         offset=offset,
         design=design,
-        precision=40.0 * bend.T @ bend,  # bends of sRGB's log curve are off by 1/6 a knot
-        wanted=40.0 * bend.T @ (bend @ shape),
+        precision=BEND * bend.T @ bend,
+        wanted=BEND * bend.T @ (bend @ shape),
         rising=rising,
-        least=0.2 * (rising @ shape),
+        least=LEAST_RISE * (rising @ shape),
     )
 
 
@@ -154,6 +167,6 @@ def srgb_response() -> Response:
 
 def gamma_response(gamma: float = 2.2) -> Response:
     """f⁻¹(I) = I^gamma in all channels. Raises CalibrationError unless 0.2 ≤ gamma ≤ 5."""
-    if not 0.2 <= gamma <= 5.0:
+    if not LEAST_GAMMA <= gamma <= MOST_GAMMA:
         raise CalibrationError(f"gamma {gamma:g} is not within 0.2 … 5")
     return Response(np.stack([np.linspace(0.0, 1.0, 1024) ** gamma] * 3, axis=1))

@@ -12,28 +12,21 @@ from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
-
-@dataclass(frozen=True)
-class PairingOptions:
-    """Which colours of two shots are exposure pairs.
-
-    clipped: JPEG values this near 0 or 1 in any channel are clipped; end_guard: so are cells of a bracket this near its
-    black or white, which compression and noise move. least_stops, most_stops: between two shots; those further apart
-    share too few unclipped surfaces, and their shifts are larger (thesis 3.2). least_pairs: of two shots. time_spread:
-    expected error of the logarithm of an exposure time; RAW values tell ratios to raw_spread.
-    """
-
-    clipped: float = 1.5 / 255.0
-    end_guard: float = 4.0 / 255.0
-    least_stops: float = 0.15
-    most_stops: float = 3.5
-    least_pairs: int = 6
-    time_spread: float = 0.03
-    raw_spread: float = 0.003
-
-    def spaced(self, log_ratio: float) -> bool:
-        """Whether two shots of this log ratio of exposures tell the response."""
-        return bool(self.least_stops <= log_ratio / np.log(2) <= self.most_stops)
+CLIPPED = 1.5 / 255
+"""JPEG values this near 0 or 1 in any channel are clipped."""
+END_GUARD = 4 / 255
+"""So are cells of a bracket this near its black or white, which compression and noise move."""
+LEAST_STOPS, MOST_STOPS = 0.15, 3.5
+"""Between two shots; those further apart share too few unclipped surfaces, and their shifts are larger (thesis 3.2)."""
+LEAST_PAIRS = 6
+"""Of two shots."""
+TIME_SPREAD, RAW_SPREAD = 0.03, 0.003
+"""Expected error of the logarithm of an exposure time, and of a ratio that RAW values tell."""
+FLAT = (0.01, 0.03)
+"""A cell is flat whose standard deviation is below the first and this share of its mean."""
+SAME_SCENE = 0.12
+"""All surfaces of one scene have the same RAW ratio; a wider spread of its logarithm means another scene."""
+DARK_RAW, CLIPPED_RAW = 0.004, 0.999
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,35 +104,33 @@ class _Exposure:
     row: NDArray[np.intp]
 
 
-def pairs_of_samples(samples: SampleSet, options: PairingOptions | None = None) -> ExposurePairs:
+def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
     """All exposure pairs of a sample table: same style and white balance, same patch, other shot.
 
     With RAW the ratio is that of the RAW values, which are linear, and pairs of shots whose surfaces have no common
     ratio are other scenes and left out; without, it is that of the exposure times.
     Raises CalibrationError where no two shots are a pair.
     """
-    options = options or PairingOptions()
     parts: list[tuple[_Exposure, _Exposure, Mask, float]] = []
     from_raw = bool(np.all(samples.raw_camera == samples.camera)) and bool(np.any(samples.raw > 0))
-    for group in _groups(samples, options.clipped):
+    for group in _groups(samples):
         for one, other in combinations(sorted(group, key=lambda shot: shot.log_time), 2):
             both = one.usable & other.usable
-            ratio = _log_ratio(one, other, both, from_raw, options.least_pairs)
-            if ratio is not None and options.spaced(abs(ratio)):
+            ratio = _log_ratio(one, other, both, from_raw)
+            if ratio is not None and LEAST_STOPS <= abs(ratio) / np.log(2) <= MOST_STOPS:
                 parts.append((one, other, both, ratio) if ratio > 0 else (other, one, both, -ratio))
     if not parts:
         raise CalibrationError(
             "no two shots show the same surfaces at different exposures: "
             "shoot the same chart at several shutter speeds, with all other settings the same"
         )
-    return _join(parts, options.raw_spread if from_raw else options.time_spread)
+    return _join(parts, RAW_SPREAD if from_raw else TIME_SPREAD)
 
 
 def pairs_of_bracket(
     names: Sequence[str],
     encoded: Iterable[Array],
     exposure_s: Sequence[float],
-    options: PairingOptions | None = None,
 ) -> ExposurePairs:
     """Exposure pairs of registered JPEGs of one scene: flat cells of 8 × 8 pixels.
 
@@ -147,7 +138,6 @@ def pairs_of_bracket(
     other settings the same. Black and white are found from the outermost shots.
     Raises CalibrationError below two exposures, on sizes that differ, or where nothing is flat and unclipped.
     """
-    options = options or PairingOptions()
     if len(set(exposure_s)) < 2:
         raise CalibrationError(
             "one exposure only: the response needs a bracket; shoot the same scene at several shutter speeds"
@@ -161,13 +151,13 @@ def pairs_of_bracket(
     order = np.argsort(exposure_s)
     cells = [measured[place] for place in order]
     stops = np.log2(np.asarray(exposure_s)[order])
-    within = np.flatnonzero(stops - stops[0] <= options.most_stops)[-1]  # nearer, dark tones would pass for black, too
-    black, low = _insensitive(cells[0][0], cells[within][0], options.clipped, dark=True)
-    white, high = _insensitive(cells[-1][0], cells[-2][0], options.clipped, dark=False)
+    within = np.flatnonzero(stops - stops[0] <= MOST_STOPS)[-1]  # nearer, dark tones would pass for black, too
+    black, low = _insensitive(cells[0][0], cells[within][0], CLIPPED, dark=True)
+    white, high = _insensitive(cells[-1][0], cells[-2][0], CLIPPED, dark=False)
     shots = []
     for place, (mean, spread) in zip(order, cells, strict=True):
-        flat = spread.max(axis=1) < 0.01 + 0.03 * mean.max(axis=1)
-        usable = flat & np.all((mean > low + options.end_guard) & (mean < high - options.end_guard), axis=1)
+        flat = spread.max(axis=1) < FLAT[0] + FLAT[1] * mean.max(axis=1)
+        usable = flat & np.all((mean > low + END_GUARD) & (mean < high - END_GUARD), axis=1)
         log_time = float(np.log(exposure_s[place]))
         inside = (mean - black) / (white - black)
         nothing = np.full_like(mean, np.nan)
@@ -176,11 +166,11 @@ def pairs_of_bracket(
     for one, other in combinations(shots, 2):
         both = one.usable & other.usable
         ratio = other.log_time - one.log_time
-        if both.sum() >= options.least_pairs and options.spaced(ratio):
+        if both.sum() >= LEAST_PAIRS and LEAST_STOPS <= ratio / np.log(2) <= MOST_STOPS:
             parts.append((one, other, _over_tones(one.encoded, both), ratio))
     if not parts:
         raise CalibrationError("no two shots of the bracket share flat, unclipped surfaces: shoot smaller steps")
-    return replace(_join(parts, options.time_spread), black=black, white=white)
+    return replace(_join(parts, TIME_SPREAD), black=black, white=white)
 
 
 def _insensitive(outer: Array, inner: Array, noise_of_code: float, *, dark: bool) -> tuple[Array, Array]:
@@ -193,12 +183,12 @@ def _insensitive(outer: Array, inner: Array, noise_of_code: float, *, dark: bool
     noise = ends.copy()
     for channel in range(3):
         one, other = outer[:, channel], inner[:, channel]
-        side = other < 0.25 if dark else other > 0.75
+        side = 4 * other < 1 if dark else 4 * other > 3
         same = one[side & (np.abs(one - other) <= noise_of_code)]
-        # Share of the cells that must not follow the exposure for their value to be the black or white
-        if len(same) >= 1e-3 * one.size:
+        # A thousandth of the cells must not follow the exposure for their value to be the black or white
+        if 1000 * len(same) >= one.size:
             ends[channel] = np.median(same)
-            spread = 3.0 * np.median(np.abs(same - ends[channel]))
+            spread = 3 * np.median(np.abs(same - ends[channel]))
             noise[channel] = ends[channel] + (spread if dark else -spread)
     return ends, noise
 
@@ -222,7 +212,7 @@ def _cells(image: Array, cell: int) -> tuple[Array, Array]:
     return cells.mean(axis=(1, 3)).reshape(-1, 3), cells.std(axis=(1, 3)).reshape(-1, 3)
 
 
-def _groups(samples: SampleSet, clipped: float) -> Iterator[list[_Exposure]]:
+def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:
     """Per style and white balance, the shots over the patches of the group (rows that a shot lacks are unusable)."""
     for style in np.unique(samples.style):
         for balance in np.unique(samples.white_balance[samples.style == style]):
@@ -238,28 +228,27 @@ def _groups(samples: SampleSet, clipped: float) -> Iterator[list[_Exposure]]:
                 row = np.full(len(patches), -1)
                 row[place] = rows
                 with np.errstate(invalid="ignore"):
-                    usable = np.all((encoded > clipped) & (encoded < 1 - clipped), axis=1)
-                    usable &= ~np.any(raw >= 0.999, axis=1)
+                    usable = np.all((encoded > CLIPPED) & (encoded < 1 - CLIPPED), axis=1)
+                    usable &= ~np.any(raw >= CLIPPED_RAW, axis=1)
                 time = shot.exposure_s[np.isfinite(shot.exposure_s)]
                 log_time = float(np.log(np.median(time))) if len(time) else np.nan
                 group.append(_Exposure(str(name), log_time, encoded, raw, usable, row))
             yield group
 
 
-def _log_ratio(one: _Exposure, other: _Exposure, both: Mask, from_raw: bool, least: int) -> float | None:
+def _log_ratio(one: _Exposure, other: _Exposure, both: Mask, from_raw: bool) -> float | None:
     """log k' of other over one; None where they are no pair."""
-    if both.sum() < least:
+    if both.sum() < LEAST_PAIRS:
         return None
     if not from_raw:
         ratio = other.log_time - one.log_time
         return float(ratio) if np.isfinite(ratio) else None
-    bright = both & np.all((one.raw > 0.004) & (other.raw > 0.004), axis=1)
-    if bright.sum() < least:
+    bright = both & np.all((one.raw > DARK_RAW) & (other.raw > DARK_RAW), axis=1)
+    if bright.sum() < LEAST_PAIRS:
         return None
     logs = np.log(other.raw[bright] / one.raw[bright])
     middle = float(np.median(logs))
-    # All surfaces of one scene have the same RAW ratio; a wider spread of its logarithm means another scene.
-    return middle if float(np.median(np.abs(logs - middle))) < 0.12 else None
+    return middle if float(np.median(np.abs(logs - middle))) < SAME_SCENE else None
 
 
 def _join(parts: list[tuple[_Exposure, _Exposure, Mask, float]], spread: float) -> ExposurePairs:

@@ -11,31 +11,21 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.options import PhysicalOptions
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap
 
-
-@dataclass(frozen=True)
-class GamutMapOptions:
-    """Options of a fit. tolerance: residual, in linear values, below which a pair is met; most: of centres.
-
-    nugget: 8Nπρ of (4.8), the weight of smoothness against fidelity; None chooses it on held-out shots.
-    nuggets: its candidates; folds: parts in which shots are left out for it. coincident: pairs whose colours lie in one
-    cell of this size are one pair, their median.
-    Raises CalibrationError on values that are not positive.
-    """
-
-    tolerance: float = 0.1 / 255.0
-    # The thesis uses 3000 to 5000
-    most: int = 4000
-    nugget: float | None = None
-    nuggets: tuple[float, ...] = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
-    folds: int = 5
-    coincident: float = 0.5 / 255.0
-
-    def __post_init__(self) -> None:
-        if not self.tolerance > 0 or self.most < 8 or (self.nugget is not None and not self.nugget >= 0):
-            raise CalibrationError("gamut map: the tolerance must be positive, the centres 8 or more, ρ not negative")
+TOLERANCE = 0.1 / 255
+"""Residual, in linear values, below which a pair is met."""
+NUGGETS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+"""Candidates of 8Nπρ of (4.8), the weight of smoothness against fidelity; FOLDS: parts in which shots are left out."""
+FOLDS = 5
+AS_GOOD = 1.005
+"""Of errors within this ratio the smoother map is taken."""
+COINCIDENT = 0.5 / 255
+"""Pairs whose colours lie in one cell of this size are one pair, their median."""
+GROWTH = 0.6
+"""Centres that a round adds, beside those there are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,35 +40,36 @@ class GamutMapFit:
 def fit_gamut_map(
     source: Array,
     target: Array,
-    options: GamutMapOptions | None = None,
     *,
     groups: NDArray[np.str_] | None = None,
+    most: int = PhysicalOptions.centres,
+    nugget: float | None = None,
+    tolerance: float = TOLERANCE,
 ) -> GamutMapFit:
     """Fit target = h(source), both (n, 3) linear.
 
-    groups: (n,) shot names, whole shots are left out to choose ρ. Time O(centres³ + n · centres); memory 8 · centres²
-    bytes and twice that while solving. Raises CalibrationError below 8 distinct colours, or where they all lie in one
-    plane.
+    groups: (n,) shot names, whole shots are left out to choose ρ; most: of centres, 8 or more; nugget: 8Nπρ of (4.8),
+    None chooses it; tolerance: residual, in linear values, below which a pair is met. Time O(centres³ + n · centres);
+    memory 8 · centres² bytes and twice that while solving. Raises CalibrationError below 8 distinct colours, or where
+    they all lie in one plane.
     """
-    options = options or GamutMapOptions()
     names = np.arange(len(source)).astype(str) if groups is None else groups
-    source, target, names = merge_coincident(source, target, names, options.coincident)
+    source, target, names = merge_coincident(source, target, names, COINCIDENT)
     if len(source) < 8 or np.linalg.matrix_rank(source - source.mean(axis=0), tol=1e-4 * np.sqrt(len(source))) < 3:
         raise CalibrationError(
             f"{len(source)} distinct colours cannot tell a gamut map: shoot a chart or a scene of many colours"
         )
-    nugget = _choose_nugget(source, target, names, options) if options.nugget is None else options.nugget
-    chosen = farthest_points(source, min(64, options.most, len(source)))
+    nugget = _choose_nugget(source, target, names) if nugget is None else nugget
+    chosen = farthest_points(source, min(64, most, len(source)))
     while True:
         gamut_map = solve(source[chosen], target[chosen], nugget)
         residual = np.linalg.norm(gamut_map(source) - target, axis=1)
-        open_pairs = residual > options.tolerance
+        open_pairs = residual > tolerance
         open_pairs[chosen] = False
-        room = min(options.most, len(source)) - len(chosen)
+        room = min(most, len(source)) - len(chosen)
         if room <= 0 or not open_pairs.any():
             return GamutMapFit(gamut_map, nugget, float(residual.max()))
-        # Centres are multiplied by this from round to round
-        wanted = min(room, max(int(len(chosen) * (1.6 - 1.0)), 8))
+        wanted = min(room, max(int(len(chosen) * GROWTH), 8))
         chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, wanted)])
 
 
@@ -151,24 +142,24 @@ def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) 
     return best
 
 
-def _choose_nugget(source: Array, target: Array, names: NDArray[np.str_], options: GamutMapOptions) -> float:
+def _choose_nugget(source: Array, target: Array, names: NDArray[np.str_]) -> float:
     """The smoothest candidate of least error on shots left out, a fold at a time, on a subset of the pairs."""
-    rng, folds = np.random.default_rng(0), options.folds
+    rng = np.random.default_rng(0)
     # a subset is enough, and quick
     rows = rng.permutation(len(source))[:800]
     source, target = source[rows], target[rows]
     shots, shot = np.unique(names[rows], return_inverse=True)
     # Of fewer shots one may be the only one of its exposure: then single pairs are left out, not whole shots.
-    fold = rng.permutation(len(shots))[shot] % folds if len(shots) >= folds else np.arange(len(rows)) % folds
+    fold = rng.permutation(len(shots))[shot] % FOLDS if len(shots) >= FOLDS else np.arange(len(rows)) % FOLDS
     scores = []
-    for nugget in options.nuggets:
+    for nugget in NUGGETS:
         score = 0.0
-        for held in range(folds):
+        for held in range(FOLDS):
             train, test = fold != held, fold == held
             if train.sum() < 8:
                 continue
             gamut_map = solve(source[train], target[train], nugget)
             score += float(np.sum(np.linalg.norm(gamut_map(source[test]) - target[test], axis=1)))
         scores.append(score)
-    good = [nugget for nugget, score in zip(options.nuggets, scores, strict=True) if score <= 1.005 * min(scores)]
+    good = [nugget for nugget, score in zip(NUGGETS, scores, strict=True) if score <= AS_GOOD * min(scores)]
     return max(good)

@@ -152,7 +152,7 @@ class JointFit:
     def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
         """Curves that are alike are one; gains that nothing determines stay."""
         differences = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])[: 2 if self.alike else 0]
-        ties = 30.0 * np.sqrt(SAMPLE) * np.kron(differences, np.eye(basis.design.shape[1]))
+        ties = 30 * np.sqrt(SAMPLE) * np.kron(differences, np.eye(basis.design.shape[1]))
         return ties, np.eye(len(self.logs))
 
     def update(self, curves: Array, own: Array, shared: Array) -> float:
@@ -179,7 +179,7 @@ def with_matrix_of_all(fit: MatrixAndResponse, x: Array, encoded: Array) -> Matr
     """Fit the matrix anew to all samples x, encoded (n, 3), saturated ones too, and keep the response."""
     linear, slope = fit.response.linearize(encoded), encoding_slope(fit.response, encoded)
     known, columns = neutral_rows(x)
-    matrix, robust = fit.matrix, RobustWeights(cauchy, multiple=4.0, least=2.0 / 255.0)
+    matrix, robust = fit.matrix, RobustWeights(cauchy, multiple=4, least=2 / 255)
     for _ in range(6):
         weight = robust(encoded_residual(fit.response, matrix, x, encoded))
         matrix = matrix_of_rows(
@@ -202,7 +202,7 @@ def _wide_enough(chroma: Array, beta: float) -> float:
     Of fewer than twice as many colours it is half of them that must be told.
     """
     enough = min(ENOUGH, 0.5 * len(chroma))
-    widest = 20.0  # at a saturation of 1 a colour still counts as a grey one
+    widest = 20  # at a saturation of 1 a colour still counts as a grey one
 
     def missing(beta: float) -> float:
         return enough - float((untouched_odds(chroma, beta) ** SELECTION).sum())

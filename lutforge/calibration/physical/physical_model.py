@@ -10,7 +10,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import PhysicalOptions, Preset
 from lutforge.calibration.physical.curve_basis import log_emor_basis
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
-from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
+from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, fit_matrix, hue_spread
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
@@ -173,7 +173,6 @@ def fit_gamut_maps(
     (4.8) has it.
     """
     linear, mapped = balanced @ matrix.T, response.linearize(encoded)
-    options = GamutMapOptions(most=physical.centres, nugget=physical.nugget)
-    forward = fit_gamut_map(linear, mapped, options, groups=shot)
-    back = fit_gamut_map(mapped, linear, options, groups=shot)
+    forward = fit_gamut_map(linear, mapped, groups=shot, most=physical.centres, nugget=physical.nugget)
+    back = fit_gamut_map(mapped, linear, groups=shot, most=physical.centres, nugget=physical.nugget)
     return PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)

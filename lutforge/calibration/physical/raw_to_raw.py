@@ -14,6 +14,12 @@ from lutforge.solvers.cross_validation import leave_samples_out, predict_held_ou
 Form = Literal["matrix", "piecewise", "root-polynomial"]
 
 LEAST_PAIRS = 12
+CLIPPED = 0.999
+DARK = 0.05
+"""Colours darker than this share of the brightest count by their absolute error, not by their relative one."""
+STIFFNESSES = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+"""Weights of what is 0 of a single matrix, of which held-out pairs choose; TIED of it ties each coefficient."""
+TIED = 0.001
 
 
 def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Array]:
@@ -34,7 +40,7 @@ def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Ar
     ]
     first, second = (np.array([pair[side] for pair in rows], dtype=np.intp) for side in (0, 1))
     x, y = source.raw[first], target.raw[second]
-    usable = np.all((x > 0) & (x < 0.999) & (y > 0) & (y < 0.999), axis=1)
+    usable = np.all((x > 0) & (x < CLIPPED) & (y > 0) & (y < CLIPPED), axis=1)
     if usable.sum() < LEAST_PAIRS:
         raise CalibrationError(
             f"{int(usable.sum())} colours are common to both cameras, at least {LEAST_PAIRS} are needed: photograph "
@@ -66,8 +72,7 @@ def fit_raw_transfer(
     if np.linalg.matrix_rank(x, tol=1e-4 * np.linalg.norm(x)) < 3:
         raise CalibrationError("the common colours are all alike: photograph a colour chart with both cameras")
     level = np.linalg.norm(y, axis=1)
-    # Colours darker than this share of the brightest count by their absolute error, not by their relative one
-    weight = 1 / np.maximum(level, 0.05 * level.max())
+    weight = 1 / np.maximum(level, DARK * level.max())
     matrix = _least_squares(x, y, weight)
     if form == "matrix":
         held = predict_held_out(
@@ -110,7 +115,7 @@ def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) 
 
     def fit(stiffness: float, rows: Mask) -> Array:
         scale = stiffness * np.sqrt(rows.sum()) * size
-        left = np.vstack([terms[rows] * weight[rows, None], scale * bend, 1e-3 * scale * np.eye(len(start))])
+        left = np.vstack([terms[rows] * weight[rows, None], scale * bend, TIED * scale * np.eye(len(start))])
         rest = (y[rows] - terms[rows] @ start) * weight[rows, None]
         right = np.vstack([rest, np.zeros((len(bend) + len(start), 3))])
         return np.asarray(start + np.linalg.lstsq(left, right)[0])
@@ -121,7 +126,7 @@ def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) 
         held = predict_held_out(masks, lambda train, test: terms[test] @ fit(stiffness, train))
         return _relative(held - y, weight)
 
-    errors = {stiffness: held_out_error(stiffness) for stiffness in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)}
+    errors = {stiffness: held_out_error(stiffness) for stiffness in STIFFNESSES}
     best = min(errors, key=lambda stiffness: errors[stiffness])
     return fit(best, np.ones(len(y), dtype=np.bool_)), errors[best]
 

@@ -41,6 +41,19 @@ from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 
 LEAST_COLOURS = 12
+TINY = 1e-6
+"""Light counts as this at least, so that ratios and logarithms stay finite."""
+ROUNDED = 0.2
+"""Below this JPEG value rounding rules."""
+WORST_ERROR = 0.08
+"""Median encoded error beyond which RAW and JPEG are not of one scene; the chart cameras have 0.002 … 0.03."""
+WIDER = (BETA, 0.4, 0.5, 0.7)
+"""Values of β that are tried in turn: on a small chart hardly any unsaturated colour is not grey."""
+DARK = 0.05
+"""Colours below this share of the bright ones hold noise."""
+LARGEST_CONDITION = 100
+STEP = 1e-6
+"""Step of a numerical derivative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +88,8 @@ def own_raw(samples: SampleSet, preset: Preset = "lutforge", physical: PhysicalO
     )
     multipliers = np.array([balances[str(name)] / balances[str(name)][1] for name in setting])
     balanced = inside.raw @ transfer.T * multipliers
-    level = np.log(np.maximum(linear.sum(axis=1), 1e-6) / np.maximum((balanced @ matrix.T).sum(axis=1), 1e-6))
-    shots, scale = _gains(inside, setting, level, trust * (inside.srgb.max(axis=1) > 0.2))
+    level = np.log(np.maximum(linear.sum(axis=1), TINY) / np.maximum((balanced @ matrix.T).sum(axis=1), TINY))
+    shots, scale = _gains(inside, setting, level, trust * (inside.srgb.max(axis=1) > ROUNDED))
     gain = gain if preset == "thesis" else shots
     top = np.quantile((gain[:, None] * balanced)[trust > 0.5], 0.999)
     transfer = transfer / max(float(top), float(np.max(white / scale)))
@@ -93,13 +106,13 @@ def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: 
     multiplies by more than its white balance.
     """
     _, first, shot = np.unique(samples.shot, return_index=True, return_inverse=True)
-    of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + 1e-9) for k in range(len(first))])
+    of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + TINY / 1000) for k in range(len(first))])
     style, balance = samples.style[first], setting[first]
     scale = np.array([np.median(of_shot[style == name]) for name in style])
     rest = of_shot - scale
     own = np.array([np.median(rest[balance == name]) for name in balance])
     count = np.array([np.count_nonzero(balance == name) for name in balance])
-    doubt = 3.0 * float(np.std(rest - own if np.any(count > 1) else rest)) / np.sqrt(count)
+    doubt = 3 * float(np.std(rest - own if np.any(count > 1) else rest)) / np.sqrt(count)
     kept = np.where((np.abs(own) > doubt) & (count > 1), own, 0.0)
     return np.exp(rest - kept)[shot], np.exp(scale)[shot]
 
@@ -201,16 +214,16 @@ def _gain_changes(raw: Array, place: NDArray[np.intp], shot: NDArray[np.str_]) -
     told from a power of f, and shutters do not err so.
     """
     _, first, index = np.unique(shot, return_index=True, return_inverse=True)
-    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 1e-4))) / np.bincount(index)
+    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 100 * TINY))) / np.bincount(index)
     untold = np.vstack([np.unique(place)[:, None] == place[first], light])
-    return np.asarray(null_space(untold, rcond=1e-6)[index])
+    return np.asarray(null_space(untold, rcond=TINY)[index])
 
 
 def _check(response: Response, matrices: Array, raw: Array, encoded: Array, plain: Mask) -> None:
     """Raise CalibrationError where f and Tz (n, 3, 3), sample by sample, do not explain the unsaturated colours."""
     rendered = response.encode(np.einsum("nij,nj->ni", matrices, raw))
     error = float(np.median(np.linalg.norm(rendered - encoded, axis=1)[plain]))
-    if error > 0.08:  # the chart cameras have 0.002 … 0.03
+    if error > WORST_ERROR:
         raise CalibrationError(
             f"no matrix takes the reference camera's RAW to these JPEGs (median error {255 * error:.0f} codes): "
             "were both taken of the same scene, in the same order, in manual mode?"
@@ -224,7 +237,7 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str, preset: P
     CalibrationError where the colours do not determine it, or contradict every matrix.
     """
     x, y, chroma = linear[rows], samples.raw[rows], saturation(samples.srgb[rows])
-    for beta in (BETA, 0.4, 0.5, 0.7):  # on a small chart hardly any unsaturated colour is not grey
+    for beta in WIDER:
         plain = chroma < beta
         if plain.sum() >= LEAST_COLOURS and hue_spread(x[plain]) >= LEAST_CONDITION:
             break
@@ -236,7 +249,7 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str, preset: P
     robust = preset == "lutforge"
     odds = untouched_odds(chroma, beta) if robust else plain.astype(np.float64)
     level = np.linalg.norm(y, axis=1)
-    level = np.maximum(level, 0.05 * np.quantile(level, 0.95))  # darker ones hold noise
+    level = np.maximum(level, DARK * np.percentile(level, 95))
     weight, outliers = odds, RobustWeights(cauchy, multiple=2.0, least=2e-4)
     for _ in range(10 if robust else 1):
         root = np.sqrt(weight) / level if robust else weight
@@ -244,7 +257,7 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str, preset: P
         error = np.linalg.norm(y - x @ inverse.T, axis=1) / level
         scale = outliers.scale(error[plain]) / 2.0
         weight = odds * outliers(error, error[plain])
-    if scale > 0.5 or np.linalg.cond(inverse) > 100.0 or np.any(inverse.sum(axis=1) <= 0):
+    if scale > 0.5 or np.linalg.cond(inverse) > LARGEST_CONDITION or np.any(inverse.sum(axis=1) <= 0):
         raise CalibrationError(
             f'white balance "{name}": no matrix takes the reference camera\'s RAW to these JPEGs (they differ by '
             f"{100 * scale:.0f} %): were both taken of the same scene, in the same order, in manual mode?"
@@ -279,8 +292,8 @@ def _jointly_diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, A
 
     def linearize(unknown: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
         values = residuals(unknown[0])
-        steps = 1e-6 * np.eye(unknown.shape[1])
-        slopes = [(residuals(unknown[0] + step) - residuals(unknown[0] - step)) / 2e-6 for step in steps]
+        steps = STEP * np.eye(unknown.shape[1])
+        slopes = [(residuals(unknown[0] + step) - residuals(unknown[0] - step)) / (2 * STEP) for step in steps]
         return values[None], np.stack(slopes, axis=1)[None]
 
     sums = inverses.sum(axis=2)

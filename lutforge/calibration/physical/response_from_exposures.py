@@ -18,6 +18,10 @@ from lutforge.model.response import Response, log_inverse_emor
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 
 WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
+ROUNDING = 0.4 / 255
+"""Standard deviation of a JPEG value: rounding, and a little noise."""
+SAME_SCALE = 0.02
+"""Standard deviation of a channel's f⁻¹ at middle grey beside the others', and, to begin with, of log f⁻¹."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +75,7 @@ class _Exposures:
         self.pairs, self.low, self.robust = pairs, low, robust
         self.encoded: Array = pairs.second
         self.before: Array | None = pairs.first
-        self.weight, self.noise = low.astype(np.float64), np.full(pairs.first.shape, 0.02)
+        self.weight, self.noise = low.astype(np.float64), np.full(pairs.first.shape, SAME_SCALE)
         shots = np.arange(len(pairs.shots))
         self.ends = (pairs.second_shot[:, None] == shots) * 1.0 - (pairs.first_shot[:, None] == shots)
         self.rounds = 0
@@ -92,10 +96,10 @@ class _Exposures:
         ruled out, so that the exposures as stated fix the power. Pairs leave the scale of f⁻¹ to what lies beyond the
         brightest sample, so the channels of the robust fit share one at middle grey, within 2 %.
         """
-        middle = basis.at(np.array([0.5]))[1] / 0.02
+        middle = basis.at(np.array([0.5]))[1] / SAME_SCALE
         ties = np.kron(np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])[: 2 if self.robust else 0], middle)
         exposure = self.pairs.shot_exposure
-        return ties, np.eye(len(exposure)) / self.pairs.spread**2 + 1e8 * np.outer(exposure, exposure)
+        return ties, np.eye(len(exposure)) / self.pairs.spread**2 + 10**8 * np.outer(exposure, exposure)
 
     def update(self, curves: Array, own: Array, shared: Array) -> float:
         """Take the curves and the errors of a round; the weights follow the residuals from the third on."""
@@ -109,7 +113,7 @@ class _Exposures:
             return np.stack([np.interp(encoded[:, c], codes, table[:, c]) for c in range(3)], axis=1)
 
         first, second = self.pairs.first, self.pairs.second
-        self.noise = np.maximum(0.4 / 255.0 * np.hypot(at(first, slopes), at(second, slopes)), 1e-3)
+        self.noise = np.maximum(ROUNDING * np.hypot(at(first, slopes), at(second, slopes)), 1e-3)
         ratio = (self.pairs.log_ratio + self.ends @ shared)[:, None]
         residual = np.max(np.abs(at(second, curves) - at(first, curves) - ratio) / self.noise, axis=1)
         if self.rounds < 3:

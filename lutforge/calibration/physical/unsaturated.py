@@ -9,6 +9,13 @@ from lutforge.errors import CalibrationError
 BETA = PhysicalOptions.beta
 """HSV saturation below which a colour is taken to be untouched by the gamut map."""
 LEAST_UNSATURATED = 8
+NEAR_WHITE = 0.97
+"""Nearer to white even unsaturated colours are moved, some of their pixels clip, and f⁻¹ is steepest: a few of them
+turn a plain least-squares fit of Ts by several per cent (0.1 % without them, on the simulated camera)."""
+LEAST_SPAN = 0.25
+"""The unsaturated colours must span this much of the encoded range, or the curve is a guess."""
+ENOUGH, LEAST_SATURATED = 0.15, 0.35
+"""Where fewer than the first share of the colours lie below β, the fit starts from the second of least saturation."""
 
 
 def saturation(encoded: Array) -> Array:
@@ -20,9 +27,7 @@ def saturation(encoded: Array) -> Array:
 
 def untouched(encoded: Array, beta: float = BETA) -> Mask:
     """(n,) colours (n, 3) that a plain fit trusts: saturation below β, and not near white."""
-    # Nearer to white even unsaturated colours are moved, some of their pixels clip, and f⁻¹ is steepest: a few of them
-    # turn a plain least-squares fit of Ts by several per cent (0.1 % without them, on the simulated camera)
-    return np.asarray((saturation(encoded) < beta) & (encoded.max(axis=1) < 0.97))
+    return np.asarray((saturation(encoded) < beta) & (encoded.max(axis=1) < NEAR_WHITE))
 
 
 def untouched_odds(chroma: Array, beta: float) -> Array:
@@ -36,12 +41,12 @@ def untouched_odds(chroma: Array, beta: float) -> Array:
 def starting_beta(chroma: Array, preset: Preset, beta: float = BETA) -> float:
     """β itself, or for the robust fit what takes in enough of the least saturated colours.
 
-    Few colours lie below β under a light that the white balance does not meet; then the fit starts from those among the
-    35 % least saturated, if they lie below a saturation of one half.
+    Few colours lie below β under a light that the white balance does not meet; then the fit starts from those that are
+    least saturated, if they lie below a saturation of one half.
     """
-    if preset == "thesis" or (chroma < beta).sum() >= max(2 * LEAST_UNSATURATED, 0.15 * len(chroma)):
+    if preset == "thesis" or (chroma < beta).sum() >= max(2 * LEAST_UNSATURATED, ENOUGH * len(chroma)):
         return beta
-    return float(np.clip(np.quantile(chroma, 0.35), beta, 0.5))
+    return float(np.clip(np.quantile(chroma, LEAST_SATURATED), beta, 0.5))
 
 
 def check_tones(encoded: Array, unsaturated: Mask) -> None:
@@ -52,8 +57,7 @@ def check_tones(encoded: Array, unsaturated: Mask) -> None:
             "shoot a grey card or a colour chart, at several exposures"
         )
     low, high = np.percentile(encoded[unsaturated, 1], [2, 98])
-    # The unsaturated colours must span this much of the encoded range, or the curve is a guess
-    if high - low < 0.25:
+    if high - low < LEAST_SPAN:
         raise CalibrationError(
             f"the unsaturated colours span JPEG values {255 * low:.0f} to {255 * high:.0f} only: "
             "shoot a grey card or a colour chart at several exposures, from dark to nearly clipped"

@@ -15,6 +15,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.curve_basis import emor_basis, srgb_response
 from lutforge.calibration.physical.matrix_and_response import JointFit, fit_matrix_and_response
 from lutforge.calibration.physical.robust_fit import ToneWeights, robust_fit
+from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.colour.colour_temperature import (
     COOLEST,
     HOTTEST,
@@ -33,6 +34,20 @@ PRESETS = ("tungsten", "daylight", "cloudy", "shade")
 """Settings that a profile of automatic shots gets by its matrix."""
 
 D65_KELVIN = 6504.0
+SURE, LEAST_GAIN = 3, 0.01
+"""A setting's gain is kept beyond so many standard errors, and beyond what moves no colour by a code."""
+DARK, BRIGHT, ROUNDED = 0.08, 0.95, 0.2
+"""JPEG values between the first two are read for a white balance; below the third rounding rules."""
+NEUTRAL = 0.12
+"""Standard deviation, in HSV saturation, by which near-neutral colours count."""
+ENOUGH_NEUTRAL = 3
+"""Summed weight below which there is nothing neutral to read a white balance from."""
+TINY = 1e-6
+"""Light counts as this at least, so that ratios and logarithms stay finite."""
+ONE_LIGHT = 0.05
+"""Settings whose multipliers change by more from shot to shot, as auto's do, stand for no one light."""
+FARTHEST_TINT = 60
+"""Lights further from the locus (0.02 in CIE 1960 u, v) have no colour temperature worth the name."""
 
 
 def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
@@ -78,8 +93,8 @@ def with_fitted_gains(samples: SampleSet, multipliers: Array, usable: Mask) -> A
         logs, doubt = _departures(samples, _times(samples, multipliers, gains), usable, names)
         logs -= np.median(logs)
         total = np.log(list(gains.values())) + logs
-        sure = np.abs(total) > np.maximum(3.0 * doubt, 0.01)
-        if not np.any(sure & (np.abs(logs) > 2e-4)):
+        sure = np.abs(total) > np.maximum(SURE * doubt, LEAST_GAIN)
+        if not np.any(sure & (np.abs(logs) > LEAST_GAIN / 50)):
             break
         gains = dict(zip(names, np.where(sure, np.exp(total), 1.0).tolist(), strict=True))
     return _times(samples, multipliers, gains)
@@ -92,12 +107,12 @@ def _departures(samples: SampleSet, balanced_by: Array, usable: Mask, names: lis
         rows = usable & (samples.style == style)
         x, encoded = samples.raw[rows] * balanced_by[rows], samples.srgb[rows]
         fit = fit_matrix_and_response(x, encoded)
-        linear, predicted = fit.response.linearize(encoded), np.maximum(x @ fit.matrix.T, 1e-4)
-        ratio[rows] = np.log(np.maximum(linear.sum(axis=1), 1e-6) / predicted.sum(axis=1))
-        weight[rows] = fit.trust * (encoded.max(axis=1) > 0.2)  # rounding rules in darker ones
+        linear, predicted = fit.response.linearize(encoded), np.maximum(x @ fit.matrix.T, 100 * TINY)
+        ratio[rows] = np.log(np.maximum(linear.sum(axis=1), TINY) / predicted.sum(axis=1))
+        weight[rows] = fit.trust * (encoded.max(axis=1) > ROUNDED)
     logs, doubt = np.zeros(len(names)), np.full(len(names), np.inf)
     for place, name in enumerate(names):
-        mine = (samples.white_balance == name) & (weight > 0.1)
+        mine = (samples.white_balance == name) & (10 * weight > 1)
         shots = [mine & (samples.shot == shot) for shot in np.unique(samples.shot[mine])]
         parts = np.array([weighted_median(ratio[rows], weight[rows]) for rows in shots if rows.sum() >= 3])
         if len(parts):
@@ -130,9 +145,8 @@ def _times(samples: SampleSet, multipliers: Array, gains: Mapping[str, float]) -
 def neutral_weight(raw: Array, srgb: Array) -> Array:
     """How near-neutral JPEG colours (n, 3) vote for the multipliers of their RAW (n, 3): weights (n,) from 0 to 1."""
     high = srgb.max(axis=1)
-    saturation = 1.0 - srgb.min(axis=1) / np.maximum(high, 1e-6)
-    weight = np.exp(-((saturation / 0.12) ** 2))  # by HSV saturation, of this standard deviation
-    weight[(high > 0.95) | (high < 0.08) | (raw.min(axis=1) <= 1e-4)] = 0.0
+    weight = np.exp(-((saturation(srgb) / NEUTRAL) ** 2))
+    weight[(high > BRIGHT) | (high < DARK) | (raw.min(axis=1) <= 100 * TINY)] = 0.0
     return np.asarray(weight)
 
 
@@ -142,10 +156,9 @@ def estimated_multipliers(raw: Array, srgb: Array) -> tuple[Array, str]:
     Raises CalibrationError where the colours cannot tell them.
     """
     weight = neutral_weight(raw, srgb)
-    # Summed weight below which there is nothing neutral to read a white balance from
-    if weight.sum() < 3.0:
+    if weight.sum() < ENOUGH_NEUTRAL:
         return multipliers_from_colours(raw, srgb), "colours, none of them neutral"
-    ratios = [weighted_median(raw[:, 1] / np.maximum(raw[:, c], 1e-6), weight) for c in range(3)]
+    ratios = [weighted_median(raw[:, 1] / np.maximum(raw[:, c], TINY), weight) for c in range(3)]
     return np.array(ratios), "near-neutral colours"
 
 
@@ -159,14 +172,14 @@ def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
     count = len(raw)
     if count < 24 or np.linalg.matrix_rank(raw - raw.mean(axis=0), tol=1e-3 * np.sqrt(count)) < 3:
         raise CalibrationError(f"{count} colours, too few or too alike to tell a white balance from")
-    weights = ToneWeights(encoded.mean(axis=1), np.ones(count), multiple=4.0, least=2.0 / 255.0)
+    weights = ToneWeights(encoded.mean(axis=1), np.ones(count), multiple=4, least=2 / 255)
     fit = JointFit(
         raw, encoded, weights, lambda x: (np.zeros_like(x), np.repeat(x[:, None, :], 3, axis=1)),
         response=srgb_response(), alike=True,
     )  # fmt: skip
     robust_fit(fit, emor_basis().with_white_at_one())
     neutral = np.linalg.solve(fit.coefficients, np.ones(3))
-    if not np.all(neutral > 0) or not np.all((neutral[1] / neutral > 0.1) & (neutral[1] / neutral < 10)):
+    if not np.all(neutral > 0) or not np.all(np.abs(np.log10(neutral[1] / neutral)) < 1):
         raise CalibrationError("the colours contradict any white balance: is the JPEG the camera's own?")
     return np.asarray(neutral[1] / neutral)
 
@@ -234,7 +247,7 @@ def with_temperatures(balances: Mapping[str, WhiteBalance], matrix: Array) -> di
     natural = [anchor for anchor in anchors if "fluorescent" not in anchor[1]]
     if not natural:
         return told
-    kelvin, anchor = min(natural, key=lambda entry: abs(1e6 / entry[0] - 1e6 / NAMED_KELVIN["daylight"]))
+    kelvin, anchor = min(natural, key=lambda entry: abs(1 / entry[0] - 1 / NAMED_KELVIN["daylight"]))
     from_xyz = camera_from_xyz(matrix, np.array(told[anchor].multipliers), kelvin)
     return {
         name: balance if balance.kelvin is not None else replace(balance, kelvin=_estimate(name, balance, from_xyz))
@@ -243,14 +256,12 @@ def with_temperatures(balances: Mapping[str, WhiteBalance], matrix: Array) -> di
 
 
 def _estimate(name: str, balance: WhiteBalance, from_xyz: Array) -> float | None:
-    # Settings whose multipliers change by more from shot to shot, as auto's do, stand for no one light
-    if name in AMBIGUOUS or balance.spread > 0.05:
+    if name in AMBIGUOUS or balance.spread > ONE_LIGHT:
         return None
     uv = white_of(np.array(balance.multipliers), from_xyz)
     if not np.all(np.isfinite(uv)):
         return None
     kelvin, tint = temperature_and_tint(uv)
-    # Lights further from the locus (0.02 in CIE 1960 u, v) have no colour temperature worth the name
-    if abs(tint) > 60.0 or not COOLEST * END < kelvin < HOTTEST / END:
+    if abs(tint) > FARTHEST_TINT or not COOLEST * END < kelvin < HOTTEST / END:
         return None
     return float(round(kelvin))

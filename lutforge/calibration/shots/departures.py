@@ -20,6 +20,9 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 GROUPS = 5
+ROBUST = RobustWeights(cauchy, multiple=2.5, least=0.02)
+DARK = 1e-3
+"""Light is compared with this added, so that black has a logarithm."""
 PRIOR = 0.1
 """Standard deviation of a shot's exposure, contrast and saturation beforehand: it tells them from the shared function
 where only shots of other tones could tell."""
@@ -107,7 +110,7 @@ def _departures(linear: Array, balanced: Array, shot: NDArray[np.str_]) -> list[
     order = np.argsort(shot, kind="stable")
     linear, balanced = linear[order], balanced[order]
     names, starts, member = np.unique(shot[order], return_index=True, return_inverse=True)
-    light, lit = np.maximum(linear.sum(axis=1), 0.0) + 1e-3, np.maximum(balanced.sum(axis=1), 0.0) + 1e-3
+    light, lit = np.maximum(linear.sum(axis=1), 0.0) + DARK, np.maximum(balanced.sum(axis=1), 0.0) + DARK
     chroma = balanced / lit[:, None] - 1 / 3
     shown = linear / light[:, None] - 1 / 3
     tone = np.log2(lit)
@@ -147,7 +150,7 @@ def _by_shot(
     design: (n, p) of that function; starts, member: where the rows of each of the s shots begin, and (n,) each row's
     shot; values: (n,), what is fitted; hue: (n,).
     """
-    weight, robust, left = np.ones(len(values)), RobustWeights(cauchy, multiple=2.5, least=0.02), values
+    weight, left = np.ones(len(values)), values
     for _ in range(8):
         # The shots' coefficients are eliminated: what is left is a problem of the shared function alone.
         weighted, mine = design * weight[:, None], terms * weight[:, None]
@@ -165,7 +168,7 @@ def _by_shot(
         )
         coefficients = np.einsum("skl,sl->sk", inverse, right - shared @ cross)
         left = values - design @ shared - np.einsum("nk,nk->n", terms, coefficients[member])
-        weight = robust(np.abs(left))
+        weight = ROBUST(np.abs(left))
     errors = np.zeros_like(coefficients)
     for place, rows in enumerate(np.split(np.arange(len(values)), starts[1:])):
         groups = np.array_split(rows[np.argsort(hue[rows])], GROUPS)

@@ -35,6 +35,21 @@ NOISE = 0.03
 """Standard deviation of y, in stops, of bright samples; that of darker ones is larger, because codes are rounded."""
 PRIOR = 10.0
 """Standard deviation of λ, in stops, from black to white."""
+OF_SHOT = 0.1
+"""That of the offset of a shot, in stops."""
+SIGNIFICANCE = 0.005
+"""Largest p-value, one-sided, of a falloff that is taken out."""
+LEAST_EV = 0.03
+"""Least difference between corners and centre, in stops; it moves a bright colour by a code."""
+FARTHEST_CENTRE, CENTRE_SPREAD = 0.15, 0.04
+"""Bounds of the centre in each direction; standard deviation of its prior around the middle of the picture."""
+ROBUST = RobustWeights(cauchy, multiple=2.5, least=0.02)
+SAME_FOCAL_LENGTH = 0.03
+"""Focal lengths within so much are one, as zooms report them in steps."""
+HARDLY_TELLS = 0.05
+"""Quarters of a shot that tell less than this share of the median quarter are left out."""
+TYPICAL_POWER, DARKEST = 2.2, 0.02
+"""Rounding of codes is that of a response of this power, and of values of this at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +79,7 @@ class PartialModel:
 
     def reweighted(self, residual: Array) -> Array:
         """Weights (n,) of the next round of a robust fit, from the residuals (n,) of this one."""
-        return np.asarray(self.precision * RobustWeights(cauchy, multiple=2.5, least=0.02)(np.abs(residual)))
+        return np.asarray(self.precision * ROBUST(np.abs(residual)))
 
 
 def partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> PartialModel | None:
@@ -85,30 +100,15 @@ def partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> Parti
         covariance += np.tril(covariance, -1).T + 1e-9 * np.eye(len(centres))
         parts.append(mine)
         designs.append(np.hstack([kriging_covariance(encoded, centres), np.eye(len(shots))[member]]))
-        bending.append(block_diag((NOISE / PRIOR) ** 2 * covariance, (NOISE / 0.1) ** 2 * np.eye(len(shots))))
+        bending.append(block_diag((NOISE / PRIOR) ** 2 * covariance, (NOISE / OF_SHOT) ** 2 * np.eye(len(shots))))
     if not parts:
         return None
     rows = np.concatenate(parts)
     y = np.log2((samples.raw[rows] * multipliers[rows]).sum(axis=1))
-    rounding = 2.2 / np.log(2.0) * (0.5 / 255) / np.maximum(samples.srgb[rows].mean(axis=1), 0.02)  # of a power of 2.2
+    rounding = TYPICAL_POWER / np.log(2.0) * (0.5 / 255) / np.maximum(samples.srgb[rows].mean(axis=1), DARKEST)
     precision = NOISE**2 / (NOISE**2 + rounding**2)
     style = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     return PartialModel(rows, y, precision, style, tuple(designs), tuple(bending))
-
-
-@dataclass(frozen=True)
-class FalloffOptions:
-    """Which falloffs are taken out, and where their centres lie.
-
-    significance: largest p-value, one-sided, of one that is taken out. least_ev: least difference between corners and
-    centre, in stops; it moves a bright colour by a code. farthest_centre: bounds of the centre in each direction;
-    centre_spread: standard deviation of its prior around the middle of the picture.
-    """
-
-    significance: float = 0.005
-    least_ev: float = 0.03
-    farthest_centre: float = 0.15
-    centre_spread: float = 0.04
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,15 +122,12 @@ class _Setting:
 
 
 @one_blas_thread
-def fit_falloffs(
-    samples: SampleSet, multipliers: Array, usable: Mask, options: FalloffOptions | None = None
-) -> tuple[Falloff, ...]:
+def fit_falloffs(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[Falloff, ...]:
     """The falloffs of the lens settings where they are significant.
 
     multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples. Samples without a place say
     nothing.
     """
-    options = options or FalloffOptions()
     usable = usable & np.all(np.isfinite(samples.position), axis=1)
     model = partial_model(samples, multipliers, usable) if usable.any() else None
     if model is None:
@@ -138,16 +135,16 @@ def fit_falloffs(
     settings = list(_settings(samples.select(model.rows)))
     places, shot = samples.position[model.rows], samples.shot[model.rows]
     while settings:
-        falloffs = _fit(model, places, settings, options)
+        falloffs = _fit(model, places, settings)
         stops = np.zeros(len(places))
         for setting, falloff in zip(settings, falloffs, strict=True):
             stops[setting.member] = falloff.stops(places[setting.member])
         kept = []
         for setting, falloff in zip(settings, falloffs, strict=True):
             without = model.y + np.where(setting.member, 0.0, stops)
-            if falloff.corner_ev <= options.least_ev:
+            if falloff.corner_ev <= LEAST_EV:
                 continue
-            if _p_value(model, without, places, shot, setting.member) < options.significance:
+            if _p_value(model, without, places, shot, setting.member) < SIGNIFICANCE:
                 kept.append(setting)
         if len(kept) == len(settings):
             return tuple(falloffs)
@@ -171,14 +168,15 @@ def falloff_stops(samples: SampleSet, falloffs: Sequence[Falloff]) -> Array:
 
 
 def _settings(samples: SampleSet) -> Iterable[_Setting]:
-    """The lens settings of samples; focal lengths within 3 % are one, as zooms report them in steps."""
-    focal = np.round(np.log(samples.focal_mm) / 0.03)
-    keys = np.rec.fromarrays([samples.lens, np.nan_to_num(focal, nan=-1e9), np.nan_to_num(samples.aperture, nan=-1.0)])
+    """The lens settings of samples."""
+    focal = np.round(np.log(samples.focal_mm) / SAME_FOCAL_LENGTH)
+    keys = np.rec.fromarrays(
+        [samples.lens, np.nan_to_num(focal, nan=-(10**9)), np.nan_to_num(samples.aperture, nan=-1.0)]
+    )
     for key in np.unique(keys):
         member = keys == key
         first = int(np.argmax(member))
-        focal_mm, aperture = float(samples.focal_mm[first]), float(samples.aperture[first])
-        yield _Setting(str(samples.lens[first]), focal_mm, aperture, member)
+        yield _Setting(str(samples.lens[first]), float(samples.focal_mm[first]), float(samples.aperture[first]), member)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,13 +190,12 @@ class _Problem:
     model: PartialModel
     places: Array
     settings: Sequence[_Setting]
-    centre_spread: float
     weight: Array
 
     @property
     def prior(self) -> Array:
         """(unknowns,): the weight of each in the residual."""
-        return NOISE / np.tile([1.0] * DEGREE + [self.centre_spread] * 2, len(self.settings))
+        return NOISE / np.tile([1.0] * DEGREE + [CENTRE_SPREAD] * 2, len(self.settings))
 
     def terms(self, unknowns: Array) -> tuple[Array, Array]:
         """The falloff at each sample (n,), and its slopes (n, unknowns)."""
@@ -230,12 +227,12 @@ class _Problem:
         return replace(self, weight=self.model.reweighted(left[:, 0]))
 
 
-def _fit(model: PartialModel, places: Array, settings: Sequence[_Setting], options: FalloffOptions) -> list[Falloff]:
+def _fit(model: PartialModel, places: Array, settings: Sequence[_Setting]) -> list[Falloff]:
     """The falloffs of all settings."""
-    lower = np.tile([0.0] * DEGREE + [-options.farthest_centre] * 2, len(settings))
-    upper = np.tile([4.0] * DEGREE + [options.farthest_centre] * 2, len(settings))
+    lower = np.tile([0.0] * DEGREE + [-FARTHEST_CENTRE] * 2, len(settings))
+    upper = np.tile([4] * DEGREE + [FARTHEST_CENTRE] * 2, len(settings))
     value = np.tile([0.1] * DEGREE + [0.0] * 2, len(settings))
-    problem = _Problem(model, places, settings, options.centre_spread, model.precision)
+    problem = _Problem(model, places, settings, model.precision)
     for _ in range(6):
         value = gauss_newton(problem.linearize, value[None], lower=lower, upper=upper, most=20).value[0]
         problem = problem.reweighted(value)
@@ -262,7 +259,7 @@ def _p_value(model: PartialModel, y: Array, places: Array, shot: NDArray[np.str_
             block = member & (shot == name) & (quarter == place)
             told.append(float(weight[block] @ left[block, 0] ** 2))
             strengths.append(float(weight[block] @ (left[block, 0] * left[block, 1])) / max(told[-1], 1e-300))
-    enough = np.array(told) > 0.05 * np.median(told)  # quarters that hardly tell
+    enough = np.array(told) > HARDLY_TELLS * np.median(told)
     if np.count_nonzero(enough) < 3:
         return 1.0
     told_of = np.array(strengths)[enough]
