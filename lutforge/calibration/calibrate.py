@@ -1,6 +1,6 @@
 """From samples to a camera profile: the stages of the calibration in order."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -78,17 +78,26 @@ def calibrate(
     styles = _fit_styles(data, physical, options, progress)
     progress("done", 1.0)
     if matrix is None:
-        matrix = _matrix_of_most(styles)
+        # Ts of the style with most samples; the identity where all styles are black and white.
+        coloured = [style.data for style in styles.values() if not style.data.monochrome]
+        matrix = max(coloured, key=lambda one: len(one.shot)).unsaturated.matrix if coloured else np.eye(3)
     if stages is None:
         matrix = matrix / matrix.sum(axis=1, keepdims=True)
     balances = named_white_balances(samples, multipliers, matrix)
-    presets = [name for name in balances if name not in samples.white_balance]
+    notes = [*thin_settings(samples)]
+    if clipped:
+        notes.append(f"{clipped} of {len(samples)} samples are clipped and take no part in the fit")
+    for name, style in data.items():
+        notes += thin_colours(style.encoded, name, monochrome=style.monochrome)
+    if presets := [name for name in balances if name not in samples.white_balance]:
+        computed = "are computed by the camera's matrix: no shot was taken with them"
+        notes.append(f"white balances {', '.join(presets)} {computed}")
     profile = prepared.profile(
         matrix,
         balances,
         {name: style.picture for name, style in styles.items()},
         options,
-        (*_weaknesses(samples, data, clipped), *_computed(presets)),
+        tuple(notes),
     )
     return Calibration(profile, styles)
 
@@ -110,23 +119,6 @@ def calibrate_stages(
     progress("done", 1.0)
     matrix = stages.matrix / stages.matrix.sum(axis=1, keepdims=True)
     return prepared.profile(matrix, balances, stages.styles(tuple(balances)), options)
-
-
-def _computed(presets: Sequence[str]) -> list[str]:
-    """A note on white balances that no shot was taken with."""
-    if not presets:
-        return []
-    return [f"white balances {', '.join(presets)} are computed by the camera's matrix: no shot was taken with them"]
-
-
-def _weaknesses(samples: SampleSet, data: Mapping[str, StyleData], clipped: int) -> list[str]:
-    """Notes on settings and colours with few samples."""
-    notes = [*thin_settings(samples)]
-    if clipped:
-        notes.append(f"{clipped} of {len(samples)} samples are clipped and take no part in the fit")
-    for name, style in data.items():
-        notes += thin_colours(style.encoded, name, monochrome=style.monochrome)
-    return notes
 
 
 def _fit_styles(
@@ -151,12 +143,6 @@ def _fit_styles(
         styles[name] = style
         progress(f"{name}: fitted", len(styles) / len(data))
     return styles
-
-
-def _matrix_of_most(styles: Mapping[str, CalibratedStyle]) -> Array:
-    """Ts of the style with most samples; the identity where all styles are black and white."""
-    coloured = [style for style in styles.values() if not style.data.monochrome]
-    return max(coloured, key=lambda style: len(style.data.shot)).data.unsaturated.matrix if coloured else np.eye(3)
 
 
 def thin_settings(samples: SampleSet) -> tuple[str, ...]:

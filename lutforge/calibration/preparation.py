@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.calibration.departures import departing_shots, departure_notes
+from lutforge.calibration.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.reference_camera import own_raw
 from lutforge.calibration.physical.white_balance import (
@@ -15,8 +17,6 @@ from lutforge.calibration.physical.white_balance import (
     with_known_balances,
 )
 from lutforge.calibration.plausibility import NOT_ONE_CAMERA, implausible
-from lutforge.calibration.shots.departures import departing_shots, departure_notes
-from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.style import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile

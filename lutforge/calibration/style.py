@@ -15,6 +15,7 @@ from lutforge.calibration.lattice.bake import bake_lattice, squares
 from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochrome
 from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.lattice.output_curve import output_curve
+from lutforge.calibration.lattice.thesis import fit_thesis
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.kriging import MOST_CENTRES, fit_camera_model
 from lutforge.calibration.physical.matrix_and_response import (
@@ -23,7 +24,6 @@ from lutforge.calibration.physical.matrix_and_response import (
     with_matrix_of_all,
 )
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
-from lutforge.calibration.thesis.lattice import fit_thesis
 from lutforge.errors import CalibrationError
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import Both, Direction, PhysicalModel
@@ -172,22 +172,19 @@ def fit_lattices(data: StyleData, options: CalibrationOptions) -> Both[Lattice]:
     A black-and-white style is linearized by the inverse of the greys of its rendering.
     """
     thesis, x, y = options.preset == "thesis", data.balanced, data.encoded
-    render = fit_thesis(x, y, options, clips=True) if thesis else _baked_render(data, options)
+    if thesis:
+        render = fit_thesis(x, y, options, clips=True)
+    else:
+        model, curve = data.model, output_curve(data.model.response)
+
+        def in_front_of_the_curve(balanced: Array) -> Array:
+            return curve.continued(model.gamut_map(balanced @ model.matrix.T))
+
+        render = bake_lattice(in_front_of_the_curve, x, options, curve)
     if data.monochrome:
         return Both(render, inverse_of_greys(render, options))
     linearize = fit_thesis(y, x, options, clips=False) if thesis else bake_lattice(data.model.linearize, y, options)
     return Both(render, linearize)
-
-
-def _baked_render(data: StyleData, options: CalibrationOptions) -> Lattice:
-    """The lattice that renders, with a curve behind it."""
-    model = data.model
-    curve = output_curve(model.response)
-
-    def in_front_of_the_curve(balanced: Array) -> Array:
-        return curve.continued(model.gamut_map(balanced @ model.matrix.T))
-
-    return bake_lattice(in_front_of_the_curve, data.balanced, options, curve)
 
 
 def fit_physical(data: StyleData, options: CalibrationOptions) -> PhysicalModel:

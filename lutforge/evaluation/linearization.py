@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.calibration.physical.response_from_exposures import (
+    ExposurePairs,
     fit_response_to_all_colours,
     fit_response_to_exposures,
+    pairs_of_samples,
 )
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.colour.srgb import delta_e_2000

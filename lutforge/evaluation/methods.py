@@ -9,10 +9,10 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from lutforge.arrays import Array
+from lutforge.calibration.lattice.thesis import fit_uniform
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.style import StyleData, fit_lattices, fit_physical
-from lutforge.calibration.thesis.lattice import fit_uniform
 from lutforge.errors import CalibrationError
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import Both, PhysicalModel, PictureStyle

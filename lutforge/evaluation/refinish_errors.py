@@ -49,7 +49,11 @@ class SettingPair:
 
 def setting_pairs(styles: Mapping[str, Predictions]) -> Iterator[SettingPair]:
     """All ordered pairs of shots that show the same surfaces, told by their RAW values, under different settings."""
-    shots = [(name, *part) for name, predictions in styles.items() for part in _shots(predictions)]
+    shots = []
+    for name, predictions in styles.items():
+        for shot in np.unique(predictions.data.shot):
+            rows = np.flatnonzero(predictions.data.shot == shot)
+            shots.append((name, str(predictions.data.samples.white_balance[rows[0]]), rows))
     for (style_a, balance_a, rows_a), (style_b, balance_b, rows_b) in product(shots, shots):
         if (style_a, balance_a) == (style_b, balance_b):
             continue
@@ -64,13 +68,6 @@ def setting_pairs(styles: Mapping[str, Predictions]) -> Iterator[SettingPair]:
         same = np.all(np.abs(other.raw[b] - expected) < 0.02 * expected + 5e-4, axis=1)
         if same.sum() >= max(6, 0.5 * len(a)) and abs(np.log2(ratio)) <= 3.0:
             yield SettingPair((style_a, balance_a), (style_b, balance_b), a[same], b[same], ratio)
-
-
-def _shots(predictions: Predictions) -> Iterator[tuple[str, NDArray[np.intp]]]:
-    """The white balance and the rows of each shot."""
-    for name in np.unique(predictions.data.shot):
-        rows = np.flatnonzero(predictions.data.shot == name)
-        yield str(predictions.data.samples.white_balance[rows[0]]), rows
 
 
 def refinish_errors(styles: Mapping[str, Predictions]) -> tuple[RefinishError, ...]:

@@ -177,7 +177,9 @@ def inverse_of(
     levels = spaced_levels(render, options)
     knots = _on_axes(render.curve, levels)
     nodes = grid(levels)
-    prior = Prior((near or _straight(render))(nodes), np.full(nodes.shape, PRIOR_WEIGHT))
+    # Without a function to follow, the lattice of the render is its mean slope near neutrals and nothing else.
+    beyond = render.to_values(nodes) @ np.linalg.inv(render.mean_slope).T if near is None else near(nodes)
+    prior = Prior(beyond, np.full(nodes.shape, PRIOR_WEIGHT))
     smooth = Regularization(options.smoothness, options.smoothness)
     known = Linearization(levels, render.curve, prior.values)
     colours = in_every_cell(levels, np.random.default_rng(1))
@@ -226,12 +228,6 @@ def _on_axes(curve: Array, levels: Levels) -> Levels:
     """Map node levels of the JPEG through a curve."""
     r, g, b = apply_curve(curve, np.stack(levels, axis=1)).T
     return np.ascontiguousarray(r), np.ascontiguousarray(g), np.ascontiguousarray(b)
-
-
-def _straight(render: BakedRender) -> Callable[[Array], Array]:
-    """JPEG colours (…, 3) → RAW, were the lattice of the render its mean slope near neutrals and nothing else."""
-    inverse = np.linalg.inv(render.mean_slope)
-    return lambda jpeg: np.asarray(render.to_values(jpeg) @ inverse.T)
 
 
 def _pairs(
@@ -302,14 +298,6 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
 
 
 @compiled()
-def _falling_axes(r: float, g: float, b: float) -> tuple[int, int, int]:
-    """The axes in falling order of the fractions along them: the way through a cell from its low corner."""
-    if r >= g:
-        return (0, 1, 2) if g >= b else (0, 2, 1) if r >= b else (2, 0, 1)
-    return (2, 1, 0) if b > g else (1, 2, 0) if b > r else (1, 0, 2)
-
-
-@compiled()
 def _value_and_slope(
     values: Array, axes: tuple[Axis, Axis, Axis], tetrahedral: bool, x: Array, y: Array, slope: Array
 ) -> None:
@@ -324,7 +312,12 @@ def _value_and_slope(
         fractions, per_width = (r, g, b), (per_r, per_g, per_b)
         for c in range(3):
             y[c] = values[i, j, k, c]
-        for axis in _falling_axes(r, g, b):
+        # The axes in falling order of the fractions along them: the way through a cell from its low corner.
+        if r >= g:
+            order = (0, 1, 2) if g >= b else (0, 2, 1) if r >= b else (2, 0, 1)
+        else:
+            order = (2, 1, 0) if b > g else (1, 2, 0) if b > r else (1, 0, 2)
+        for axis in order:
             p, q, s = i + (axis == 0), j + (axis == 1), k + (axis == 2)
             for c in range(3):
                 step = values[p, q, s, c] - values[i, j, k, c]
@@ -332,22 +325,16 @@ def _value_and_slope(
                 slope[c, axis] = step * per_width[axis]
             i, j, k = p, q, s
         return
-    for c in range(3):
-        low, low_g, low_b = _on_face(values, i, j, k, c, g, b)
-        high, high_g, high_b = _on_face(values, i + 1, j, k, c, g, b)
-        y[c] = low + r * (high - low)
-        slope[c, 0] = (high - low) * per_r
-        slope[c, 1] = (low_g + r * (high_g - low_g)) * per_g
-        slope[c, 2] = (low_b + r * (high_b - low_b)) * per_b
-
-
-@compiled()
-def _on_face(values: Array, i: int, j: int, k: int, c: int, g: float, b: float) -> tuple[float, float, float]:
-    """A channel where red is at a node, bilinear in the fractions of green and blue, and its rise along these."""
-    low, low_rise = values[i, j, k, c], values[i, j, k + 1, c] - values[i, j, k, c]
-    high, high_rise = values[i, j + 1, k, c], values[i, j + 1, k + 1, c] - values[i, j + 1, k, c]
-    rise = high + b * high_rise - (low + b * low_rise)
-    return low + b * low_rise + g * rise, rise, low_rise + g * (high_rise - low_rise)
+    y[:], slope[:] = 0.0, 0.0
+    for corner in range(8):
+        p, q, s = corner >> 2, (corner >> 1) & 1, corner & 1
+        of_r, of_g, of_b = r if p else 1.0 - r, g if q else 1.0 - g, b if s else 1.0 - b
+        for c in range(3):
+            value = values[i + p, j + q, k + s, c]
+            y[c] += of_r * of_g * of_b * value
+            slope[c, 0] += (per_r if p else -per_r) * of_g * of_b * value
+            slope[c, 1] += (per_g if q else -per_g) * of_r * of_b * value
+            slope[c, 2] += (per_b if s else -per_b) * of_r * of_g * value
 
 
 @compiled()

@@ -13,7 +13,7 @@ import numpy as np
 
 from lutforge.arrays import Array, Pixels
 from lutforge.calibration.physical.bracket import fit_bracket
-from lutforge.calibration.physical.exposure_pairs import CLIPPED, pairs_of_samples
+from lutforge.calibration.physical.response_from_exposures import CLIPPED, pairs_of_samples
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError

@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.calibration.falloff import at_the_centre
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_known_balances
-from lutforge.calibration.shots.falloff import at_the_centre
 from lutforge.calibration.style import style_data, uniform_lattice_errors
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError, LutForgeError
-from lutforge.evaluation.evaluate import evaluate as evaluate_profile
-from lutforge.evaluation.evaluate import scene_departures
-from lutforge.evaluation.evaluation import Evaluation
+from lutforge.evaluation.evaluation import Evaluation, scene_departures
+from lutforge.evaluation.evaluation import evaluate as evaluate_profile
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.falloff import falloff_of
 from lutforge.model.profile_data import DIRECTIONS, Direction

@@ -16,7 +16,7 @@ from lutforge import child_processes
 from lutforge.arrays import Array
 from lutforge.atomic_write import scratch_folder
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
-from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_bracket
+from lutforge.calibration.physical.response_from_exposures import ExposurePairs, pairs_of_bracket
 from lutforge.calibration.physical.unsaturated import BETA
 from lutforge.errors import CalibrationError, ShotError
 from lutforge.images.development import run_command

@@ -18,14 +18,13 @@ from scipy.optimize import brentq
 from lutforge.atomic_write import atomic_path
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
-from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
 from lutforge.calibration.style import StyleData, uniform_lattice_errors
 from lutforge.colour.srgb import delta_e_2000, srgb_to_lab
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import visibility
-from lutforge.evaluation.evaluate import evaluate
-from lutforge.evaluation.evaluation import Evaluation
+from lutforge.evaluation.evaluation import Evaluation, evaluate
 from lutforge.evaluation.linearization import response_deltas
 from lutforge.evaluation.measured_profile import by_distance, held_out_errors
 from lutforge.evaluation.methods import LATTICE

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 from lutforge.calibration.physical.bracket import fit_bracket
-from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
+from lutforge.calibration.physical.response_from_exposures import pairs_of_bracket
 from tests.benchmarks.common import heading, row
 from tests.cases.brackets import ADAPTATIONS, CURVES, adapted, bracket
 

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 import lutforge as lf
+from lutforge.calibration.departures import departing_shots
+from lutforge.calibration.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.white_balance import complete_multipliers
-from lutforge.calibration.shots.departures import departing_shots
-from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.style import unclipped
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples

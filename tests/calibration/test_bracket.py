@@ -7,7 +7,7 @@ import pytest
 
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
 from lutforge.calibration.physical.brightness_transfer import judge
-from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
+from lutforge.calibration.physical.response_from_exposures import pairs_of_bracket
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image

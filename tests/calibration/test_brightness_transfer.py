@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
-from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
+from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.samples import chart_140, photograph_patches
 

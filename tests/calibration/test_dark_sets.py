@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures, pairs_of_samples
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.colour.spectra import chart_reflectances

@@ -8,7 +8,7 @@ import pytest
 from lutforge.calibration.options import CalibrationOptions, Preset
 from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.evaluate import evaluate
+from lutforge.evaluation.evaluation import evaluate
 from lutforge.model.camera_profile import ModelName
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lutforge.calibration.departures import Departure, departing_shots
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.white_balance import complete_multipliers
-from lutforge.calibration.shots.departures import Departure, departing_shots
 from lutforge.calibration.style import unclipped
-from lutforge.evaluation.evaluate import evaluate
+from lutforge.evaluation.evaluation import evaluate
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100

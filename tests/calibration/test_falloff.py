@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lutforge.calibration.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.style import unclipped
 from lutforge.errors import ProfileError
-from lutforge.evaluation.evaluate import evaluate
+from lutforge.evaluation.evaluation import evaluate
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.falloff import Falloff, falloff_of
 from lutforge.pipeline.calibration import calibrate

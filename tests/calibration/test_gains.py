@@ -8,7 +8,7 @@ import pytest
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.white_balance import with_fitted_gains
 from lutforge.calibration.style import unclipped
-from lutforge.evaluation.evaluate import evaluate
+from lutforge.evaluation.evaluation import evaluate
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100

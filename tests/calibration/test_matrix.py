@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.options import Preset
-from lutforge.calibration.physical.matrix import fit_matrix
+from lutforge.calibration.physical.physical_model import fit_matrix
 from lutforge.calibration.physical.unsaturated import BETA, saturation, untouched
 from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError

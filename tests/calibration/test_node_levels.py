@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lutforge.calibration.lattice.node_levels import BINS, EVEN, equidistributed_levels, error_histogram
-from lutforge.calibration.thesis.lattice import blended_levels
+from lutforge.calibration.lattice.thesis import blended_levels
 from lutforge.errors import LutError
 from lutforge.model.lattice import equidistribute, snap_levels, uniform_levels
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
-from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.calibration.physical.kriging import fit_camera_model
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
+from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
 from lutforge.calibration.physical.unsaturated import untouched
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import unclipped

@@ -10,7 +10,7 @@ from lutforge.calibration.physical.curve_basis import gamma_response
 from lutforge.calibration.physical.reference_camera import own_raw
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import CalibrationError, ProfileError
-from lutforge.evaluation.evaluate import evaluate
+from lutforge.evaluation.evaluation import evaluate
 from lutforge.evaluation.methods import RBF
 from lutforge.model.camera_profile import match, profile_of_response
 from lutforge.pipeline.calibration import calibrate

@@ -8,9 +8,12 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration.physical.curve_basis import gamma_response, srgb_response
-from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket, pairs_of_samples
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.physical.response_from_exposures import (
+    fit_response_to_exposures,
+    pairs_of_bracket,
+    pairs_of_samples,
+)
 from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation
 from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError

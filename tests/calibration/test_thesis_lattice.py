@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.lattice.node_levels import BINS, error_histogram
+from lutforge.calibration.lattice.thesis import fit_thesis, fit_uniform
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.thesis.lattice import fit_thesis, fit_uniform
 from lutforge.solvers.lattice_regression import Regularization, fit_lattice
 from lutforge.solvers.penalties import thin_plate
 from tests.solvers.dense_lattice import interpolation_weights, random_levels

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.calibration.departures import departing_shots
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.plausibility import WARM_TO_COOL, implausible
-from lutforge.calibration.shots.departures import departing_shots
 from lutforge.calibration.style import unclipped
 from lutforge.colour.srgb import srgb_decode
 from lutforge.samples.sample_set import SampleSet, concatenate

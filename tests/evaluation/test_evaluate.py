@@ -9,8 +9,7 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.evaluation import evaluation as evaluation_module
-from lutforge.evaluation.evaluate import evaluate
-from lutforge.evaluation.evaluation import Evaluation
+from lutforge.evaluation.evaluation import Evaluation, evaluate
 from lutforge.evaluation.methods import channel_polynomials
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate

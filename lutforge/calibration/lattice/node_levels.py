@@ -4,7 +4,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from lutforge.arrays import Array
-from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
 from lutforge.model.gamut_map import to_even
 from lutforge.model.lattice import equidistribute
@@ -60,15 +59,7 @@ def equidistributed_levels(x: Array, error: Array, levels: Levels, order: int = 
 
 def _normalized(x: Array, error: Array) -> Array:
     """(3, BINS): histograms of sum 1."""
-    counts = _histograms(np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(error, dtype=np.float64))
+    bins = np.clip((x * BINS).astype(np.int64), 0, BINS - 1)
+    counts = np.stack([np.bincount(column, weights=error, minlength=BINS) for column in bins.T])
     total = counts[0].sum()
     return counts / total if total > 0 else np.full((3, BINS), 1.0 / BINS)
-
-
-@compiled()
-def _histograms(x: Array, error: Array) -> Array:
-    counts = np.zeros((3, BINS))
-    for n in range(len(x)):
-        for axis in range(3):
-            counts[axis, min(max(int(x[n, axis] * BINS), 0), BINS - 1)] += error[n]
-    return counts

@@ -14,8 +14,8 @@ from scipy.optimize import minimize_scalar
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.brightness_transfer import ResponseVerdict, judge
 from lutforge.calibration.physical.curve_basis import gamma_response, log_emor_basis, log_spline_basis, srgb_response
-from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.response_from_exposures import (
+    ExposurePairs,
     ExposureResponseFit,
     fit_response_to_exposures,
 )
@@ -125,8 +125,10 @@ def _fit(pairs: ExposurePairs, beta: float) -> tuple[BracketFit, str]:
         f"gamma {gamma:.2f}": gamma_response(float(gamma)),
         "sRGB": srgb_response(),
     }
+    # Pairs are of values scaled from black … white: the responses are of the file's own values 0 … 1 again.
+    codes = np.clip((np.linspace(0.0, 1.0, 1024)[:, None] - pairs.black) / (pairs.white - pairs.black), 0.0, 1.0)
     curves = {
-        name: CurveFit(name, _over_codes(curve, pairs), *_residual(pairs, curve, plain))
+        name: CurveFit(name, Response(curve.linearize(codes)), *_residual(pairs, curve, plain))
         for name, curve in named.items()
     }
     doubts = {name: _doubt(pairs, fit, plain, curves["sRGB"]) for name, fit in fits.items()}
@@ -212,9 +214,3 @@ def _residual(pairs: ExposurePairs, response: Response, rows: Mask) -> tuple[flo
 def _codes_off(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
     """I' − f(k' f⁻¹(I)) (m, 3) of some rows, in codes."""
     return np.asarray(255 * (pairs.white - pairs.black) * pairs.select(rows).departure(response))
-
-
-def _over_codes(response: Response, pairs: ExposurePairs) -> Response:
-    """The response of values scaled from black … white, as one of the file's own values 0 … 1."""
-    codes = np.linspace(0.0, 1.0, 1024)[:, None]
-    return Response(response.linearize(np.clip((codes - pairs.black) / (pairs.white - pairs.black), 0.0, 1.0)))

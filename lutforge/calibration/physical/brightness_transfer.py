@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.response_from_exposures import (
+    ExposurePairs,
     fit_response_to_all_colours,
     fit_response_to_exposures,
 )

@@ -14,10 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from lutforge.arrays import Array, Mask
+from lutforge.arrays import Array
 from lutforge.calibration.options import PhysicalOptions
 from lutforge.calibration.physical.curve_basis import SAMPLE, CurveBasis, emor_basis, spline_basis
 from lutforge.calibration.physical.robust_fit import Light, ToneWeights, robust_fit
@@ -89,7 +88,9 @@ def fit_matrix_and_response(
         raise CalibrationError(f"{len(x)} samples cannot determine a matrix and a response; at least 10 are needed")
     chroma = saturation(encoded)
     beta = _wide_enough(chroma, options.beta)
-    rows = _some(chroma < REACH * beta, MOST_SAMPLES)
+    rows = np.flatnonzero(chroma < REACH * beta)
+    if len(rows) > MOST_SAMPLES:  # the same ones every time
+        rows = np.random.default_rng(0).choice(rows, MOST_SAMPLES, replace=False, shuffle=False)
     odds = untouched_odds(chroma[rows], beta)
     weights = ToneWeights(encoded[rows].mean(axis=1), odds**SELECTION, options.weighting)
     columns = None if changes is None else changes[rows, None, :]
@@ -161,12 +162,8 @@ class JointFit:
         step = np.clip(shared, -0.5, 0.5)  # a first one may be far too long
         self.logs = self.logs + step
         self.gain = self.gain * np.exp(self.changes @ step)
-        before, self.weight = (
-            self.weight,
-            self.weights(
-                np.asarray(np.linalg.norm(self.response.encode(self._light(self.gain * self.x)) - self.encoded, axis=1))
-            ),
-        )
+        residual = self.response.encode(self._light(self.gain * self.x)) - self.encoded
+        before, self.weight = self.weight, self.weights(np.asarray(np.linalg.norm(residual, axis=1)))
         return float(np.abs(self.weight - before).sum() / self.weight.sum())
 
     def _light(self, x: Array) -> Array:
@@ -182,18 +179,14 @@ def with_matrix_of_all(fit: MatrixAndResponse, x: Array, encoded: Array) -> Matr
     matrix, robust = fit.matrix, RobustWeights(cauchy, multiple=4, least=2 / 255)
     for _ in range(6):
         weight = robust(encoded_residual(fit.response, matrix, x, encoded))
-        matrix = matrix_of_rows(
-            np.stack(
-                [_least_squares(columns[:, c], (linear - known)[:, c], weight * slope[:, c] ** 2) for c in range(3)]
-            )
-        )
+        rows = []
+        for c in range(3):
+            weighted = columns[:, c].T * (weight * slope[:, c] ** 2)
+            normal = weighted @ columns[:, c]
+            normal += 1e-9 * np.sum(weight * slope[:, c] ** 2) * np.eye(len(normal))
+            rows.append(np.linalg.solve(normal, weighted @ (linear - known)[:, c]))
+        matrix = matrix_of_rows(np.stack(rows))
     return MatrixAndResponse(matrix, fit.response)
-
-
-def _least_squares(columns: Array, target: Array, weight: Array) -> Array:
-    """The coefficients (q,) of columns (n, q) that come nearest to a target (n,), by weight (n,)."""
-    weighted = columns.T * weight
-    return np.linalg.solve(weighted @ columns + 1e-9 * weight.sum() * np.eye(columns.shape[1]), weighted @ target)
 
 
 def _wide_enough(chroma: Array, beta: float) -> float:
@@ -208,12 +201,6 @@ def _wide_enough(chroma: Array, beta: float) -> float:
         return enough - float((untouched_odds(chroma, beta) ** SELECTION).sum())
 
     return beta if missing(beta) <= 0 else brentq(missing, beta, widest, xtol=1e-3)
-
-
-def _some(chosen: Mask, most: int) -> NDArray[np.intp]:
-    """The rows that are chosen, or so many of them, the same ones every time."""
-    rows = np.flatnonzero(chosen)
-    return rows if len(rows) <= most else np.random.default_rng(0).choice(rows, most, replace=False, shuffle=False)
 
 
 def encoding_slope(response: Response, encoded: Array) -> Array:

@@ -27,9 +27,8 @@ from scipy.linalg import null_space
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import PhysicalOptions, Preset
 from lutforge.calibration.physical.curve_basis import emor_basis, spline_basis, srgb_response
-from lutforge.calibration.physical.matrix import LEAST_CONDITION, hue_spread
 from lutforge.calibration.physical.matrix_and_response import REACH, JointFit, matrix_of_rows, neutral_rows
-from lutforge.calibration.physical.physical_model import response_of_exposures
+from lutforge.calibration.physical.physical_model import LEAST_CONDITION, hue_spread, response_of_exposures
 from lutforge.calibration.physical.robust_fit import ToneWeights, robust_fit
 from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation, untouched_odds
 from lutforge.calibration.physical.white_balance import estimated_multipliers, neutral_weight
@@ -131,7 +130,13 @@ def _linear_light(
         rows = samples.style == name
         try:
             if preset == "thesis":
-                fit = _response_of_exposures(samples.select(rows), setting[rows], physical)
+                # f from the exposure pairs (4.2.1), and Tz of the colours below β by plain least squares.
+                style = samples.select(rows)
+                response = response_of_exposures(style, preset, physical)
+                low, light = saturation(style.srgb) < physical.beta, response.linearize(style.srgb)
+                parts = {str(key): low & (setting[rows] == key) for key in np.unique(setting[rows])}
+                tz = {key: np.linalg.lstsq(style.raw[mine], light[mine])[0].T for key, mine in parts.items()}
+                fit = _StyleFit(response, tz, np.ones(len(style)), low.astype(np.float64))
             else:
                 fit = _fit_response(samples.select(rows), setting[rows], physical)
         except CalibrationError as error:
@@ -190,21 +195,14 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Physic
     matrices = {str(names[first]): matrix_of_rows(fit.coefficients[:, :2]) * multipliers}
     matrices |= {str(name): free[:, index] for index, name in enumerate(np.delete(names, first))}
     of_sample = np.array([matrices[str(name)] for name in names])[place]
-    _check(fit.response, of_sample, gain[:, None] * raw, encoded, chroma < beta)
+    rendered = fit.response.encode(np.einsum("nij,nj->ni", of_sample, gain[:, None] * raw))
+    error = float(np.median(np.linalg.norm(rendered - encoded, axis=1)[chroma < beta]))
+    if error > WORST_ERROR:
+        raise CalibrationError(
+            f"no matrix takes the reference camera's RAW to these JPEGs (median error {255 * error:.0f} codes): "
+            "were both taken of the same scene, in the same order, in manual mode?"
+        )
     return _StyleFit(fit.response, matrices, gain, untouched_odds(chroma, beta))
-
-
-def _response_of_exposures(samples: SampleSet, setting: NDArray[np.str_], physical: PhysicalOptions) -> _StyleFit:
-    """Take f of a style from its exposure pairs (4.2.1), and Tz of the colours below β by plain least squares."""
-    response = response_of_exposures(samples, "thesis", physical)
-    low = saturation(samples.srgb) < physical.beta
-    linear = response.linearize(samples.srgb)
-    matrices = {
-        str(name): np.linalg.lstsq(samples.raw[rows], linear[rows])[0].T
-        for name in np.unique(setting)
-        for rows in [low & (setting == name)]
-    }
-    return _StyleFit(response, matrices, np.ones(len(samples)), low.astype(np.float64))
 
 
 def _gain_changes(raw: Array, place: NDArray[np.intp], shot: NDArray[np.str_]) -> Array:
@@ -217,17 +215,6 @@ def _gain_changes(raw: Array, place: NDArray[np.intp], shot: NDArray[np.str_]) -
     light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 100 * TINY))) / np.bincount(index)
     untold = np.vstack([np.unique(place)[:, None] == place[first], light])
     return np.asarray(null_space(untold, rcond=TINY)[index])
-
-
-def _check(response: Response, matrices: Array, raw: Array, encoded: Array, plain: Mask) -> None:
-    """Raise CalibrationError where f and Tz (n, 3, 3), sample by sample, do not explain the unsaturated colours."""
-    rendered = response.encode(np.einsum("nij,nj->ni", matrices, raw))
-    error = float(np.median(np.linalg.norm(rendered - encoded, axis=1)[plain]))
-    if error > WORST_ERROR:
-        raise CalibrationError(
-            f"no matrix takes the reference camera's RAW to these JPEGs (median error {255 * error:.0f} codes): "
-            "were both taken of the same scene, in the same order, in manual mode?"
-        )
 
 
 def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str, preset: Preset) -> tuple[Array, Array]:

@@ -1,1 +1,0 @@
-"""Models of differences between shots of one camera: lens falloff, tone."""

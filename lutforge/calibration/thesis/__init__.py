@@ -1,1 +1,0 @@
-"""The lattice fit of the thesis preset. Its physical stages are in `physical/`, with `preset == "thesis"`."""
