@@ -45,13 +45,11 @@ from tests.cases.cameras import (
 Made = Callable[[], CameraProfile]
 
 COUNT = 1 << 15
-PUSHED = (2.1, 1.0, 1.5)
-"""White balance that takes RAW beyond saturation."""
 
 
 def raw_colours() -> Array:
     """RAW under white balance, (6 COUNT, 3)."""
-    pushed = np.minimum(qmc.Sobol(3, rng=21).random(COUNT) * PUSHED, 1.0)
+    pushed = np.minimum(qmc.Sobol(3, rng=21).random(COUNT) * (2.1, 1.0, 1.5), 1.0)  # beyond saturation
     return np.concatenate([spread(COUNT, seed=31), pushed])
 
 
