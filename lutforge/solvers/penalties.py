@@ -34,16 +34,13 @@ def smoothness_matrix(levels: Levels, smoothness: float, mixed: float) -> sparse
 
     def half() -> Iterator[tuple[tuple[int, int, int], Array]]:
         for (weight, matrices), offset in product(terms, product(range(3), range(-2, 3), range(-2, 3))):
-            lines = [_diagonal(matrix, step) for matrix, step in zip(matrices, offset, strict=True)]
+            # The entries (i, i + step) of each matrix, 0 where there is none.
+            margins = [(max(-step, 0), max(step, 0)) for step in offset]
+            lines = [np.pad(np.diag(matrices[c], offset[c]), margins[c]) for c in range(3)]
             if offset >= (0, 0, 0) and weight and all(np.any(line) for line in lines):
                 yield offset, weight * np.einsum("i,j,k->ijk", *lines)
 
     return symmetric((r, g, b), half())
-
-
-def _diagonal(matrix: Array, offset: int) -> Array:
-    """The entries (i, i + offset) of a matrix (N, N), 0 where there is none, (N,)."""
-    return np.pad(np.diag(matrix, offset), (max(-offset, 0), max(offset, 0)))
 
 
 def keys_cubic(count: int) -> tuple[Array, Array, Array]:

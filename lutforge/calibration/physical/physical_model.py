@@ -239,7 +239,10 @@ def _fit_style(
     try:
         if preset == "thesis":
             response = response_of_exposures(samples, preset, physical)
-            low = _unsaturated(samples.srgb, response, physical.beta)
+            for limit in (physical.beta, 0.4, 0.5):  # where those below β are all alike, as on a small chart
+                low = untouched(samples.srgb, limit)
+                if hue_spread(response.linearize(samples.srgb[low])) >= LEAST_CONDITION:
+                    break
             response = _scaled_to_raw(response, balanced[low], samples.srgb[low])
             return response, low.astype(np.float64)
         chroma = saturation(samples.srgb)
@@ -257,16 +260,6 @@ def response_of_exposures(samples: SampleSet, preset: Preset, physical: Physical
     except CalibrationError as error:
         raise CalibrationError(f"{error}, or take the preset lutforge, which needs no such shots") from None
     return fit_response_to_exposures(pairs, preset, physical.beta, log_emor_basis(physical.curves)).response
-
-
-def _unsaturated(encoded: Array, response: Response, beta: float) -> Mask:
-    """(n,) colours below β; where these are all alike, as on a small chart, below a larger one."""
-    linear = response.linearize(encoded)
-    for limit in (beta, 0.4, 0.5):
-        low = untouched(encoded, limit)
-        if hue_spread(linear[low]) >= LEAST_CONDITION:
-            break
-    return low
 
 
 def _scaled_to_raw(response: Response, balanced: Array, encoded: Array) -> Response:
