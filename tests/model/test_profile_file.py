@@ -176,7 +176,7 @@ def test_another_version_says_what_to_do(saved: Path, version: object, says: str
 )
 def test_wrong_values_in_the_description(saved: Path, fields: dict[str, Any]) -> None:
     _edit(saved, **fields)
-    _refused(saved)
+    assert _refused(saved)
 
 
 @pytest.mark.parametrize(

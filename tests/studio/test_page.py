@@ -440,7 +440,7 @@ def axe() -> str:
     return script.read_text(encoding="utf-8")
 
 
-def everywhere_in_the_window(visit: Visit, name: str, figures: str = ".bk-Figure") -> None:
+def assert_everywhere_in_the_window(visit: Visit, name: str, figures: str = ".bk-Figure") -> None:
     """In each size and theme, nothing leaves the window, and axe-core finds no serious fault."""
     page = visit.page
     for theme in ("dark", "light"):
@@ -473,7 +473,7 @@ def test_every_step_fills_the_window_and_axe_finds_no_serious_fault(visit: Visit
     visit.page.evaluate(axe)
     for step in STEPS:
         visit.step(step)
-        everywhere_in_the_window(visit, step.lower())
+        assert_everywhere_in_the_window(visit, step.lower())
 
 
 @pytest.mark.slow
@@ -496,13 +496,13 @@ def test_gamut_map_in_3d_and_error_maps_on_a_shot(visit: Visit, folder: Path, ax
     visit.choose("Direction", "JPEG → RAW, white-balanced")
     visit.slide("Luminance Y of the slices", 0.5)
     visit.reads("vivid, Y = 0.50: where the gamut map takes this slice")
-    everywhere_in_the_window(visit, "gamut_surface", ".js-plotly-plot")
+    assert_everywhere_in_the_window(visit, "gamut_surface", ".js-plotly-plot")
     visit.press("Error maps")
     visit.choose("Shot", "LF0015-vivid-cloudy-still-life")
     visit.press("Draw its errors")
     visit.reads("LF0015-vivid-cloudy-still-life, vivid/cloudy: no model has seen it")
     assert page.locator(".bk-Figure:visible").count() > 0
-    everywhere_in_the_window(visit, "error_maps")
+    assert_everywhere_in_the_window(visit, "error_maps")
 
 
 @pytest.mark.slow
