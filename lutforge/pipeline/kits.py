@@ -174,13 +174,13 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     own = read_shot(raw)
     samples = extract(own).samples
     samples = samples.select(np.char.startswith(samples.patch.astype(np.str_), "tile_"))
-    developed = read_shot(raw, Development(pixels, "srgb", picture.name))
+    developed = read_shot(raw, Development(pixels, "srgb", picture.name), source=own.jpeg_source)
     turns = [turn for turn in range(4) if np.array_equal(np.rot90(own.jpeg, turn), developed.jpeg)]
     if not turns:
         raise ShotError(f"{raw}: {picture.name} matches another JPEG than the RAW does")
     if turns[0]:
         upright = np.ascontiguousarray(np.rot90(pixels, -turns[0]))
-        developed = read_shot(raw, Development(upright, "srgb", picture.name))
+        developed = read_shot(raw, Development(upright, "srgb", picture.name), source=own.jpeg_source)
     cell = cell_size(own.registration)
     corners = np.array([name.split("_")[1:] for name in samples.patch], dtype=np.intp).reshape(-1, 2)
     shown = developed.raw_cells(cell).mean[corners[:, 1] // cell, corners[:, 0] // cell]

@@ -52,6 +52,10 @@ PARTS = 6
 _NO_MATCH = (
     "the JPEG does not match the RAW ({}): another scene, cropped or retouched, or too little structure to register"
 )
+IS_WARPED = (
+    "the JPEG is warped as no lens does, by {:.1f} pixels in the mean (a straightened perspective, or an unknown "
+    "correction); switch that off, or use the camera's own JPEG"
+)
 
 
 def register_rotated(
@@ -62,8 +66,7 @@ def register_rotated(
     turns: quarter turns (numpy.rot90) that may do it, the likeliest first; the first to match clearly is taken, else
     the one that explains the JPEG's colours best. expected: of another shot of the camera; where this one clearly lies
     there, too, no other place is searched. Raises ShotError where the JPEG is too small, where nothing correlates by at
-    least MIN_CORRELATION, where another place or turn explains the colours nearly as well, and where parts of the JPEG
-    are moved as no lens moves them.
+    least MIN_CORRELATION, and where another place or turn explains the colours nearly as well.
     """
     pyramid = RawLevel.of(raw, jpeg)
     for turn in turns if expected is not None else ():
@@ -97,7 +100,8 @@ def register_rotated(
         )
     registration = _with_lens(pyramid, found[0], _refined(pyramid, found[0].jpeg, found[0].fit.place).place)
     if not registration.correlation >= MIN_CORRELATION:
-        raise ShotError(_NO_MATCH.format(f"correlation {registration.correlation:.2f}, needed {MIN_CORRELATION}"))
+        low = _NO_MATCH.format(f"correlation {registration.correlation:.2f}, needed {MIN_CORRELATION}")
+        raise ShotError(IS_WARPED.format(registration.warp) if registration.warp else low)
     return np.ascontiguousarray(np.rot90(jpeg, found[0].turn)), registration
 
 
@@ -178,12 +182,7 @@ def _with_lens(pyramid: RawLevel, candidate: _Candidate, place: Registration) ->
         centred = bent and fits[-1].evidence(5) > SIGNIFICANT
         place = fits[-1 if centred else 0].place
         off = _fringes(pyramid, jpeg.coarsest, place)[2]
-    if off > WARPED:
-        raise ShotError(
-            f"the JPEG is warped as no lens does, by {off * jpeg.coarsest.factor:.1f} pixels in the mean (a "
-            "straightened perspective, or an unknown correction); switch that off, or use the camera's own JPEG"
-        )
-    return place
+    return replace(place, warp=off * jpeg.coarsest.factor if off > WARPED else 0.0)
 
 
 def search(raw: RawLevel, jpeg: ReducedJpeg, scale: float | None = None) -> list[Registration]:
@@ -354,7 +353,8 @@ def _fringes(pyramid: RawLevel, level: ReducedJpeg, place: Registration) -> tupl
     pairs = zip(*roots(raw, level, local), strict=True)
     fits = [_moved_to_fit(raw, level, local, tested=3, planes=pair) for pair in pairs]
     red, green, blue = (fit.place.scale for fit in fits)
-    errors = [fit.covariance[0, 0] + fits[1].covariance[0, 0] for fit in fits]
+    # Of two pictures that are equal, no part pulls; a scale is known to a millionth at best.
+    errors = [1e-12 + fit.covariance[0, 0] + fits[1].covariance[0, 0] for fit in fits]
     lens = place.distortion or raw.flat
     lens = replace(lens, red=lens.red + red / green - 1, blue=lens.blue + blue / green - 1)
     evidence = (red - green) ** 2 / errors[0] + (blue - green) ** 2 / errors[2]

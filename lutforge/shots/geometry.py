@@ -38,7 +38,8 @@ class Registration:
 
     Both count from the picture's top left corner: pixel i covers [i, i + 1], its centre is i + 0.5. RAW
     coordinates are full-resolution pixels of the visible area, whatever the size of the decoded array.
-    correlation: of the two pictures' local structure, after registration, in [−1, 1].
+    correlation: of the two pictures' local structure, after registration, in [−1, 1]. warp: JPEG pixels by which parts
+    of the picture lie beside their place as no lens moves them, in the mean; 0 where that may be chance.
     """
 
     scale: float
@@ -46,6 +47,7 @@ class Registration:
     offset_y: float
     correlation: float
     distortion: Distortion | None = None
+    warp: float = 0.0
 
     def reduced(self, factor: float) -> "Registration":
         """Convert to coordinates of the JPEG reduced by `factor`; 1 / factor goes the other way."""

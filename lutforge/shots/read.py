@@ -18,7 +18,7 @@ from lutforge.images.icc import is_srgb, profile_name, to_srgb
 from lutforge.images.jpeg import decode, read_header
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import read_image
-from lutforge.shots.align import register_rotated
+from lutforge.shots.align import IS_WARPED, register_rotated
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.maker_settings import edited_notes, in_adobe_rgb
@@ -37,14 +37,17 @@ def read_shot(
     path: Path | str,
     development: Development | None = None,
     expected: Callable[[], Placement | None] = lambda: None,
+    source: str | None = None,
 ) -> Shot:
     """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
 
     The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; one that another program
     wrote (a converter's DNG holds that converter's rendering) comes last. metadata.notes says so, and which was passed
     over and why. development: a picture that a program made of the RAW, which then takes the RAW's place: balanced, so
-    that its multipliers are 1. expected: called once the RAW is decoded, for where another shot of the camera lies; the
-    place is looked at first. Raises ImageError where the RAW cannot be decoded, ShotError where no JPEG matches it.
+    that its multipliers are 1; its tones may let a JPEG seem warped, which then is no reason to refuse it. expected:
+    called once the RAW is decoded, for where another shot of the camera lies; the place is looked at first. source: the
+    JPEG to take and no other, as `Shot.jpeg_source` names it. Raises ImageError where the RAW cannot be decoded,
+    ShotError where no JPEG matches it.
     """
     path = Path(path)
     if path.suffix.lower() in JPEG_SUFFIXES or is_heif(path):
@@ -64,17 +67,20 @@ def read_shot(
     beside = jpeg_beside(path)
     candidates = [(str(beside), edited_notes(tags(beside)))] if beside else []
     candidates = sorted([*candidates, (EMBEDDED, edited_notes(tags(path)))], key=lambda candidate: len(candidate[1]))
-    for index, (source, edited) in enumerate(candidates):
+    candidates = [candidate for candidate in candidates if source in (None, candidate[0])]
+    for index, (name, edited) in enumerate(candidates):
         try:
-            jpeg, fine, registration, converted = _registered(raw, path, source, expected())
+            jpeg, fine, registration, converted = _registered(raw, path, name, expected())
+            if registration.warp and development is None:
+                raise ShotError(f"{name}: {IS_WARPED.format(registration.warp)}")
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue
-        metadata = read_metadata(path, raw, Path(source) if source != EMBEDDED else None)
+        metadata = read_metadata(path, raw, Path(name) if name != EMBEDDED else None)
         reasons += [f"{other}: {note}" for other, notes in candidates[index + 1 :] for note in notes]
         notes = (*edited, *converted, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
-        shot = Shot(path.stem, path, raw, jpeg, source, metadata, registration, development, fine=fine)
+        shot = Shot(path.stem, path, raw, jpeg, name, metadata, registration, development, fine=fine)
         return shot.straightened()
     size = (
         "" if development is None else "; the picture in the RAW's place, {1} × {0}, must be the whole frame, uncropped"
