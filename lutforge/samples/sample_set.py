@@ -85,9 +85,7 @@ def first_problem(columns: Mapping[str, NDArray[Any]], first: int = 0) -> str | 
     if is_valid(columns):
         return None
     texts = {
-        name: ["" if number != number else f"{number:.10g}" for number in values.tolist()]
-        if name in NUMBER_COLUMNS
-        else values.tolist()
+        name: [f"{number:.10g}" for number in values.tolist()] if name in NUMBER_COLUMNS else values.tolist()
         for name, values in columns.items()
     }
     problems = (row_problem(dict(zip(texts, cells, strict=True))) for cells in zip(*texts.values(), strict=True))
