@@ -265,14 +265,14 @@ def test_noise_and_rounding_are_kept_in_range(tmp_path: Path) -> None:
     ("name", "values", "message"),
     [
         ("raw_r", [7.0], "row 1: raw_r is 7; RAW lies in"),
-        ("raw_r", [np.nan], "row 1: raw_r is empty"),
+        ("raw_r", [np.nan], "row 1: raw_r is nan; write a finite number"),
         ("raw_r", ["x"], "column raw_r holds <U1; write it as numbers"),
         ("raw_r", [0.1, 0.2], "column raw_r has shape"),
         ("raw_r", [[0.1]], "column raw_r has shape"),
         ("style", [1.0], "column style holds float64; write it as text"),
         ("style", ["x" * 300], "column style holds <U300"),
         ("shot", [""], "row 1: shot is empty"),
-        ("wb_r", [np.nan], "row 1: wb_r,wb_g,wb_b is ',1,1.5'; give all three"),
+        ("wb_r", [np.nan], "row 1: wb_r,wb_g,wb_b is 'nan,1,1.5'; give all three"),
     ],
 )
 def test_illegal_arrays(name: str, values: list[Any], message: str, tmp_path: Path) -> None:
