@@ -136,8 +136,9 @@ class BlenderKit(Kit):
     tried: str = "Blender 3.4.1 (in the background)"
 
     def write(self, look: Look, folder: Path) -> list[str]:
-        """Write the config and a script that starts Blender with it."""
-        write_config([look.profile], folder / "ocio", version="2.1")
+        """Write the config, which holds every style, and a script that starts Blender with it."""
+        if not (folder / "ocio").exists():
+            write_config([look.profile], folder / "ocio", version="2.1")
         write_script(folder / "blender.sh", "blender", 'OCIO="$here/ocio/config.ocio" exec blender "$@"\n')
         return [
             "Start Blender by blender.sh, or with the environment variable OCIO set to ocio/config.ocio.",

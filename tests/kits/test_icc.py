@@ -140,6 +140,14 @@ def test_all_styles_in_one_folder(program: str, demo: tuple[Path, str], tmp_path
         assert [path.name for path in (tmp_path / "kit").glob(f"* {style}{preset}")]
 
 
+def test_blender_shows_all_styles_by_one_config(demo: tuple[Path, str], tmp_path: Path, lutforge: CommandLine) -> None:
+    camera = next(demo[0].rglob("*.npz"))
+    run = lutforge("kit", camera, "--to", "all", "--for", "blender", "-o", tmp_path / "kit")
+    assert run.returncode == 0, run.stderr
+    config = (tmp_path / "kit" / "ocio" / "config.ocio").read_text(encoding="utf-8")
+    assert all(f"LutForge Simulated D5100 {style}" in config for style in ("standard", "vivid"))
+
+
 def test_a_lut_on_a_base_style_serves_all_white_balances(demo: tuple[Path, str], tmp_path: Path) -> None:
     camera = load_profile(next(demo[0].rglob("*.npz")))
     folder = write_kit(camera, "vivid", tmp_path / "kit", "lumix", base="standard")
