@@ -245,17 +245,14 @@ def baked(
                     rendering.linearize, display_referred=False, title=f"{title} linearize, as calibrated"
                 )
                 luts[rendering.calibrated_file] = compact(calibrated)
-            luts[rendering.balance_file(source, target)] = _balance(rendering, source, target, refinish)
+            # Of a look, the step between linearization and render: another white balance, by which white stays white.
+            _, _, highlights, _ = grading_steps(refinish)
+            gain = rendering.camera.gain(target) / rendering.camera.gain(source)
+            names = rendering.camera.balances
+            title = f"{rendering.camera.name} {names[source]} to {names[target]}"
+            step = Lut(raised(highlights, gain, BALANCE_REACH, BALANCE_SIZE), title)
+            luts[rendering.balance_file(source, target)] = compact(step)
     return luts, tuple(errors)
-
-
-def _balance(rendering: Rendering, source: str, target: str, refinish: Transform) -> Lut:
-    """The step of a look between linearization and render: another white balance, by which white stays white."""
-    _, _, highlights, _ = grading_steps(refinish)
-    gain = rendering.camera.gain(target) / rendering.camera.gain(source)
-    names = rendering.camera.balances
-    title = f"{rendering.camera.name} {names[source]} to {names[target]}"
-    return compact(Lut(raised(highlights, gain, BALANCE_REACH, BALANCE_SIZE), title))
 
 
 def _error(lut: Lut, transform: ColourFunction, made_by: Transform | None = None) -> str:

@@ -57,7 +57,10 @@ def bake_lattice(
     points, weight = _likely(samples, min(4 * options.size**3, 20_000))
     values = model(points)
     if curve is not None:
-        weight = weight * _curve_weights(curve, values)
+        # How much a squared error in front of the curve counts behind it, 1 in the median.
+        codes = np.linspace(0.0, 1.0, 511)[:, None].repeat(3, axis=1)
+        square = squares(apply_curve(curve.slope(codes), curve.to_encoded(values)))
+        weight = weight * (square / np.median(square))
     if not options.nonuniform:
         return _fitted(model, points, values, weight, uniform_levels(options.size), options, curve)[0]
     levels = _levels(model, points, values, weight, options, curve)
@@ -152,14 +155,6 @@ def _floor(curve: OutputCurve | None) -> Array:
     that it holds all dark codes of usual pictures.
     """
     return EVEN if curve is None else EVEN + even_to_the_eye(0.1, OFFSET)
-
-
-def _curve_weights(curve: OutputCurve, values: Array) -> Array:
-    """How much a squared error of values (n, 3) in front of the curve counts behind it, (n,); 1 in the median."""
-    encoded = curve.to_encoded(values)
-    slope = apply_curve(curve.slope(np.linspace(0.0, 1.0, 511)[:, None].repeat(3, axis=1)), encoded)
-    square = squares(slope)
-    return np.asarray(square / np.median(square))
 
 
 def squares(difference: Array) -> Array:

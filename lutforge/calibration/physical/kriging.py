@@ -99,7 +99,11 @@ def krige(
     weight by residuals of a coarse fit. clipped: samples that count with one side only. Time O(most_centres³ + n).
     """
     z, correction = to_even(source, OFFSET), to_even(target, OFFSET) - to_even(source, OFFSET)
-    weight = _robust_weights(z, correction, error_scale, min(400, most_centres))
+    # IRLS weights by encoded residuals from a fit with few centres and much noise.
+    coarse = _solve(z, correction, np.full(len(z), 0.01), min(400, most_centres))
+    residual = to_even(coarse(from_even(z, OFFSET)), OFFSET) - z - correction
+    robust = RobustWeights(cauchy, multiple=10.0, least=12.0 / 255.0)
+    weight = robust(np.linalg.norm(residual, axis=1) / error_scale)
     greys = np.linspace(0.0, 1.0, GREYS)[:, None].repeat(3, axis=1)
     z, correction = np.concatenate([z, greys]), np.concatenate([correction, np.zeros_like(greys)])
     weight = np.concatenate([weight, [1.0], np.full(GREYS - 1, GREY_WEIGHT)])
@@ -171,14 +175,6 @@ def posterior_deviation(source: Array) -> Callable[[Array], Array]:
         return np.asarray(np.sqrt(np.maximum(variance - known, NOISE)).reshape(linear.shape[:-1]))
 
     return deviation
-
-
-def _robust_weights(z: Array, correction: Array, error_scale: Array, centres: int) -> Array:
-    """IRLS weights (n,) of samples by their encoded residuals from a fit with few centres and much noise."""
-    fit = _solve(z, correction, np.full(len(z), 0.01), centres)
-    residual = to_even(fit(from_even(z, OFFSET)), OFFSET) - z - correction
-    robust = RobustWeights(cauchy, multiple=10.0, least=12.0 / 255.0)
-    return robust(np.linalg.norm(residual, axis=1) / error_scale)
 
 
 def _solve(z: Array, correction: Array, weight: Array, most_centres: int) -> GamutMap:

@@ -186,7 +186,13 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Physic
         return known, np.concatenate([own, np.repeat(free, 3, axis=1)], axis=2)
 
     weights = ToneWeights(encoded[near].mean(axis=1), untouched_odds(chroma[near], beta), options.weighting)
-    changes = _gain_changes(raw, place, samples.shot)
+    # The changes of the shots' log gains, sample by sample, that RAW and JPEG tell, as columns (n, q). One gain for all
+    # shots of a white balance is a part of its Tz; gains that go with the light of the shots are hardly told from a
+    # power of f, and shutters do not err so.
+    _, of_shot, index = np.unique(samples.shot, return_index=True, return_inverse=True)
+    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 100 * TINY))) / np.bincount(index)
+    untold = np.vstack([np.unique(place)[:, None] == place[of_shot], light])
+    changes = np.asarray(null_space(untold, rcond=TINY)[index])
     fit = JointFit(raw[near], encoded[near], weights, columns, changes[near, None, :], srgb_response())
     robust_fit(fit, emor_basis())  # as there: EMoR's shape first, then what it cannot follow
     robust_fit(fit, spline_basis(fit.response.inverse.mean(axis=1)))
@@ -203,18 +209,6 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Physic
             "were both taken of the same scene, in the same order, in manual mode?"
         )
     return _StyleFit(fit.response, matrices, gain, untouched_odds(chroma, beta))
-
-
-def _gain_changes(raw: Array, place: NDArray[np.intp], shot: NDArray[np.str_]) -> Array:
-    """The changes of the shots' log gains, sample by sample, that RAW and JPEG tell, as columns (n, q).
-
-    One gain for all shots of a white balance is a part of its Tz; gains that go with the light of the shots are hardly
-    told from a power of f, and shutters do not err so.
-    """
-    _, first, index = np.unique(shot, return_index=True, return_inverse=True)
-    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 100 * TINY))) / np.bincount(index)
-    untold = np.vstack([np.unique(place)[:, None] == place[first], light])
-    return np.asarray(null_space(untold, rcond=TINY)[index])
 
 
 def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str, preset: Preset) -> tuple[Array, Array]:

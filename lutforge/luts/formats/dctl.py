@@ -8,7 +8,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.errors import LutError, one_line
@@ -109,15 +108,11 @@ def knots_of(curve: Curve | None) -> tuple[Array, Array]:
         chosen = [np.flatnonzero(bends[:, c]) for c in range(3)]
     chosen = [np.union1d(index, (0, len(table) - 1)) for index in chosen]
     longest = max(map(len, chosen))
-    chosen = [_filled(index, longest, len(table)) for index in chosen]
-    picked = np.stack(chosen, axis=1)
+    # Other knots of the table fill up the channels that have fewer.
+    spare = np.linspace(0, len(table) - 1, min(len(table), 4 * longest)).astype(np.intp)
+    filled = [np.union1d(index, np.setdiff1d(spare, index)[: longest - len(index)]) for index in chosen]
+    picked = np.stack(filled, axis=1)
     return np.take_along_axis(x, picked, axis=0), np.take_along_axis(table, picked, axis=0)
-
-
-def _filled(index: NDArray[np.intp], count: int, entries: int) -> NDArray[np.intp]:
-    """Knots, made `count` by others of the table, so that all channels have equally many."""
-    spare = np.setdiff1d(np.linspace(0, entries - 1, min(entries, 4 * count)).astype(np.intp), index)
-    return np.sort(np.concatenate([index, spare[: count - len(index)]]))
 
 
 def _numbers(table: Array) -> str:
