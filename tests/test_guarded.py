@@ -44,7 +44,11 @@ def test_an_endless_call_is_ended() -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="other systems send no such signal to one process")
 def test_ctrl_c_ends_an_endless_call() -> None:
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
-    with pytest.raises(KeyboardInterrupt):
-        guarded(sum, ENDLESS)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background ignore it
+    try:
+        threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+        with pytest.raises(KeyboardInterrupt):
+            guarded(sum, ENDLESS)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert guarded(abs, -1) == 1

@@ -115,7 +115,8 @@ def _as_expected(raw: RawImage, pyramid: RawLevel, jpeg: Codes, expected: Placem
         return None
     reduced, start = ReducedJpeg.of(raw, jpeg), expected.registration
     level = reduced.coarsest
-    found, over = (_judged(pyramid, reduced, start, 0, one) for one in (level, level.upside_down))
+    turned = ReducedJpeg(level.codes[::-1, ::-1], level.weight[::-1, ::-1], level.factor)
+    found, over = (_judged(pyramid, reduced, start, 0, one) for one in (level, turned))
     if not found.is_clear or 1 - over.explained < 1.5 * (1 - found.explained):
         return None
     corners = np.array([[0, 0], jpeg.shape[1::-1]])

@@ -111,11 +111,6 @@ class ReducedJpeg:
         """How often it is halved to become about as small as for the coarse search."""
         return max(0, round(math.log2(max(self.luma.shape) / COARSE_SIDE)))
 
-    @property
-    def upside_down(self) -> "ReducedJpeg":
-        """It, turned by half a turn."""
-        return ReducedJpeg(self.codes[::-1, ::-1], self.weight[::-1, ::-1], self.factor)
-
     @cached_property
     def coarsest(self) -> "ReducedJpeg":
         """It, about as small as for the coarse search."""
@@ -272,7 +267,9 @@ def _roots_at(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[Ar
     borders, covers = cells_of_jpeg(place, jpeg.weight.shape, raw.pixels.shape, raw.pixel_size)
     use = np.flatnonzero((jpeg.weight * covers).ravel() > 0.5)
     use = use[:: max(1, len(use) // ENOUGH)]
-    return means_of_roots(raw.pixels, raw.gains, *borders, use), use
+    means = np.zeros((len(use), 3))
+    _means_of_roots(raw.pixels, raw.gains, *borders, use, means)
+    return means, use
 
 
 def least_squares(terms: Array, values: Array) -> Array:
@@ -298,16 +295,6 @@ def quadratic(raw: Pixels, gains: Single, weights: Single) -> Single:
     return values
 
 
-def means_of_roots(raw: Pixels, gains: Single, rows: Array, columns: Array, cells: Index) -> Array:
-    """Return the means (n, 3) of the roots of RAW (h, w, 3) times gains (3,) over some cells of a grid.
-
-    rows, columns: the H + 1 and W + 1 borders of the grid, in pixels of the RAW, within it; cells: (n,), row by row.
-    """
-    means = np.zeros((len(cells), 3))
-    _means_of_roots(raw, gains, rows, columns, cells, means)
-    return means
-
-
 @compiled(fastmath={"contract"})
 def _quadratic(raw: Pixels, gains: Single, weights: Single, values: Single) -> None:
     """Fill values (h, w). gains: (3 w,) of the values of a row."""
@@ -326,6 +313,7 @@ def _quadratic(raw: Pixels, gains: Single, weights: Single, values: Single) -> N
 
 @compiled()
 def _means_of_roots(raw: Pixels, gains: Single, rows: Array, columns: Array, cells: Index, means: Array) -> None:
+    """Add to means (n, 3) of the roots of RAW times gains over some cells, row by row, of a grid with these borders."""
     width = len(columns) - 1
     for index in range(len(cells)):
         top, bottom = rows[cells[index] // width], rows[cells[index] // width + 1]
