@@ -85,7 +85,7 @@ def find_inputs(
             if gaps:
                 ranges = ", ".join(f"{first}" if first == last else f"{first}-{last}" for first, last in gaps)
                 notes.append(f"{word}: not there: frame {ranges}")
-    # The same file, to become the same output, is graded once; links with names of their own are images of their own.
+    # A file that is named twice for one output is graded once; links with other names count as other images.
     first: dict[tuple[Path, Path], Input] = {}
     resolved = resolver()
     again = [

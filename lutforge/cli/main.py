@@ -22,7 +22,7 @@ COMMANDS = (
 """In the order of the help."""
 
 FILES = {"check": "inspect", "compare": "report", "export-nus": "import_nus"}
-"""Of the commands that share another one's file."""
+"""Commands that stand in the file of another, and its name."""
 
 UsageErrors: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 """The root of typer's errors of usage, which typer itself does not name."""

@@ -166,7 +166,7 @@ def _header(
 
 @dataclass(frozen=True)
 class ExifPlaces:
-    """Where values stand in a TIFF structure.
+    """The places of some values in a TIFF structure.
 
     order: of bytes, as `struct` writes it. thumbnail: the JPEG of the second directory; colour_space: two bytes;
     interoperability: three, "R98" for sRGB and "R03" for Adobe RGB (DCF 2.0); None where there is none.

@@ -86,7 +86,7 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
 
 
 def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
-    """Of x (m,), at most `most` with both ends, between which straight lines come as near to y (m, 3) as they can.
+    """Choose at most `most` of x (m,), both ends among them; straight lines between them follow y (m, 3) closely.
 
     Each is followed by the last x, no farther than `widest`, to which a line keeps within a tolerance; bisection finds
     the least tolerance for which they suffice. Functions with kinks need this: levels of even mass pass them by.

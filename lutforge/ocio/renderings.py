@@ -245,7 +245,7 @@ def baked(
                     rendering.linearize, display_referred=False, title=f"{title} linearize, as calibrated"
                 )
                 luts[rendering.calibrated_file] = compact(calibrated)
-            # Of a look, the step between linearization and render: another white balance, by which white stays white.
+            # A look changes the white balance between linearization and render, and keeps white white.
             _, _, highlights, _ = grading_steps(refinish)
             gain = rendering.camera.gain(target) / rendering.camera.gain(source)
             names = rendering.camera.balances

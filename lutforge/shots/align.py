@@ -200,7 +200,7 @@ def search(raw: RawLevel, jpeg: ReducedJpeg, scale: float | None = None) -> list
     size = [side * raw.pixel_size for side in raw.pixels.shape[:2]]
     scales = np.array([]) if scale is None else np.array([scale * whole])
     if scale is None and mask.any():
-        # As wide or as high as the RAW (without bars), 6 % less to 3 % more: cameras trim the borders before
+        # The JPEG without bars is as wide or as high as the RAW, 6 % less to 3 % more: cameras trim the borders.
         inside = [np.flatnonzero(mask.max(axis=1 - axis)) for axis in (0, 1)]
         ratios = [side / (lines[-1] - lines[0] + 1) for side, lines in zip(size, inside, strict=True)]
         scales = np.sort(np.concatenate([ratio * np.exp(np.arange(-8, 6) * 0.0075) for ratio in ratios]))
@@ -354,7 +354,7 @@ def _fringes(pyramid: RawLevel, level: ReducedJpeg, place: Registration) -> tupl
     pairs = zip(*roots(raw, level, local), strict=True)
     fits = [_moved_to_fit(raw, level, local, tested=3, planes=pair) for pair in pairs]
     red, green, blue = (fit.place.scale for fit in fits)
-    # Of two pictures that are equal, no part pulls; a scale is known to a millionth at best.
+    # Equal pictures leave no residual, so the estimated error is 0; a scale is known to a millionth at best.
     errors = [1e-12 + fit.covariance[0, 0] + fits[1].covariance[0, 0] for fit in fits]
     lens = place.distortion or raw.flat
     lens = replace(lens, red=lens.red + red / green - 1, blue=lens.blue + blue / green - 1)

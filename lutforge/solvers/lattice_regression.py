@@ -154,7 +154,7 @@ def _coarse_solve(matrix: sparse.dia_array, held: Array, plate: ThinPlate | None
     count = len(square)
     if plate is not None:
         square += plate.through(along)(np.eye(count).reshape(count, *map(len, kept))).reshape(count, count)
-    # Where nothing but smoothness holds the nodes the equations are singular but for this.
+    # If smoothness alone acts on the nodes, the equations are singular; the small diagonal makes them solvable.
     factors = scipy.linalg.cho_factor(square + 1e-10 * square.diagonal().max(initial=1e-290) * np.eye(count))
     return lambda residual: np.asarray((prolong @ scipy.linalg.cho_solve(factors, prolong.T @ residual.T)).T)
 

@@ -21,7 +21,7 @@ NUGGETS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 """Candidates of 8Nπρ of (4.8), the weight of smoothness against fidelity; FOLDS: parts in which shots are left out."""
 FOLDS = 5
 AS_GOOD = 1.005
-"""Of errors within this ratio the smoother map is taken."""
+"""Maps whose errors are within this ratio count as equally good; the smoothest of them is taken."""
 COINCIDENT = 0.5 / 255
 """Pairs whose colours lie in one cell of this size are one pair, their median."""
 GROWTH = 0.6

@@ -30,7 +30,7 @@ END_GUARD = 4 / 255
 LEAST_STOPS, MOST_STOPS = 0.15, 3.5
 """Between two shots; those further apart share too few unclipped surfaces, and their shifts are larger (thesis 3.2)."""
 LEAST_PAIRS = 6
-"""Of two shots."""
+"""Pairs of colours that two shots must share to be compared."""
 TIME_SPREAD, RAW_SPREAD = 0.03, 0.003
 """Expected error of the logarithm of an exposure time, and of a ratio that RAW values tell."""
 FLAT = (0.01, 0.03)

@@ -15,7 +15,7 @@ turn a plain least-squares fit of Ts by several per cent (0.1 % without them, on
 LEAST_SPAN = 0.25
 """The unsaturated colours must span this much of the encoded range, or the curve is a guess."""
 ENOUGH, LEAST_SATURATED = 0.15, 0.35
-"""Where fewer than the first share of the colours lie below β, the fit starts from the second of least saturation."""
+"""If fewer than ENOUGH of the colours lie below β, the fit starts from the LEAST_SATURATED share of them."""
 
 
 def saturation(encoded: Array) -> Array:
