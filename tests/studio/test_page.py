@@ -444,6 +444,8 @@ def assert_everywhere_in_the_window(visit: Visit, name: str, figures: str = ".bk
     """In each size and theme, nothing leaves the window, and axe-core finds no serious fault."""
     page = visit.page
     for theme in ("dark", "light"):
+        page.mouse.move(0, 0)
+        expect(page.locator(".MuiTooltip-tooltip")).to_have_count(0)  # a hint that fades in or out fails in contrast
         for width, height in SIZES:
             page.set_viewport_size({"width": width, "height": height})
             page.wait_for_timeout(500)
