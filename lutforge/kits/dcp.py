@@ -75,10 +75,12 @@ def fit_dng_profile(look: Look) -> DngProfile:
 
     At every node of the look table that lies in the camera's range, table and tone curve together give the rendering.
     """
-    to_prophoto = matrix_between("linear-srgb", "linear-prophoto") @ look.to_srgb
-    forward = to_xyz_d50("linear-srgb") @ look.to_srgb
+    # Developers scale a forward matrix so that a balanced white stays white (chapter 6): here it does so itself.
+    to_srgb = look.to_srgb / look.to_srgb.sum(axis=1, keepdims=True)
+    to_prophoto = matrix_between("linear-srgb", "linear-prophoto") @ to_srgb
+    forward = to_xyz_d50("linear-srgb") @ to_srgb
     # Under D65 a perfect white has camera RGB 1 / multipliers.
-    under_d65 = to_xyz("linear-srgb") @ look.to_srgb @ np.diag(look.multipliers)
+    under_d65 = to_xyz("linear-srgb") @ to_srgb @ np.diag(look.multipliers)
     # The tone curve: what the rendering makes of greys, in linear light, strictly increasing from (0, 0) to (1, 1), as
     # dense in the dark tones as the eye asks for.
     grey = _SRGB.decode(np.linspace(0.0, 1.0, 257))
