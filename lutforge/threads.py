@@ -52,9 +52,13 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked child has no threads
 
 
+def _beside_others() -> bool:
+    return len(getattr(_task, "unfinished", ())) > 1
+
+
 def run(task: Callable[[int, int], object], parts: Sequence[tuple[int, int]]) -> None:
     """Call task(start, stop) for each part: several parts in parallel on a thread pool, a single one in this thread."""
-    if len(parts) == 1 or len(getattr(_task, "unfinished", ())) > 1:
+    if len(parts) == 1 or _beside_others():
         for part in parts:
             task(*part)
         return
@@ -65,10 +69,13 @@ def run(task: Callable[[int, int], object], parts: Sequence[tuple[int, int]]) ->
 def each(task: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
     """Yield what a task makes of each item, in order. As many run beside each other as there are cores.
 
-    BLAS must have been limited to one thread by the caller: its limit is of the process, not of a thread.
+    Within one of several tasks they run one after the other, and a single one in this thread. BLAS must have been
+    limited to one thread by the caller: its limit is of the process, not of a thread.
     """
-
     unfinished = list(items)
+    if len(unfinished) == 1 or _beside_others():
+        yield from map(task, unfinished)
+        return
 
     def begin() -> None:
         _task.unfinished = unfinished

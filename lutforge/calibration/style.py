@@ -31,7 +31,7 @@ from lutforge.model.response import smooth_response
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_groups_out
-from lutforge.threads import one_blas_thread
+from lutforge.threads import each, one_blas_thread
 
 LEAST_SAMPLES = 10
 
@@ -172,19 +172,26 @@ def fit_lattices(data: StyleData, options: CalibrationOptions) -> Both[Lattice]:
     A black-and-white style is linearized by the inverse of the greys of its rendering.
     """
     thesis, x, y = options.preset == "thesis", data.balanced, data.encoded
-    if thesis:
-        render = fit_thesis(x, y, options, clips=True)
-    else:
+
+    def fit_render() -> Lattice:
+        if thesis:
+            return fit_thesis(x, y, options, clips=True)
         model, curve = data.model, output_curve(data.model.response)
 
         def in_front_of_the_curve(balanced: Array) -> Array:
             return curve.continued(model.gamut_map(balanced @ model.matrix.T))
 
-        render = bake_lattice(in_front_of_the_curve, x, options, curve)
+        return bake_lattice(in_front_of_the_curve, x, options, curve)
+
+    def fit_linearize() -> Lattice:
+        return fit_thesis(y, x, options, clips=False) if thesis else bake_lattice(data.model.linearize, y, options)
+
     if data.monochrome:
+        render = fit_render()
         return Both(render, inverse_of_greys(render, options))
-    linearize = fit_thesis(y, x, options, clips=False) if thesis else bake_lattice(data.model.linearize, y, options)
-    return Both(render, linearize)
+    if not thesis:
+        _ = data.model  # fitted once, with all cores, before both directions are baked beside each other
+    return Both(*each(lambda fit: fit(), (fit_render, fit_linearize)))
 
 
 def fit_physical(data: StyleData, options: CalibrationOptions) -> PhysicalModel:

@@ -12,6 +12,7 @@ smoothly beyond the samples. Distances along the grey axis count 0.7 times.
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import factorial
 from typing import Literal, get_args
 
 import numpy as np
@@ -30,6 +31,13 @@ Kernel = Literal["linear", "kriging"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 REACH = 4.8
 """ℓ of the kriging kernel, on the even scale."""
+WIDE = 3.0 / REACH**2
+"""The third part of the kernel is 10 exp(−WIDE r²)."""
+DEGREE = 8
+"""Of the polynomial in which its sum over the centres is summed up: within 1e-9 up to twice as far as the centres."""
+ONE, TWO, ROUGH, SMOOTH, SLOPE = (np.float32(number) for number in (1.0, 2.0, 0.2, 0.8, 6.4))
+HALF, THIRD, QUARTER, FIFTH, SIXTEENTH = (np.float32(1.0 / number) for number in (2, 3, 4, 5, 16))
+INVERSE_REACH, LARGEST = np.float32(1.0 / REACH), np.float32(0.35)
 ALONG_GREY = 0.7
 """How much a distance along the grey axis counts: exposure changes what a gamut map does less than hue and chroma."""
 
@@ -124,22 +132,69 @@ def _kriging(square: float) -> float:
 
 @compiled(fastmath=True)
 def _evaluate_kriging(
-    x: Array, flat: Array, polynomial: Array, centres: Array, coefficients: Array, y: Array, first: int, last: int
+    x: Array,
+    flat: Array,
+    polynomial: Array,
+    middle: Array,
+    moments: Array,
+    middles: Array,
+    centres: Single,
+    coefficients: Single,
+    y: Array,
+    first: int,
+    last: int,
 ) -> None:
-    """y = a·[1, x] + Σ λ φ(‖flat − c‖); centres, coefficients: (3, m)."""
-    p = polynomial
+    """y = a·[1, x] + Σ λ φ(‖flat − c‖): the first two parts of φ block by block in float32, the third by its moments.
+
+    exp(−t) − 1 is squared as (1 + m)² − 1 = m (2 + m), so that rounding is not squared with it: within 3e-5 of the
+    exact sum, 6e-6 in the mean, where Σ|λ| = 2,000.
+    """
+    one, two, rough, smooth, slope = ONE, TWO, ROUGH, SMOOTH, SLOPE
     for n in range(first, last):
         x0, x1, x2 = x[n, 0], x[n, 1], x[n, 2]
-        f0, f1, f2 = flat[n, 0], flat[n, 1], flat[n, 2]
-        sum0, sum1, sum2 = 0.0, 0.0, 0.0
-        for i in range(centres.shape[1]):
-            value = _kriging((f0 - centres[0, i]) ** 2 + (f1 - centres[1, i]) ** 2 + (f2 - centres[2, i]) ** 2)
-            sum0 += coefficients[0, i] * value
-            sum1 += coefficients[1, i] * value
-            sum2 += coefficients[2, i] * value
-        y[n, 0] = sum0 + p[0, 0] + p[1, 0] * x0 + p[2, 0] * x1 + p[3, 0] * x2
-        y[n, 1] = sum1 + p[0, 1] + p[1, 1] * x0 + p[2, 1] * x1 + p[3, 1] * x2
-        y[n, 2] = sum2 + p[0, 2] + p[1, 2] * x0 + p[2, 2] * x1 + p[3, 2] * x2
+        p = polynomial
+        total0 = p[0, 0] + p[1, 0] * x0 + p[2, 0] * x1 + p[3, 0] * x2
+        total1 = p[0, 1] + p[1, 1] * x0 + p[2, 1] * x1 + p[3, 1] * x2
+        total2 = p[0, 2] + p[1, 2] * x0 + p[2, 2] * x1 + p[3, 2] * x2
+        x0, x1, x2 = flat[n, 0] - middle[0], flat[n, 1] - middle[1], flat[n, 2] - middle[2]
+        row, power0 = 0, np.exp(-WIDE * (x0 * x0 + x1 * x1 + x2 * x2))
+        for i in range(DEGREE + 1):
+            power1 = power0
+            for j in range(DEGREE + 1 - i):
+                power2 = power1
+                for _ in range(DEGREE + 1 - i - j):
+                    total0 += power2 * moments[row, 0]
+                    total1 += power2 * moments[row, 1]
+                    total2 += power2 * moments[row, 2]
+                    power2 *= x2
+                    row += 1
+                power1 *= x1
+            power0 *= x0
+        for block in range(centres.shape[0]):
+            fr = np.float32(flat[n, 0] - middles[block, 0])
+            fg = np.float32(flat[n, 1] - middles[block, 1])
+            fb = np.float32(flat[n, 2] - middles[block, 2])
+            sum0, sum1, sum2 = np.float32(0), np.float32(0), np.float32(0)
+            for i in range(BLOCK):
+                dr, dg, db = fr - centres[block, 0, i], fg - centres[block, 1, i], fb - centres[block, 2, i]
+                ratio = np.sqrt(dr * dr + dg * dg + db * db) * INVERSE_REACH
+                t = min(ratio * SIXTEENTH, LARGEST)
+                far = -t * (one - t * HALF * (one - t * THIRD * (one - t * QUARTER * (one - t * FIFTH))))
+                far *= two + far
+                far *= two + far
+                far *= two + far
+                far *= two + far
+                near = far * (two + far)
+                near *= two + near
+                near *= two + near
+                value = rough * (one + far) + (smooth + slope * ratio) * (one + near)
+                sum0 += coefficients[block, 0, i] * value
+                sum1 += coefficients[block, 1, i] * value
+                sum2 += coefficients[block, 2, i] * value
+            total0 += sum0
+            total1 += sum1
+            total2 += sum2
+        y[n, 0], y[n, 1], y[n, 2] = total0, total1, total2
 
 
 @compiled(fastmath=True)
@@ -213,21 +268,43 @@ class GamutMap:
             if self.kernel == "linear":
                 _evaluate(flat, polynomial, *self._blocks, mapped, first, last)
             else:
-                _evaluate_kriging(flat, flattened(flat), polynomial, *self._columns, mapped, first, last)
+                middles, _, centres, factors = self._blocks
+                middle, moments = self._moments
+                _evaluate_kriging(
+                    flat, flattened(flat), polynomial, middle, moments, middles, centres, factors, mapped, first, last
+                )
 
         run(evaluate, shares(len(flat), 2_000))  # points that are worth a thread
         return from_even(mapped, self.offset).reshape(points.shape)
 
     @cached_property
-    def _columns(self) -> tuple[Array, Array]:
-        """What `_evaluate_kriging` takes: centres and coefficients, (3, n)."""
-        centres = flattened(to_even(self.centres, self.offset))
-        return np.ascontiguousarray(centres.T), np.ascontiguousarray(self.coefficients.T)
+    def _points(self) -> Array:
+        """The centres (n, 3) as the kernel takes them."""
+        points = to_even(self.centres, self.offset)
+        return points if self.kernel == "linear" else flattened(points)
+
+    @cached_property
+    def _moments(self) -> tuple[Array, Array]:
+        """The centres' middle c̄ (3,), and what the third part of the kernel sums up to, (terms, 3).
+
+        With u = c − c̄ and v = x − c̄, exp(−w ‖v − u‖²) = exp(−w v²) exp(−w u²) Σ (2w)^|α| u^α v^α / α!. The exponents α
+        are in the order of the loops of `_evaluate_kriging`.
+        """
+        middle = self._points.mean(axis=0)
+        offsets = self._points - middle
+        weights = 10.0 * self.coefficients * np.exp(-WIDE * np.sum(offsets**2, axis=1))[:, None]
+        powers = np.cumprod(np.vstack([np.ones((1, *offsets.shape)), np.tile(offsets, (DEGREE, 1, 1))]), axis=0)
+        scale = np.array([(2.0 * WIDE) ** order / factorial(order) for order in range(DEGREE + 1)])
+        powers *= scale[:, None, None]
+        order = range(DEGREE + 1)
+        terms = [(i, j, k) for i in order for j in order[: DEGREE + 1 - i] for k in order[: DEGREE + 1 - i - j]]
+        moments = [(powers[i, :, 0] * powers[j, :, 1] * powers[k, :, 2]) @ weights for i, j, k in terms]
+        return middle, np.array(moments)
 
     @cached_property
     def _blocks(self) -> tuple[Array, Array, Single, Single]:
         """What `_evaluate` takes: per block its middle, Σ λ, centres from the middle and λ (3, BLOCK)."""
-        points = to_even(self.centres, self.offset)
+        points = self._points
         order = np.zeros(0, dtype=np.intp)
         if len(points):  # neighbours near each other: Morton's order, of the interleaved bits of the coordinates
             span = np.maximum(np.ptp(points, axis=0), 1e-30)

@@ -65,9 +65,8 @@ def bake_lattice(
         return _fitted(model, points, values, weight, uniform_levels(options.size), options, curve)[0]
     levels = _levels(model, points, values, weight, options, curve)
     lattice, error = _fitted(model, points, values, weight, levels, options, curve)
-    moved = equidistributed_levels(points, error, lattice.levels, floor=_floor(curve))
-    other, error_of_other = _fitted(model, points, values, weight, moved, options, curve)
-    return lattice if error.mean() < error_of_other.mean() else other
+    levels = equidistributed_levels(points, error, lattice.levels, floor=_floor(curve))
+    return _fitted(model, points, values, weight, levels, options, curve)[0]
 
 
 def node_coverage(lattice: Lattice, samples: Array) -> Array:

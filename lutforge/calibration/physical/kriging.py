@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
@@ -27,6 +26,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap, flattened, from_even, identity_gamut_map, kriging_covariance, to_even
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.sobol import sobol
+from lutforge.solvers.cholesky import solve_positive_definite
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 
@@ -182,13 +182,12 @@ def _solve(z: Array, correction: Array, weight: Array, most_centres: int) -> Gam
     centres, values, weight = _merged(z, correction, weight, most_centres)
     covariance = kriging_covariance(centres)
     covariance[np.diag_indices(len(centres))] += NOISE / weight
-    # LAPACK's columns are our rows: the lower triangle is handed over as the upper one, without a copy.
-    factor, status = dpotrf(covariance.T, lower=False, clean=False, overwrite_a=True)
-    if status:
-        raise CalibrationError("the colours hold numbers that are not finite, or far beyond 1")
-    coefficients, _ = dpotrs(factor, values, lower=False)
+    try:
+        coefficients = solve_positive_definite(covariance, values)
+    except np.linalg.LinAlgError as error:
+        raise CalibrationError("the colours hold numbers that are not finite, or far beyond 1") from error
     identity = identity_gamut_map().polynomial
-    return GamutMap(from_even(centres, OFFSET), np.ascontiguousarray(coefficients), identity, OFFSET, "kriging")
+    return GamutMap(from_even(centres, OFFSET), coefficients, identity, OFFSET, "kriging")
 
 
 def _merged(z: Array, correction: Array, weight: Array, most: int) -> tuple[Array, Array, Array]:
