@@ -8,12 +8,11 @@ working profile. An earlier version would drop what it does not know, and show i
 import base64
 import struct
 import zlib
-from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 from lutforge.kits.icc import VARIANTS, fit_icc_profile, write_icc
-from lutforge.kits.kit import Kit, Look, Script, Source
+from lutforge.kits.kit import Kit, Look, Script
 
 NEUTRAL = {
     "plugins/darkroom/workflow": "none",
@@ -28,52 +27,23 @@ TONE_MODULES = ("agx", "basecurve", "channelmixerrgb", "exposure", "filmicrgb", 
 _MODULE_VERSION = 7
 
 
-@dataclass(frozen=True)
-class DarktableKit(Kit):
-    """Profiles of the look, and of the colours alone, each with a style and a sidecar."""
-
-    program: str = "darktable"
-    title: str = "darktable"
-    source: Source = "raw"
-    tried: str = "darktable 4.2.1 (the sidecar and the style, by darktable-cli; its window was not opened)"
-
-    def write(self, look: Look, folder: Path) -> list[str]:
-        """Write the profiles, the styles and the sidecars."""
-        for variant in VARIANTS:
-            name = f"{look.file_name}{variant}"
-            write_icc(fit_icc_profile(look, variant), folder / f"{name}.icc")
-            (folder / f"{name}.dtstyle").write_text(_style(f"{look.title}{variant}", name), encoding="utf-8")
-            (folder / f"{name}.xmp").write_text(_sidecar(name), encoding="utf-8")
-        return [
-            "Copy the .icc files into the folder color/in of darktable's settings (~/.config/darktable/color/in on "
-            "Linux; make it where it is missing), and start darktable again.",
-            "Preferences → processing → auto-apply chromatic adaptation defaults: legacy, so that the module white "
-            "balance balances as shot; and auto-apply pixel workflow defaults: none, which leaves filmic rgb, sigmoid, "
-            "base curve and exposure off. On photographs that have them, switch them off.",
-            "Lighttable → styles → import: the .dtstyle files. Apply one to RAW photographs of this camera.",
-            f'"{look.title}" is the camera\'s JPEG. "{look.title} colours" leaves its tone curve out, for your own '
-            "tone mapper behind it: sigmoid, filmic rgb or AgX.",
-        ]
-
-    def script(self) -> Script:
-        """Return darktable-cli, in a configuration of its own."""
-        words = " ".join(f'--conf "{key}={value}"' for key, value in NEUTRAL.items())
-        tones = "\\|".join(TONE_MODULES)
-        return Script(
-            "darktable-cli",
-            ".xmp",
-            (
-                'mkdir -p "$work/config/color/in"\ncp "$here"/*.icc "$work/config/color/in"\n'
-                'darktable-cli "$raw" "$here/$look.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
-                f'--library :memory: {words} >"$work/log" 2>&1 || true\n'
-                '[ -s "$picture" ] || refuse "darktable made no picture of it" "$work/log"\n'
-                # darktable goes on after a module whose parameters it does not know, or a profile that it cannot read.
-                'grep colorin "$work/log" >"$work/use" && refuse "darktable did not use the profile" "$work/use"\n'
-                f"""grep -a -A1 'darktable:operation="\\({tones}\\)"' "$picture" | grep -B1 'enabled="1"' |\n"""
-                """  grep -o 'operation="[a-z]*"' >"$work/tone" &&\n"""
-                '  refuse "darktable changed the tone, though it was asked not to" "$work/tone"\n'
-            ),
-        )
+def _write(look: Look, folder: Path) -> list[str]:
+    """Write profiles of the look, and of the colours alone, each with a style and a sidecar."""
+    for variant in VARIANTS:
+        name = f"{look.file_name}{variant}"
+        write_icc(fit_icc_profile(look, variant), folder / f"{name}.icc")
+        (folder / f"{name}.dtstyle").write_text(_style(f"{look.title}{variant}", name), encoding="utf-8")
+        (folder / f"{name}.xmp").write_text(_sidecar(name), encoding="utf-8")
+    return [
+        "Copy the .icc files into the folder color/in of darktable's settings (~/.config/darktable/color/in on "
+        "Linux; make it where it is missing), and start darktable again.",
+        "Preferences → processing → auto-apply chromatic adaptation defaults: legacy, so that the module white "
+        "balance balances as shot; and auto-apply pixel workflow defaults: none, which leaves filmic rgb, sigmoid, "
+        "base curve and exposure off. On photographs that have them, switch them off.",
+        "Lighttable → styles → import: the .dtstyle files. Apply one to RAW photographs of this camera.",
+        f'"{look.title}" is the camera\'s JPEG. "{look.title} colours" leaves its tone curve out, for your own '
+        "tone mapper behind it: sigmoid, filmic rgb or AgX.",
+    ]
 
 
 def _parameters(name: str) -> str:
@@ -119,3 +89,28 @@ def _style(title: str, name: str) -> str:
         f"<info><name>{escape(title)}</name><description>the camera's own look, by LutForge</description></info>"
         f"<style>{plugin}</style></darktable_style>\n"
     )
+
+
+_CONFIGURATION = " ".join(f'--conf "{key}={value}"' for key, value in NEUTRAL.items())
+_TONES = "\\|".join(TONE_MODULES)
+_SCRIPT = (
+    'mkdir -p "$work/config/color/in"\ncp "$here"/*.icc "$work/config/color/in"\n'
+    'darktable-cli "$raw" "$here/$look.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
+    f'--library :memory: {_CONFIGURATION} >"$work/log" 2>&1 || true\n'
+    '[ -s "$picture" ] || refuse "darktable made no picture of it" "$work/log"\n'
+    # darktable goes on after a module whose parameters it does not know, or a profile that it cannot read.
+    'grep colorin "$work/log" >"$work/use" && refuse "darktable did not use the profile" "$work/use"\n'
+    f"""grep -a -A1 'darktable:operation="\\({_TONES}\\)"' "$picture" | grep -B1 'enabled="1"' |\n"""
+    """  grep -o 'operation="[a-z]*"' >"$work/tone" &&\n"""
+    '  refuse "darktable changed the tone, though it was asked not to" "$work/tone"\n'
+)
+"""darktable-cli, in a configuration of its own."""
+
+DARKTABLE = Kit(
+    "darktable",
+    "darktable",
+    "raw",
+    "darktable 4.2.1 (the sidecar and the style, by darktable-cli; its window was not opened)",
+    _write,
+    Script("darktable-cli", ".xmp", _SCRIPT),
+)

@@ -2,7 +2,6 @@
 
 import hashlib
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,25 +101,21 @@ class Script:
 
 
 @dataclass(frozen=True)
-class Kit(ABC):
+class Kit:
     """How one program shows a look.
 
     program: the name that `--for` takes; title: for people; source: what the kit can be made from; tried: what it was
-    tried with, or that it could not be run.
+    tried with, or that it could not be run. write: adds the files of a look to a folder, and returns the steps that
+    lead to it, for the README. script: how the program develops a RAW file without a window; None where it cannot, or
+    is not tried.
     """
 
     program: str
     title: str
     source: Source
     tried: str
-
-    @abstractmethod
-    def write(self, look: Look, folder: Path) -> list[str]:
-        """Add the files of a look to a folder; return the steps that lead to it, for the README."""
-
-    def script(self) -> Script | None:
-        """How the program develops a RAW file without a window; None where it cannot, or is not tried."""
-        return None
+    write: Callable[[Look, Path], list[str]]
+    script: Script | None = None
 
 
 def write_script(path: Path, program: str, lines: str) -> None:

@@ -4,6 +4,7 @@ And that of Blender, which needs a config.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
@@ -23,38 +24,36 @@ class LutFile:
     size: int | None = None
 
 
-@dataclass(frozen=True)
-class OtherKit(Kit):
-    """A kit by a row of the table.
+def _fed(
+    program: str, title: str, source: Source, tried: str, files: tuple[str | LutFile, ...], steps: tuple[str, ...]
+) -> Kit:
+    """A kit of ".icc", ".dcp" and LUTs.
 
-    files: ".icc", ".dcp" or LUTs. steps: what to do; "{}" is the name of the look, "{best}" that of the LUT whose error
-    is least, read back.
+    steps: what to do; "{}" is the name of the look, "{best}" that of the LUT whose error is least, read back.
     """
+    return Kit(program, title, source, tried, partial(_write_files, files, steps))
 
-    files: tuple[str | LutFile, ...]
-    steps: tuple[str, ...]
 
-    def write(self, look: Look, folder: Path) -> list[str]:
-        """Write the files."""
-        errors = {}
-        for file in self.files:
-            if file == ".dcp":
-                write_dcp(fit_dng_profile(look), folder / f"{look.file_name}.dcp")
-            elif file == ".icc":
-                for variant in VARIANTS:
-                    write_icc(fit_icc_profile(look, variant), folder / f"{look.file_name}{variant}.icc")
-            elif isinstance(file, LutFile):
-                path, function = folder / f"{look.file_name}{file.ending}", look.between(file.space, file.space)
-                shown = file.space == "srgb"
-                lut = bake(function, path, size=file.size, display_referred=shown, title=look.title)
-                errors[path.name] = verify(path, function, lut, display_referred=shown).mean
-        best = min(errors, key=errors.__getitem__, default="")
-        return [step.format(look.file_name, best=best) for step in self.steps]
+def _write_files(files: tuple[str | LutFile, ...], steps: tuple[str, ...], look: Look, folder: Path) -> list[str]:
+    errors = {}
+    for file in files:
+        if file == ".dcp":
+            write_dcp(fit_dng_profile(look), folder / f"{look.file_name}.dcp")
+        elif file == ".icc":
+            for variant in VARIANTS:
+                write_icc(fit_icc_profile(look, variant), folder / f"{look.file_name}{variant}.icc")
+        elif isinstance(file, LutFile):
+            path, function = folder / f"{look.file_name}{file.ending}", look.between(file.space, file.space)
+            shown = file.space == "srgb"
+            lut = bake(function, path, size=file.size, display_referred=shown, title=look.title)
+            errors[path.name] = verify(path, function, lut, display_referred=shown).mean
+    best = min(errors, key=errors.__getitem__, default="")
+    return [step.format(look.file_name, best=best) for step in steps]
 
 
 _ICC = '"{}.icc" is the camera\'s JPEG; "{} colours.icc" leaves its tone curve out.'.replace("{}", "{0}")
 OTHER_KITS = (
-    OtherKit(
+    _fed(
         "art", "ART", "raw", "the same files in RawTherapee 5.9; ART itself was not run", (".dcp", ".icc"),
         (
             "Color Management → Input Profile → Custom: {}.dcp, tone curve and look table ticked; "
@@ -62,7 +61,7 @@ OTHER_KITS = (
             "Or the ICC profile: " + _ICC,
         ),
     ),
-    OtherKit(
+    _fed(
         "lightroom", "Lightroom and Camera Raw", "raw", "the .dcp in RawTherapee 5.9; not in Adobe's programs",
         (".dcp",),
         (
@@ -72,7 +71,7 @@ OTHER_KITS = (
             "free as with Adobe's own profiles.",
         ),
     ),
-    OtherKit(
+    _fed(
         "captureone", "Capture One", "raw", "the profile in Little CMS, darktable and RawTherapee; not in Capture One",
         (".icc",),
         (
@@ -81,7 +80,7 @@ OTHER_KITS = (
             "Base Characteristics → ICC Profile → Show All → Other: choose it; Curve: Linear Response. " + _ICC,
         ),
     ),
-    OtherKit(
+    _fed(
         "digikam", "digiKam", "raw", "the profile in Little CMS, darktable and RawTherapee; not in digiKam", (".icc",),
         (
             "Settings → Configure digiKam → Image Editor → RAW Behavior: 16-bit, colour space RAW (no conversion), "
@@ -89,11 +88,11 @@ OTHER_KITS = (
             "Image Editor → Color → Color Management → Convert from the camera's profile: choose the .icc. " + _ICC,
         ),
     ),
-    OtherKit(
+    _fed(
         "rapidraw", "RapidRAW", "raw", "the .dcp in RawTherapee 5.9; RapidRAW itself was not run", (".dcp",),
         ("Choose {}.dcp as the camera profile of RAW photographs of this camera.",),
     ),
-    OtherKit(
+    _fed(
         "resolve", "DaVinci Resolve", "any", "the files in OpenColorIO; Resolve itself was not run",
         (
             LutFile(" davinci-intermediate.resolve.cube", "davinci-intermediate", 65),
@@ -105,42 +104,37 @@ OTHER_KITS = (
             "to a node of footage in the timeline's space.",
         ),
     ),
-    OtherKit(
+    _fed(
         "nuke", "Nuke", "any", "the CLF in OpenColorIO; Nuke itself was not run",
         (LutFile(" acescg.clf", "acescg"),),
         ('A node OCIOFileTransform with "{} acescg.clf" takes and gives scene-linear ACEScg.',),
     ),
-    OtherKit(
+    _fed(
         "ffmpeg", "ffmpeg", "any", "ffmpeg 5.1 (lut3d)", (LutFile(".cube", "srgb", 65),),
         ('ffmpeg -i IN.mov -vf "lut3d=file={}.cube:interp=tetrahedral" OUT.mov',),
     ),
-    OtherKit(
+    _fed(
         "obs", "OBS Studio", "any", "not run; a plain cube, which it reads by its manual",
         (LutFile(".cube", "srgb", 33),),
         ("Right-click the source → Filters → + → Apply LUT: {}.cube.",),
     ),
-    OtherKit(
+    _fed(
         "gimp", "GIMP with G'MIC", "any", "G'MIC 2.9 (command line)", (LutFile(".cube", "srgb", 65),),
         ("Filters → G'MIC → Colors → Apply External CLUT: {}.cube.",),
     ),
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class BlenderKit(Kit):
-    """Blender reads a whole OpenColorIO config, whose views show scene-linear renders as the camera would."""
+def _write_config(look: Look, folder: Path) -> list[str]:
+    """Write the config, which holds every style, and a script that starts Blender with it."""
+    if not (folder / "ocio").exists():
+        write_config([look.profile], folder / "ocio", version="2.1")
+    write_script(folder / "blender.sh", "blender", 'OCIO="$here/ocio/config.ocio" exec blender "$@"\n')
+    return [
+        "Start Blender by blender.sh, or with the environment variable OCIO set to ocio/config.ocio.",
+        f'Render properties → Color Management: display device "sRGB - Display", view transform "{look.title}".',
+    ]
 
-    program: str = "blender"
-    title: str = "Blender"
-    source: Source = "raw"
-    tried: str = "Blender 3.4.1 (in the background)"
 
-    def write(self, look: Look, folder: Path) -> list[str]:
-        """Write the config, which holds every style, and a script that starts Blender with it."""
-        if not (folder / "ocio").exists():
-            write_config([look.profile], folder / "ocio", version="2.1")
-        write_script(folder / "blender.sh", "blender", 'OCIO="$here/ocio/config.ocio" exec blender "$@"\n')
-        return [
-            "Start Blender by blender.sh, or with the environment variable OCIO set to ocio/config.ocio.",
-            f'Render properties → Color Management: display device "sRGB - Display", view transform "{look.title}".',
-        ]
+BLENDER = Kit("blender", "Blender", "raw", "Blender 3.4.1 (in the background)", _write_config)
+"""Blender reads a whole OpenColorIO config, whose views show scene-linear renders as the camera would."""

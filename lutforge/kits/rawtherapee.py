@@ -4,12 +4,11 @@ RawTherapee changes exposure behind an ICC profile, and in front of the tone cur
 (https://rawpedia.rawtherapee.com/Color_Management).
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
 from lutforge.kits.icc import VARIANTS, fit_icc_profile, write_icc
-from lutforge.kits.kit import Kit, Look, Script, Source
+from lutforge.kits.kit import Kit, Look, Script
 
 NEUTRAL = {
     "Version": {"AppVersion": "5.9", "Version": "349"},
@@ -41,49 +40,41 @@ NEUTRAL = {
 """Sections of a processing profile that develops by a camera profile: camera white balance, nothing else."""
 
 
-@dataclass(frozen=True)
-class RawTherapeeKit(Kit):
-    """A DNG camera profile of the look, ICC profiles of it and of the colours alone, a processing profile for each."""
-
-    program: str = "rawtherapee"
-    title: str = "RawTherapee"
-    source: Source = "raw"
-    tried: str = "RawTherapee 5.9 (rawtherapee-cli)"
-
-    def write(self, look: Look, folder: Path) -> list[str]:
-        """Write the camera profiles and their processing profiles."""
-        name = look.file_name
-        presets = {name: f"{name}.dcp", f"{name} icc": f"{name}.icc", f"{name} colours": f"{name} colours.icc"}
-        write_dcp(fit_dng_profile(look), folder / f"{name}.dcp")
-        for variant in VARIANTS:
-            write_icc(fit_icc_profile(look, variant), folder / f"{name}{variant}.icc")
-        for preset, camera_profile in presets.items():
-            sections = {section: dict(values) for section, values in NEUTRAL.items()}
-            sections["Color Management"]["InputProfile"] = f"file:{camera_profile}"
-            blocks = [
-                "\n".join([f"[{section}]", *(f"{key}={value}" for key, value in values.items())])
-                for section, values in sections.items()
-            ]
-            (folder / f"{preset}.pp3").write_text("\n\n".join(blocks) + "\n", encoding="utf-8")
-        return [
-            f"Open a RAW photograph, and load {name}.pp3 as its processing profile: it chooses the .dcp beside it in "
-            "Color → Color Management → Input Profile → Custom, and makes everything else neutral. White balance and "
-            "Exposure → Compensation act in front of the camera's tone curve, as on the camera.",
-            f"{name} icc.pp3 takes the ICC profile instead. Exposure → Compensation then acts behind the look: use "
-            "Raw → Raw White Points.",
-            f"{name} colours.pp3 leaves the camera's tone curve out, for tone curves of your own.",
+def _write(look: Look, folder: Path) -> list[str]:
+    """Write camera profiles of the look, ICC profiles of it and of the colours alone, a processing profile for each."""
+    name = look.file_name
+    presets = {name: f"{name}.dcp", f"{name} icc": f"{name}.icc", f"{name} colours": f"{name} colours.icc"}
+    write_dcp(fit_dng_profile(look), folder / f"{name}.dcp")
+    for variant in VARIANTS:
+        write_icc(fit_icc_profile(look, variant), folder / f"{name}{variant}.icc")
+    for preset, camera_profile in presets.items():
+        sections = {section: dict(values) for section, values in NEUTRAL.items()}
+        sections["Color Management"]["InputProfile"] = f"file:{camera_profile}"
+        blocks = [
+            "\n".join([f"[{section}]", *(f"{key}={value}" for key, value in values.items())])
+            for section, values in sections.items()
         ]
+        (folder / f"{preset}.pp3").write_text("\n\n".join(blocks) + "\n", encoding="utf-8")
+    return [
+        f"Open a RAW photograph, and load {name}.pp3 as its processing profile: it chooses the .dcp beside it in "
+        "Color → Color Management → Input Profile → Custom, and makes everything else neutral. White balance and "
+        "Exposure → Compensation act in front of the camera's tone curve, as on the camera.",
+        f"{name} icc.pp3 takes the ICC profile instead. Exposure → Compensation then acts behind the look: use "
+        "Raw → Raw White Points.",
+        f"{name} colours.pp3 leaves the camera's tone curve out, for tone curves of your own.",
+    ]
 
-    def script(self) -> Script:
-        """Return rawtherapee-cli, with the processing profile of a look."""
-        return Script(
-            "rawtherapee-cli",
-            ".pp3",
-            (
-                # A processing profile in another folder than the camera profile has to name its whole path.
-                "place=$(printf '%s' \"$here\" | sed 's/[&|\\\\]/\\\\&/g')\n"
-                'sed "s|^InputProfile=file:|&$place/|" "$here/$look.pp3" >"$work/kit.pp3"\n'
-                'rawtherapee-cli -o "$picture" -p "$work/kit.pp3" -t -b16 -Y -c "$raw" >"$work/log" 2>&1 || true\n'
-                '[ -s "$picture" ] || refuse "RawTherapee made no picture of it" "$work/log"\n'
-            ),
-        )
+
+_SCRIPT = (
+    # A processing profile in another folder than the camera profile has to name its whole path.
+    "place=$(printf '%s' \"$here\" | sed 's/[&|\\\\]/\\\\&/g')\n"
+    'sed "s|^InputProfile=file:|&$place/|" "$here/$look.pp3" >"$work/kit.pp3"\n'
+    'rawtherapee-cli -o "$picture" -p "$work/kit.pp3" -t -b16 -Y -c "$raw" >"$work/log" 2>&1 || true\n'
+    '[ -s "$picture" ] || refuse "RawTherapee made no picture of it" "$work/log"\n'
+)
+"""rawtherapee-cli, with the processing profile of a look."""
+
+RAWTHERAPEE = Kit(
+    "rawtherapee", "RawTherapee", "raw", "RawTherapee 5.9 (rawtherapee-cli)", _write,
+    Script("rawtherapee-cli", ".pp3", _SCRIPT),
+)  # fmt: skip

@@ -15,11 +15,11 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.development import Development, run_command
 from lutforge.images.read import read_image
-from lutforge.kits.darktable import DarktableKit
+from lutforge.kits.darktable import DARKTABLE
 from lutforge.kits.kit import Kit, Look, look_of, write_develop_script
-from lutforge.kits.lumix import LumixKit, lumix_kit
-from lutforge.kits.others import OTHER_KITS, BlenderKit
-from lutforge.kits.rawtherapee import RawTherapeeKit
+from lutforge.kits.lumix import lumix_kit
+from lutforge.kits.others import BLENDER, OTHER_KITS
+from lutforge.kits.rawtherapee import RAWTHERAPEE
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.progress import Progress, silent
@@ -28,9 +28,7 @@ from lutforge.samples.tiles import cell_size
 from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
 
-KITS: dict[str, Kit] = {
-    kit.program: kit for kit in (DarktableKit(), RawTherapeeKit(), BlenderKit(), LumixKit(), *OTHER_KITS)
-}
+KITS = {kit.program: kit for kit in (DARKTABLE, RAWTHERAPEE, BLENDER, lumix_kit(), *OTHER_KITS)}
 """The programs that `--for` names."""
 
 SCRIPT, MANIFEST = "develop.sh", "kit.json"
@@ -106,9 +104,8 @@ def write_kit(
         for number, each in enumerate(looks):
             progress(each.title, number / len(looks))
             steps.append(kit.write(each, filled))
-        script = kit.script()
-        if script is not None:
-            write_develop_script(filled / SCRIPT, script, looks[0].file_name)
+        if kit.script is not None:
+            write_develop_script(filled / SCRIPT, kit.script, looks[0].file_name)
         files = sorted(["README.md", MANIFEST, *(path.name for path in filled.iterdir())])
         (filled / "README.md").write_text(_readme(kit, looks, steps, files), encoding="utf-8")
         manifest = {
