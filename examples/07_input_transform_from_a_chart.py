@@ -13,7 +13,7 @@ from PIL import Image
 
 import lutforge as lf
 from lutforge.colour.spectra import chart_reflectances
-from lutforge.pipeline.charts import KnownChart, write_input_transform
+from lutforge.pipeline.charts import write_input_transform
 from lutforge.samples.chart_kinds import chart_kind
 from lutforge.simulate.camera import nikon_d5100
 
@@ -34,8 +34,8 @@ for number, time in enumerate(seconds):
     codes = np.rint(255 * camera.render(np.clip(light + noise, 0, 1), "standard", "daylight")).astype(np.uint8)
     Image.fromarray(codes).save(files[-1], quality=95)
 
-chart = KnownChart(kind, light="5200K", corners=60 + 60 * kind.outline)  # without corners OpenCV looks for it
-fitted = write_input_transform(files, folder / "camera.npz", chart, seconds, camera="Simulated phone")
+corners = 60 + 60 * kind.outline  # without these OpenCV looks for the chart
+fitted = write_input_transform(files, folder / "camera.npz", kind, "5200K", corners, seconds, camera="Simulated phone")
 for name, level in fitted.level.items():
     print(f"{name}: white beside the chart is {level:.3f} of the camera's white")
 

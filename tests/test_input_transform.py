@@ -9,7 +9,7 @@ import lutforge as lf
 from lutforge.colour.spectra import chart_reflectances, reflectances
 from lutforge.errors import CalibrationError
 from lutforge.luts.formats.clf import ACES_ID
-from lutforge.pipeline.charts import KnownChart, write_input_transform
+from lutforge.pipeline.charts import write_input_transform
 from lutforge.samples.chart_kinds import chart_kind
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.cases.charts import BORDER, PITCH, photograph_chart
@@ -56,19 +56,18 @@ def test_a_chart_that_no_detector_knows_needs_its_corners(tmp_path: Path) -> Non
     camera, kind = nikon_d5100(), chart_kind("spyder24")
     files = photograph_chart(camera, kind, reflectances("ISO 17321-1"), tmp_path, (-2.0, -1.0))
     with pytest.raises(CalibrationError, match=r"no detector for it.*--corners"):
-        write_input_transform(files, tmp_path / "camera.npz", KnownChart(kind, "D50"))
+        write_input_transform(files, tmp_path / "camera.npz", kind, "D50")
     corners = BORDER + PITCH * kind.outline
     with pytest.raises(CalibrationError, match="no SpyderCheckr 24"):  # but a ColorChecker
-        write_input_transform(files, tmp_path / "camera.npz", KnownChart(kind, "D50", corners))
+        write_input_transform(files, tmp_path / "camera.npz", kind, "D50", corners)
     with pytest.raises(CalibrationError, match="no ColorChecker Classic"):  # upside down
-        turned = KnownChart(chart_kind("classic"), "D50", np.roll(corners, 2, axis=0))
-        write_input_transform(files, tmp_path / "camera.npz", turned)
+        turned = np.roll(corners, 2, axis=0)
+        write_input_transform(files, tmp_path / "camera.npz", chart_kind("classic"), "D50", turned)
     for times, said in (([1.0, 0.0], "not above 0"), ([1.0], "1 exposure times for 2")):
         with pytest.raises(CalibrationError, match=said):
-            write_input_transform(files, tmp_path / "camera.npz", KnownChart(kind, "D50", corners), times)
-    outside = KnownChart(kind, "D50", corners + 5000)
+            write_input_transform(files, tmp_path / "camera.npz", kind, "D50", corners, times)
     with pytest.raises(CalibrationError, match="no SpyderCheckr 24"):
-        write_input_transform(files, tmp_path / "camera.npz", outside)
+        write_input_transform(files, tmp_path / "camera.npz", kind, "D50", corners + 5000)
     assert not (tmp_path / "camera.npz").exists()
 
 
@@ -77,6 +76,5 @@ def test_a_tinted_chart_is_refused_with_what_to_set(tmp_path: Path) -> None:
     files = photograph_chart(
         nikon_d5100(), kind, chart_reflectances(), tmp_path, (-3.0, -1.0), light="tungsten", white_balance="shade"
     )
-    tinted = KnownChart(kind, "A", BORDER + PITCH * kind.outline)
     with pytest.raises(CalibrationError, match="unsaturated where the white balance is set to the light"):
-        write_input_transform(files, tmp_path / "camera.npz", tinted)
+        write_input_transform(files, tmp_path / "camera.npz", kind, "A", BORDER + PITCH * kind.outline)

@@ -12,7 +12,7 @@ from lutforge.luts.ops import Cube, Matrix, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
 from lutforge.model.camera_profile import CameraProfile, match, raw_to_balanced
-from lutforge.model.coverage import Refinish, confidence
+from lutforge.model.coverage import refinish_confidence
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.raw_transfer import RawTransfer
@@ -88,12 +88,13 @@ class BakedGrades:
         camera, given, look, wanted = change.camera, change.given, change.look, change.wanted
         linearize = camera.linearize_to_own_raw(given)
         stages = raw_to_balanced(camera, given, look, wanted, change.ev, change.transfer)
-        refinish = Refinish(
+        lattice = refinish_confidence(
+            camera.styles[given.style],
+            look.styles[wanted.style],
             change.transform,
             lambda encoded: through_stages(stages, linearize(encoded)),
-            look.styles[wanted.style],
         )
-        return Lut(lattice_ops(confidence(camera.styles[given.style], refinish))).processor()
+        return Lut(lattice_ops(lattice)).processor()
 
     def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
         """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""

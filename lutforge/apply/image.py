@@ -27,7 +27,7 @@ from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif
 from lutforge.images.icc import foreign_profile, pixels_to_srgb, profile_name
-from lutforge.images.read import ImageReader, Region, is_premultiplied, read_image
+from lutforge.images.read import Image, ImageReader, Region, is_premultiplied, read_image
 from lutforge.images.write import (
     IN_SRGB,
     ImageWriter,
@@ -58,34 +58,6 @@ class GradedImage:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class InMemoryImage:
-    """An image that is needed as a whole: RAW files and HEIF pictures, and those that must be turned or converted.
-
-    profile: the ICC profile of the space that the pixels were converted from, to sRGB; empty where they were not.
-    """
-
-    pixels: Pixels
-    spec: oiio.ImageSpec
-    format: str = ""
-    parts: int = 1
-    profile: bytes = b""
-
-    def regions(self, pixels: int, rows_only: bool) -> list[Region]:
-        """Bands of about so many pixels, as `ImageReader.regions`."""
-        height, width = self.pixels.shape[:2]
-        step = max(1, pixels // width)
-        return [Region(0, top, width, min(top + step, height)) for top in range(0, height, step)]
-
-    def read(self, region: Region) -> Pixels:
-        """The pixels (h, w, c) of a region."""
-        return self.pixels[region.top : region.bottom]
-
-    def count_parts(self) -> int:
-        """How many images the file holds."""
-        return self.parts
-
-
 def apply_image(
     grade: Grade,
     source: str | Path,
@@ -111,8 +83,8 @@ def apply_image(
         return GradedImage(source, target, width, height, grade.notes)
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
-        image = stack.enter_context(_opened(source, target, grade))
-        spec, profile = image.spec, image.profile if isinstance(image, InMemoryImage) else b""
+        image, profile = stack.enter_context(_opened(source, target, grade))
+        spec = image.spec
         if profile:
             converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
             grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
@@ -162,10 +134,10 @@ def apply_image(
 
 
 @contextmanager
-def _opened(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | InMemoryImage]:
+def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageReader | Image, bytes]]:
     """Open an image for its grade: RAW files rendered linear, pictures turned where the target's format cannot tell so.
 
-    Raises ImageError.
+    With it the ICC profile of the space that it was converted from, to sRGB; empty where it was not. Raises ImageError.
     """
     if grade.raw:
         from lutforge.images.raw import read_raw  # LibRaw, and what reads metadata, for RAW files alone
@@ -181,20 +153,19 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | 
             spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
             for name, value in raw_attributes(source, image).items():
                 spec[name] = value
-            yield InMemoryImage(pixels, spec)
+            yield Image(pixels, spec), b""
         return
     if source.suffix.lower() in RAW_SUFFIXES:
         raise ImageError(f"{source}: a RAW file; what renders it is a camera's profile (.npz)")
     if is_heif(source):
         with _in_memory():
-            picture = read_image(source)
-            yield _in_srgb(InMemoryImage(picture.pixels, picture.spec, picture.format), grade)
+            yield _in_srgb(read_image(source), grade)
         return
     with ImageReader(source) as reader:
         orientation = reader.spec.get_int_attribute("Orientation", 1)
         turned = orientation != 1 and not keeps_orientation(target)
         if not turned and not (grade.for_srgb and foreign_profile(reader.spec)):
-            yield reader
+            yield reader, b""
             return
         with _in_memory():
             pixels, spec = reader.read(reader.whole), reader.spec
@@ -202,17 +173,17 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | 
                 pixels = upright(pixels, orientation)
                 spec = with_shape(spec, pixels.shape)
                 spec.attribute("Orientation", 1)
-            yield _in_srgb(InMemoryImage(pixels, spec, reader.format, reader.count_parts()), grade)
+            yield _in_srgb(Image(pixels, spec, reader.format, reader.count_parts()), grade)
 
 
-def _in_srgb(image: InMemoryImage, grade: Grade) -> InMemoryImage:
-    """The image, converted to sRGB where its grade wants that."""
+def _in_srgb(image: Image, grade: Grade) -> tuple[Image, bytes]:
+    """The image, converted to sRGB where its grade wants that, and the profile that it had."""
     profile, spec = foreign_profile(image.spec), oiio.ImageSpec(image.spec)
     if not grade.for_srgb or not profile:
-        return image
+        return image, b""
     spec.erase_attribute("ICCProfile")
     spec.attribute("Exif:ColorSpace", IN_SRGB)
-    return replace(image, pixels=pixels_to_srgb(image.pixels, profile), spec=spec, profile=profile)
+    return replace(image, pixels=pixels_to_srgb(image.pixels, profile), spec=spec), profile
 
 
 @cache
@@ -224,7 +195,7 @@ def _in_memory() -> Semaphore:
 
 def _grade_regions(
     grade: Grade,
-    image: ImageReader | InMemoryImage,
+    image: ImageReader | Image,
     writer: ImageWriter,
     threads: Executor | None,
     region_samples: int,

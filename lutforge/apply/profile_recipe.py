@@ -27,7 +27,7 @@ from lutforge.model.white_balance import LIGHT_SOURCES
 from lutforge.settings import Multipliers, Selector, Shift, parse_selector, require_exposure, split_shift
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.maker_settings import ADOBE_RGB
-from lutforge.shots.metadata import PictureSettings, read_exposure, read_picture_settings, software_tag
+from lutforge.shots.metadata import ShotMetadata, read_picture_settings, software_tag
 
 STALE = (
     "Exif:MakerNote", "Exif:Saturation", "Exif:Contrast", "Exif:CustomRendered",
@@ -137,7 +137,7 @@ class ProfileRecipe(_OfProfiles):
             for_srgb=not given.style.endswith(ADOBE_RGB),
         )
 
-    def _developed(self, source: Path, settings: PictureSettings, camera: CameraProfile) -> Grade:
+    def _developed(self, source: Path, settings: ShotMetadata, camera: CameraProfile) -> Grade:
         """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
         if camera.developer:
             raise SettingsError(
@@ -260,11 +260,10 @@ class SceneRecipe(_OfProfiles):
         given, doubts = source_selector(source, settings, camera, self.asked)
         scale = 2.0**self.ev
         if self.by_exposure:
-            exposure = read_exposure(source)
-            if not math.isfinite(exposure.value):
+            if not math.isfinite(settings.exposure):
                 raise ImageError(f"{source}: the file does not tell its exposure; leave out --exposure exif")
-            scale *= UNIT_EXPOSURE / exposure.value
-            doubts += exposure.notes
+            scale *= UNIT_EXPOSURE / settings.exposure
+            doubts += settings.exposure_notes
         neutral, space = self._neutral(camera, given), rgb_space(self.space)
         # The LUT to light: the step to balanced RAW, baked once for each style, and a matrix.
         stages = camera.linearize_to_own_raw(given).stages

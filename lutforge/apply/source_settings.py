@@ -9,7 +9,7 @@ from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import temperatures_of
 from lutforge.settings import KELVIN_RANGE, Kelvin, Multipliers, Selector
-from lutforge.shots.metadata import PictureSettings
+from lutforge.shots.metadata import ShotMetadata
 
 AS_SHOT = "as-shot"
 AS_IT_IS = Selector(AS_SHOT, AS_SHOT)
@@ -21,7 +21,7 @@ STEADY = 0.02
 
 
 def choose_camera(
-    path: Path, settings: PictureSettings, cameras: Mapping[str, CameraProfile], asked: bool
+    path: Path, settings: ShotMetadata, cameras: Mapping[str, CameraProfile], asked: bool
 ) -> tuple[CameraProfile, tuple[str, ...]]:
     """Return the profile of the camera that took a picture.
 
@@ -42,7 +42,7 @@ def choose_camera(
 
 
 def source_selector(
-    path: Path, settings: PictureSettings, camera: CameraProfile, asked: Selector = AS_IT_IS, needed: bool = True
+    path: Path, settings: ShotMetadata, camera: CameraProfile, asked: Selector = AS_IT_IS, needed: bool = True
 ) -> tuple[Selector, tuple[str, ...]]:
     """The settings of a picture: those asked for, completed by its metadata; and notes.
 
@@ -91,7 +91,7 @@ def source_selector(
     )
 
 
-def _balance_of_file(settings: PictureSettings, camera: CameraProfile) -> str | Kelvin | Multipliers | None:
+def _balance_of_file(settings: ShotMetadata, camera: CameraProfile) -> str | Kelvin | Multipliers | None:
     """Return the white balance that the metadata tell.
 
     It is the named setting, the temperature that was dialled in, or the multipliers.

@@ -68,15 +68,17 @@ def _of_chart(
     exposure_s: list[float] | None, camera: str,
 ) -> None:  # fmt: skip
     """Calibrate on exposures of a chart, and print what they tell."""
-    from lutforge.pipeline.charts import KnownChart, write_input_transform
+    from lutforge.pipeline.charts import write_input_transform
     from lutforge.samples.chart_kinds import chart_kind, parse_corners
 
-    known = KnownChart(chart_kind(chart), light, None if corners is None else parse_corners(corners))
+    kind, places = chart_kind(chart), None if corners is None else parse_corners(corners)
     with progress_bar("response") as progress:
-        fitted = write_input_transform(bracket, output, known, exposure_s, camera=camera, progress=progress)
+        fitted = write_input_transform(
+            bracket, output, kind, light, places, exposure_s, camera=camera, progress=progress
+        )
     profile, exposures = fitted.profile, fitted.exposure_s
     (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
-    say(f"{output}: {profile.camera}, {selector}, of the {known.kind.name} under {light}")
+    say(f"{output}: {profile.camera}, {selector}, of the {kind.name} under {light}")
     used = {name: len(rows) for name, rows in fitted.samples.by_shot()}
     rows = [
         (

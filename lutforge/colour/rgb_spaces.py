@@ -48,7 +48,7 @@ class RgbSpace:
         """Linear values (…,) → encoded ones."""
         return TRANSFER_FUNCTIONS[self.transfer].encode(np.asarray(linear, dtype=np.float64))
 
-    def decode(self, encoded: ArrayLike) -> Array:
+    def linearize(self, encoded: ArrayLike) -> Array:
         """Encoded values (…,) → linear ones: the inverse of `encode`."""
         return TRANSFER_FUNCTIONS[self.transfer].decode(np.asarray(encoded, dtype=np.float64))
 

@@ -39,6 +39,17 @@ class ErrorFigures:
         return (str(self.count), *(f"{value:.4f}" for value in numbers), *differences)
 
 
+@dataclass(frozen=True)
+class MethodError:
+    """An error of one method in a style. count: of samples, or of pairs; values: by the titles of their columns."""
+
+    style: str
+    method: str
+    held_out: bool
+    count: int
+    values: dict[str, float]
+
+
 def error_figures(predicted: Array, measured: Array, *, display: bool) -> ErrorFigures:
     """Figures of predicted (n, 3) against measured (n, 3); display: both are encoded sRGB."""
     distance = np.linalg.norm(predicted - measured, axis=1)

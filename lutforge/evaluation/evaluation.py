@@ -39,15 +39,9 @@ from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_gains
 from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.errors_table import ErrorFigures, error_figures
+from lutforge.evaluation.errors_table import ErrorFigures, MethodError, error_figures
 from lutforge.evaluation.held_out import Predictions, predict
-from lutforge.evaluation.linearization import (
-    EDITS,
-    EditedError,
-    LinearizationError,
-    edited_errors,
-    linearization_errors,
-)
+from lutforge.evaluation.linearization import edited_errors, linearization_errors
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import RefinishError, refinish_errors
 from lutforge.model.camera_profile import CameraProfile, is_response_alone
@@ -77,32 +71,21 @@ class EvaluationRow:
 
 
 @dataclass(frozen=True)
-class RawError:
-    """JPEG → RAW before white balance, 1 = full scale. rmse: over samples and channels; rmse_rgb: by channel."""
-
-    style: str
-    method: str
-    held_out: bool
-    count: int
-    rmse: float
-    rmse_rgb: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
 class Evaluation:
     """The result of an evaluation.
 
-    rows: the error table; raw, linearization, edited, refinish: the other tables; notes: what was left out, why;
+    rows: the error table; raw, linearization, edited, refinish: the other tables, of raw the root mean square over the
+    channels ("RMSE") and by channel; notes: what was left out, why;
     predictions: by style, what the rows are made of; departures: of shots.
     """
 
     camera: str
     rows: tuple[EvaluationRow, ...]
     notes: tuple[str, ...]
-    raw: tuple[RawError, ...] = ()
-    linearization: tuple[LinearizationError, ...] = ()
+    raw: tuple[MethodError, ...] = ()
+    linearization: tuple[MethodError, ...] = ()
     refinish: tuple[RefinishError, ...] = ()
-    edited: tuple[EditedError, ...] = ()
+    edited: tuple[MethodError, ...] = ()
     tables: bool = False
     predictions: Mapping[str, Predictions] = field(default_factory=dict, repr=False)  # long arrays
     departures: tuple[Departure, ...] = ()
@@ -115,18 +98,28 @@ class Evaluation:
             "camera": self.camera,
             "tables": self.tables,
             "rows": [_plain(row) for row in self.rows],
-            "raw": [_plain(row) for row in self.raw],
-            "linearization": [_plain(row) for row in self.linearization],
+            "raw": [
+                _plain(row) | {"rmse": row.values["RMSE"], "rmse_rgb": [row.values[channel] for channel in "RGB"]}
+                for row in self.raw
+            ],
+            "linearization": [
+                {
+                    "style": row.style, "method": row.method, "held_out": row.held_out, "pairs": row.count,
+                    "delta": [row.values[channel] for channel in "RGB"],
+                }
+                for row in self.linearization
+            ],
             "departures": [asdict(departure) for departure in self.departures],
-            "edited": [_plain(row) | {"de00": dict(zip(EDITS, row.de00, strict=True))} for row in self.edited],
+            "edited": [_plain(row) | {"de00": row.values} for row in self.edited],
             "refinish": [_plain(row) for row in self.refinish],
             "notes": list(self.notes),
-        }
+        }  # fmt: skip
 
 
 def _plain(row: Any) -> dict[str, object]:
     """The values of a table's row by name, its figures among them."""
     values: dict[str, Any] = asdict(row)
+    values.pop("values", None)
     figures: dict[str, object] = values.pop("figures", {})
     return values | figures
 
@@ -148,17 +141,18 @@ def error_rows(style: str, predictions: Predictions) -> Iterator[EvaluationRow]:
                 yield EvaluationRow(direction, style, shot, method, held_out, figures)
 
 
-def raw_errors(style: str, predictions: Predictions) -> Iterator[RawError]:
-    """RAW before white balance, as the sensor gives it, by method."""
+def raw_errors(style: str, predictions: Predictions) -> Iterator[MethodError]:
+    """JPEG → RAW before white balance, as the sensor gives it, by method: root mean square, 1 = full scale."""
     data = predictions.data
     gain = data.balanced / data.samples.raw
     for method in predictions.methods:
         error = np.clip(predictions.predicted.linearize[method], 0.0, 1.0) / gain - data.samples.raw
         said = np.all(np.isfinite(error), axis=1)
-        r, g, b = (float(value) for value in np.sqrt(np.mean(error[said] ** 2, axis=0)))
+        squares = error[said] ** 2
+        rms = np.sqrt([np.mean(squares), *np.mean(squares, axis=0)]).tolist()
         held_out = bool(np.all(predictions.held_out[said]))
-        rmse = float(np.sqrt(np.mean(error[said] ** 2)))
-        yield RawError(style, method, held_out, int(said.sum()), rmse, (r, g, b))
+        values = dict(zip(("RMSE", *"RGB"), rms, strict=True))
+        yield MethodError(style, method, held_out, int(said.sum()), values)
 
 
 def evaluate(

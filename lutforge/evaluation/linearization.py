@@ -1,7 +1,5 @@
 """The linearization error δ over exposure pairs (thesis 4.3.1, equation 4.11), with and without the gamut map."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,24 +13,11 @@ from lutforge.calibration.physical.response_from_exposures import (
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError
+from lutforge.evaluation.errors_table import MethodError
 from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.solvers.gauss_newton import gauss_newton
-
-
-@dataclass(frozen=True)
-class LinearizationError:
-    """δ per channel (r, g, b) of one style, in linear sRGB, 1 = full scale.
-
-    pairs: points counted; held_out: whether each point was linearized by a fit that had not seen its shot.
-    """
-
-    style: str
-    method: str
-    held_out: bool
-    pairs: int
-    delta: tuple[float, float, float]
 
 
 def delta(first: Array, second: Array, ratio: Array) -> tuple[float, float, float]:
@@ -41,11 +26,12 @@ def delta(first: Array, second: Array, ratio: Array) -> tuple[float, float, floa
     return (r, g, b)
 
 
-def linearization_errors(style: str, predictions: Predictions, matrix: Array) -> tuple[LinearizationError, ...]:
+def linearization_errors(style: str, predictions: Predictions, matrix: Array) -> tuple[MethodError, ...]:
     """δ of all exposure pairs of a style by method, each shot linearized by the fit that has not seen it.
 
     matrix: Ts (3, 3), the same for all methods, takes what a method says of Tw E to linear sRGB: with the full model
-    that is h⁻¹(f⁻¹(I)), without h it is f⁻¹(I). Empty where there are no exposure pairs.
+    that is h⁻¹(f⁻¹(I)), without h it is f⁻¹(I). A point is held out where no fit had seen its shots. Empty where there
+    are no exposure pairs.
     """
     try:
         pairs = pairs_of_samples(predictions.data.samples)
@@ -59,11 +45,12 @@ def linearization_errors(style: str, predictions: Predictions, matrix: Array) ->
         if said.any():
             used = np.concatenate([pairs.first_row[said], pairs.second_row[said]])
             held_out = bool(np.all(predictions.held_out[used]))
-            error = delta(first[said], second[said], ratio[said])
-            result.append(LinearizationError(style, method, held_out, int(said.sum()), error))
+            error = dict(zip("RGB", delta(first[said], second[said], ratio[said]), strict=True))
+            result.append(MethodError(style, method, held_out, int(said.sum()), error))
     light = (predictions.data.balanced @ matrix.T)[pairs.first_row]
-    for name, error in response_deltas(pairs, light).items():
-        result.append(LinearizationError(style, f"f of exposures, {name}", False, int(_plain(pairs).sum()), error))
+    for name, channels in response_deltas(pairs, light).items():
+        error = dict(zip("RGB", channels, strict=True))
+        result.append(MethodError(style, f"f of exposures, {name}", False, int(_plain(pairs).sum()), error))
     return tuple(result)
 
 
@@ -123,19 +110,8 @@ INVERTED = "render inverted"
 """The method that searches for the light which the profile's own model renders as the JPEG."""
 
 
-@dataclass(frozen=True)
-class EditedError:
-    """One line of the table: mean ΔE00 of each of EDITS, in their order."""
-
-    style: str
-    method: str
-    held_out: bool
-    count: int
-    de00: tuple[float, ...]
-
-
-def edited_errors(style: str, predictions: Predictions) -> tuple[EditedError, ...]:
-    """Measure the edits of a style's samples by method; empty where the profile holds no model that renders."""
+def edited_errors(style: str, predictions: Predictions) -> tuple[MethodError, ...]:
+    """The mean ΔE00 of each of EDITS over a style's samples, by method; empty where no model of the profile renders."""
     model = next((name for name in (LATTICE, RBF) if name in predictions.methods), None)
     if model is None:
         return ()
@@ -154,12 +130,12 @@ def edited_errors(style: str, predictions: Predictions) -> tuple[EditedError, ..
         rows = np.flatnonzero(rendered & np.isfinite(found).all(axis=1))
         if not len(rows):
             continue
-        differences = []
+        differences = {}
         for name, gain in EDITS.items():
             shown = predictions.render(model, np.clip(found[rows] * gain, 0.0, 1.0), rows)
-            differences.append(float(delta_e_2000(shown, wanted[name][rows]).mean()))
+            differences[name] = float(delta_e_2000(shown, wanted[name][rows]).mean())
         held_out = bool(np.all(predictions.held_out[rows]))
-        result.append(EditedError(style, method, held_out, len(rows), tuple(differences)))
+        result.append(MethodError(style, method, held_out, len(rows), differences))
     return tuple(result)
 
 

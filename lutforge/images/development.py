@@ -41,7 +41,7 @@ def read_developed(path: Path, space: str) -> Development:
     pixels = read_image(path).pixels
     if pixels.ndim != 3 or pixels.shape[2] < 3:
         raise ShotError(f"{path}: its development is not a colour picture")
-    linear = encoding.decode(pixels[..., :3]).astype(np.float32)
+    linear = encoding.linearize(pixels[..., :3]).astype(np.float32)
     return Development(linear, encoding.name, f"pictures in {encoding.name}")
 
 

@@ -19,22 +19,6 @@ _OF_THE_SHOT = frozenset({"Make", "Model", "DateTime", "ExposureTime", "FNumber"
 """OpenImageIO's names of the tags of a picture's first directory that a graded one keeps."""
 
 
-@dataclass(frozen=True, eq=False)
-class Image:
-    """An image as it is stored: no colour conversion, no rotation, straight alpha left straight.
-
-    pixels: (h, w, c) float32; integers are scaled to [0, 1], half and float are as they are.
-    spec: everything else that the file says (EXIF, IPTC, XMP, ICC profile, orientation, bit depth).
-    format: OpenImageIO's name of the format ("jpeg", "tiff", "openexr", …); "" for an image not from a file.
-    parts: how many images the file holds; `pixels` is the first.
-    """
-
-    pixels: Pixels
-    spec: oiio.ImageSpec
-    format: str = ""
-    parts: int = 1
-
-
 def is_premultiplied(spec: oiio.ImageSpec) -> bool:
     """True where an image's colours are already multiplied by an alpha channel."""
     return bool(spec.alpha_channel >= 0 and not spec.get_int_attribute("oiio:UnassociatedAlpha", 0))
@@ -53,6 +37,36 @@ class Region:
     def pixels(self) -> int:
         """How many pixels it holds."""
         return (self.right - self.left) * (self.bottom - self.top)
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """An image as it is stored: no colour conversion, no rotation, straight alpha left straight.
+
+    pixels: (h, w, c) float32; integers are scaled to [0, 1], half and float are as they are.
+    spec: everything else that the file says (EXIF, IPTC, XMP, ICC profile, orientation, bit depth).
+    format: OpenImageIO's name of the format ("jpeg", "tiff", "openexr", …); "" for an image not from a file.
+    parts: how many images the file holds; `pixels` is the first.
+    """
+
+    pixels: Pixels
+    spec: oiio.ImageSpec
+    format: str = ""
+    parts: int = 1
+
+    def regions(self, pixels: int, rows_only: bool) -> list[Region]:
+        """Bands of about so many pixels, as `ImageReader.regions`."""
+        height, width = self.pixels.shape[:2]
+        step = max(1, pixels // width)
+        return [Region(0, top, width, min(top + step, height)) for top in range(0, height, step)]
+
+    def read(self, region: Region) -> Pixels:
+        """The pixels (h, w, c) of a band."""
+        return self.pixels[region.top : region.bottom]
+
+    def count_parts(self) -> int:
+        """How many images the file holds, as `ImageReader.count_parts`."""
+        return self.parts
 
 
 class ImageReader:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
@@ -23,23 +23,15 @@ from lutforge.inverse.round_trip import in_every_cell, raw_colours
 from lutforge.luts.ops import Cube, Curve, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels, shaper
-from lutforge.model.lattice import grid, snap_levels
+from lutforge.model.lattice import Lattice, grid, snap_levels
 from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.lattice_regression import Prior, Regularization, fit_lattice
 from lutforge.threads import each, slabs
 
 
-@dataclass(frozen=True, eq=False)
-class BakedRender:
-    """RAW (…, 3) → lattice → output curve → JPEG, as the file of a render evaluates it.
+class BakedRender(Lattice):
+    """RAW (…, 3) → lattice → output curve → JPEG, as the file of a render evaluates it."""
 
-    levels: three axes of N node levels in RAW; values: (N, N, N, 3), in front of the output curve; tetrahedral: how
-    these are interpolated, else trilinearly; output_curve: (m, 3), non-decreasing, at m even steps of [0, 1], clamped.
-    """
-
-    levels: Levels
-    values: Array
-    tetrahedral: bool
     output_curve: Array
 
     @classmethod
@@ -55,15 +47,11 @@ class BakedRender:
                 levels = node_levels(front, cube)
             case _:
                 raise LutError(f"a render is node levels, a cube and a curve, not {lut.summary}")
-        return cls(levels, cube.values, cube.interpolation == "tetrahedral", output_curve.outputs)
+        return cls(levels, cube.values, cube.interpolation, output_curve.outputs)
 
-    def __call__(self, raw: Array) -> Array:
+    def __call__(self, raw: ArrayLike) -> Array:
         """JPEG colours of RAW (…, 3), clamped to [0, 1] as a file holds them."""
-        return np.clip(apply_curve(self.output_curve, self.cube_values(raw)), 0.0, 1.0)
-
-    def cube_values(self, raw: Array) -> Array:
-        """Lattice values of RAW (…, 3), in front of the output curve."""
-        return interpolate(raw, self.levels, self.values, "tetrahedral" if self.tetrahedral else "trilinear")
+        return np.clip(super().__call__(raw), 0.0, 1.0)
 
     def to_values(self, jpeg: Array) -> Array:
         """Return the lattice values in [0, 1] that the output curve takes to JPEG colours (…, 3)."""
@@ -112,36 +100,35 @@ PRIOR_WEIGHT = 1e-5
 """Weight of the prior mean at a node, where a colour that the render makes has 1. Colours of less are left out."""
 
 
-@dataclass(frozen=True)
-class InverseOptions:
-    """The numbers of the inverse of a render.
+SIZE = 49
+"""Nodes per axis. A file of 49³ has 0.9 MB, one of 65³ has 2."""
 
-    size: nodes per axis. A file of 49³ has 0.9 MB, one of 65³ has 2.
+ROUNDS = 2
+"""The number of fits; each gives the largest errors of the one before more weight.
 
-    rounds: the number of fits; each gives the largest errors of the one before more weight. The second takes the
-    largest loss on the published D40 from 0.027 to 0.014. Five instead of two change it at random (D40 0.015, S40 0.018
-    to 0.038, demo 0.033 to 0.037; of four unseen cameras 0.34 to 0.18, 0.31 to 0.35, two alike).
+The second takes the largest loss on the published D40 from 0.027 to 0.014. Five instead of two change it at random (D40
+0.015, S40 0.018 to 0.038, demo 0.033 to 0.037; of four unseen cameras 0.34 to 0.18, 0.31 to 0.35, two alike).
+"""
 
-    smoothness: the weight of second differences, where a colour has 1. With a hundredth of it the edge of the gamut
-    shows ringing.
+SMOOTHNESS = 1e-3
+"""Weight of second differences, where a colour has 1. With a hundredth of it the edge of the gamut shows ringing."""
 
-    margin: a clipped colour is given a scene whose lattice values lie this far beyond the end of the output curve, so
-    that it stays clipped between nodes. With four times as much the largest loss of the demo's styles doubles.
+MARGIN = 0.005
+"""How far beyond the end of the output curve the lattice values of a clipped colour's scene lie.
 
-    outside: a colour that the render cannot make is given the scene whose colour is nearest. Its weight is the ratio of
-    half a code to the distance of that colour, to this power. Without such colours the table leaves RAW 0 to 1 in the
-    cells at the edge of the gamut, where the render clamps, and hues change: the largest loss is 0.056 instead of 0.015
-    on the D40 under fluorescent light. With a power of 2 they distort small tables inside the gamut.
+So it stays clipped between nodes. With four times as much the largest loss of the demo's styles doubles.
+"""
 
-    entries: of the shaper that holds the node levels.
-    """
+OUTSIDE = 8.0
+"""A colour that the render cannot make is given the scene whose colour is nearest, with a weight.
 
-    size: int = 49
-    rounds: int = 2
-    smoothness: float = 1e-3
-    margin: float = 0.005
-    outside: float = 8.0
-    entries: int = 4096
+It is the ratio of half a code to the distance of that colour, to this power. Without such colours the table leaves RAW
+0 to 1 in the cells at the edge of the gamut, where the render clamps, and hues change: the largest loss is 0.056
+instead of 0.015 on the D40 under fluorescent light. With a power of 2 they distort small tables inside the gamut.
+"""
+
+ENTRIES = 4096
+"""Entries of the shaper that holds the node levels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,30 +152,27 @@ class Linearization:
         return Lut((shaper(self.levels, len(self.curve), self.curve), Cube(self.values)), title)
 
 
-def inverse_of(
-    render: BakedRender, near: Callable[[Array], Array] | None = None, options: InverseOptions | None = None
-) -> Linearization:
+def inverse_of(render: BakedRender, near: Callable[[Array], Array] | None = None, size: int = SIZE) -> Linearization:
     """The inverse of a render. The same render makes the same table. O(n + N³) time.
 
     near: a function JPEG (…, 3) → RAW that is followed beyond the colours that the render makes; without it the mean
-    slope of the render is.
+    slope of the render is. size: N nodes per axis.
     """
-    options = options or InverseOptions()
-    levels = spaced_levels(render, options)
+    levels = spaced_levels(render, size)
     knots = _on_axes(render.curve, levels)
     nodes = grid(levels)
     # Without a function to follow, the lattice of the render is its mean slope near neutrals and nothing else.
     beyond = render.to_values(nodes) @ np.linalg.inv(render.mean_slope).T if near is None else near(nodes)
     prior = Prior(beyond, np.full(nodes.shape, PRIOR_WEIGHT))
-    smooth = Regularization(options.smoothness, options.smoothness)
+    smooth = Regularization(SMOOTHNESS, SMOOTHNESS)
     known = Linearization(levels, render.curve, prior.values)
     colours = in_every_cell(levels, np.random.default_rng(1))
-    jpeg, raw, trust = _pairs(render, known, colours, levels[0][1], options)
+    jpeg, raw, trust = _pairs(render, known, colours, levels[0][1])
     lattice_values, side = render.to_values(jpeg), clipped_sides(jpeg)
     clipped = np.any(side != 0, axis=1) & (np.abs(side.sum(axis=1)) < 3)
     slope = render.slope(render.cube_values(raw))
     lawson_weight, values, best, least = np.ones(len(jpeg)), None, None, np.inf
-    for remaining in reversed(range(options.rounds)):
+    for remaining in reversed(range(ROUNDS)):
         weight = trust * lawson_weight * np.einsum("nc,nc->n", slope, slope)
         values = fit_lattice(
             lattice_values, raw, knots, smooth, method="tetrahedral", weight=weight / weight.mean(), prior=prior,
@@ -204,23 +188,23 @@ def inverse_of(
         lawson_weight = np.minimum(lawson_weight / lawson_weight.mean(), 1e3)
         again = clipped | ((error > 5e-3) & np.all(side == 0, axis=1))
         # Many RAW colours render to a clipped one: take the one near the table. The same where a search went astray.
-        raw[again] = preimages(render, jpeg[again], reached[again], options.margin)[0]
+        raw[again] = preimages(render, jpeg[again], reached[again], MARGIN)[0]
         slope[again] = render.slope(render.cube_values(raw[again]))
     assert best is not None
     return Linearization(levels, render.curve, best)
 
 
-def spaced_levels(render: BakedRender, options: InverseOptions) -> Levels:
+def spaced_levels(render: BakedRender, size: int) -> Levels:
     """Choose node levels on the shaper's grid: even steps of the JPEG (3/4) mixed with even steps of the lattice (1/4).
 
     The second and the last but one stand within half an 8-bit code of the ends, so that clipped codes have a layer of
     their own.
     """
-    layer, axes = 8 / (options.entries - 1), []
-    even = np.linspace(0.0, 1.0, options.size - 2)
+    layer, axes = 8 / (ENTRIES - 1), []
+    even = np.linspace(0.0, 1.0, size - 2)
     for bent in apply_curve(render.output_curve, even[:, None].repeat(3, axis=1)).T:
         inside = np.clip(0.75 * even + 0.25 * bent, 1.5 * layer, 1 - 1.5 * layer)[1:-1]
-        axes.append(snap_levels(np.concatenate([[0.0, layer], inside, [1 - layer, 1.0]]), options.entries))
+        axes.append(snap_levels(np.concatenate([[0.0, layer], inside, [1 - layer, 1.0]]), ENTRIES))
     return axes[0], axes[1], axes[2]
 
 
@@ -230,9 +214,7 @@ def _on_axes(curve: Array, levels: Levels) -> Levels:
     return np.ascontiguousarray(r), np.ascontiguousarray(g), np.ascontiguousarray(b)
 
 
-def _pairs(
-    render: BakedRender, known: Linearization, jpeg: Array, layer: float, options: InverseOptions
-) -> tuple[Array, Array, Array]:
+def _pairs(render: BakedRender, known: Linearization, jpeg: Array, layer: float) -> tuple[Array, Array, Array]:
     """Choose the JPEG colours (n, 3) that the render makes or comes near to, the RAW for them, and their weights (n,).
 
     Clipped colours are sought from the scenes of those that are just not clipped, so that the inverse runs on smoothly
@@ -245,13 +227,13 @@ def _pairs(
     beside = scenes[scipy.spatial.cKDTree(render(scenes)).query(just[lost], workers=-1)[1]]
     raw[lost], residual[lost] = preimages(render, just[lost], beside)
     clipped = np.flatnonzero(np.any(just != jpeg, axis=1))
-    raw[clipped], residual[clipped] = preimages(render, jpeg[clipped], raw[clipped], options.margin)
+    raw[clipped], residual[clipped] = preimages(render, jpeg[clipped], raw[clipped], MARGIN)
     ends = np.abs(clipped_sides(jpeg).sum(axis=1)) == 3
     neutral = np.where(jpeg[ends] > 0, raw[ends].max(axis=1, keepdims=True), raw[ends].min(axis=1, keepdims=True))
     as_good = np.linalg.norm(render(neutral) - jpeg[ends], axis=1) <= 2e-3
     raw[ends] = np.where(as_good[:, None], neutral, raw[ends])
     half_a_code = 3**0.5 * 0.5 / 255
-    trust = (half_a_code / np.maximum(residual, half_a_code)) ** options.outside
+    trust = (half_a_code / np.maximum(residual, half_a_code)) ** OUTSIDE
     told = trust > PRIOR_WEIGHT
     return jpeg[told], raw[told], trust[told]
 
@@ -284,8 +266,8 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
         def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
             residual, slope = np.empty(raw.shape), np.empty((*raw.shape, 3))
             _residual_and_slope(
-                render.values, axes, render.tetrahedral, raw, rows.start + which, lattice_values, weights, sides,
-                margin, residual, slope,
+                render.values, axes, render.interpolation == "tetrahedral", raw, rows.start + which, lattice_values,
+                weights, sides, margin, residual, slope,
             )  # fmt: skip
             return residual, slope
 

@@ -63,7 +63,7 @@ class DngProfile:
         shift, more, lighter = (map_coordinates(around[..., i], at, order=1, mode="nearest") for i in range(3))
         lit = np.clip(place * lighter, 0.0, 1.0)
         changed = [np.mod(hue + shift, 360.0), np.clip(saturation * more, 0.0, 1.0)]
-        hsv = np.stack([*changed, _SRGB.decode(lit) if self.encoded_values else lit], axis=-1)
+        hsv = np.stack([*changed, _SRGB.linearize(lit) if self.encoded_values else lit], axis=-1)
         looked = np.clip(prophoto_of_hsv(hsv), 0.0, 1.0)
         toned = _between_ends(looked, lambda x: np.interp(x, *self.tone_curve.T))
         light = toned @ matrix_between("linear-prophoto", "linear-srgb").T
@@ -83,8 +83,8 @@ def fit_dng_profile(look: Look) -> DngProfile:
     under_d65 = to_xyz("linear-srgb") @ to_srgb @ np.diag(look.multipliers)
     # The tone curve: what the rendering makes of greys, in linear light, strictly increasing from (0, 0) to (1, 1), as
     # dense in the dark tones as the eye asks for.
-    grey = _SRGB.decode(np.linspace(0.0, 1.0, 257))
-    shown = _SRGB.decode(look.render(np.repeat(grey[:, None], 3, axis=1))).mean(axis=1)
+    grey = _SRGB.linearize(np.linspace(0.0, 1.0, 257))
+    shown = _SRGB.linearize(look.render(np.repeat(grey[:, None], 3, axis=1))).mean(axis=1)
     light = np.clip(np.maximum.accumulate(shown), 0.0, 1.0)
     light[0], light[-1] = 0.0, 1.0
     kept = np.concatenate([[True], np.diff(light) > 1e-7])
@@ -93,12 +93,12 @@ def fit_dng_profile(look: Look) -> DngProfile:
     # The nodes of the look table in the file's order, (values · hues · saturations, 3). Black has no hue: there it is
     # what holds just above it.
     hues, saturations, values = DIVISIONS
-    value = _SRGB.decode(np.linspace(0.0, 1.0, values))
+    value = _SRGB.linearize(np.linspace(0.0, 1.0, values))
     value[0] = 0.25 * value[1]
     grid = np.meshgrid(value, np.arange(hues) * (360.0 / hues), np.linspace(0.0, 1.0, saturations), indexing="ij")
     nodes = np.stack([grid[1], grid[2], grid[0]], axis=-1).reshape(-1, 3)
     codes = look.render(np.clip(prophoto_of_hsv(nodes) @ np.linalg.inv(to_prophoto).T, 0.0, 1.0))
-    rgb = np.clip(_SRGB.decode(codes) @ matrix_between("linear-srgb", "linear-prophoto").T, 0.0, 1.0)
+    rgb = np.clip(_SRGB.linearize(codes) @ matrix_between("linear-srgb", "linear-prophoto").T, 0.0, 1.0)
     rising = np.concatenate([[True], np.diff(curve[:, 1]) > 0])  # of the inputs that clip, the least
     before_curve = _between_ends(rgb, lambda y: np.interp(y, curve[rising, 1], curve[rising, 0]))
     # How far hue, saturation and value are from those of the nodes. The factor of value counts behind the encoding of

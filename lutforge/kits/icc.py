@@ -67,7 +67,7 @@ class IccProfile:
 
 def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
     """Express the look of a profile of RAW files as an ICC profile. variant: of VARIANTS."""
-    shown = scene_linear(look) if variant else lambda x: _SRGB.decode(np.clip(look.render(x), 0.0, 1.0))
+    shown = scene_linear(look) if variant else lambda x: _SRGB.linearize(np.clip(look.render(x), 0.0, 1.0))
 
     def codes(root: Array) -> Array:
         ratio = shown(root**GAMMA) @ (_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
@@ -118,14 +118,14 @@ def scene_linear(look: Look) -> Callable[[Array], Array]:
     inverse bends the channels of such a cast apart, so it is led by the luminance that it gives greys in turn.
     """
     grey, luminance = np.linspace(0.0, 1.0, 4 * ENTRIES) ** GAMMA, to_xyz("linear-srgb")[1]
-    shown = _SRGB.decode(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
+    shown = _SRGB.linearize(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
     tones = np.maximum.accumulate(shown @ luminance)
     rising = np.concatenate([[True], np.diff(tones) > 0])  # of the inputs that clip, the least
     made = np.maximum.accumulate(np.interp(shown, tones[rising], grey[rising]) @ luminance)
     lights = np.interp(grey, made, grey)
 
     def light(balanced: Array) -> Array:
-        toned = _SRGB.decode(np.clip(look.render(balanced), 0.0, 1.0))
+        toned = _SRGB.linearize(np.clip(look.render(balanced), 0.0, 1.0))
         inverse = np.interp(toned, tones[rising], lights[rising])
         # A clipped JPEG channel no longer rises with the light; there the RAW channel takes its place.
         return np.asarray(np.where(toned >= tones[-1], np.maximum(inverse, balanced), inverse))

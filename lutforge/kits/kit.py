@@ -62,8 +62,8 @@ class Look:
         from_srgb = matrix_between("linear-srgb", wanted.linear.name)
 
         def look(x: ArrayLike) -> Array:
-            camera = np.clip(encoded.decode(x) @ to_fed.T, 0.0, 1.0)
-            light = srgb.decode(np.clip(self.render(camera), 0.0, 1.0))
+            camera = np.clip(encoded.linearize(x) @ to_fed.T, 0.0, 1.0)
+            light = srgb.linearize(np.clip(self.render(camera), 0.0, 1.0))
             return wanted.encode(np.maximum(light @ from_srgb.T, 0.0))
 
         return look

@@ -14,7 +14,8 @@ from typing import SupportsIndex
 
 import numpy as np
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, ColourFunction
+from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, apply_curve
@@ -30,9 +31,7 @@ from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.response import Response
 from lutforge.model.transform import (
     Clip,
-    ColourFunction,
     Decode,
-    DecodeRgb,
     Encode,
     Gain,
     MatrixStage,
@@ -149,7 +148,7 @@ def takes_scenes(transform: ColourFunction) -> bool:
 def _decoded(transform: ColourFunction) -> tuple[Curve, Transform] | None:
     """The curve of a space that footage is encoded in, and the transform of its linear light; None of other inputs."""
     first = transform.stages[0] if isinstance(transform, Transform) and transform.stages else None
-    if not isinstance(transform, Transform) or not isinstance(first, DecodeRgb):
+    if not isinstance(transform, Transform) or not (isinstance(first, Decode) and isinstance(first.curve, RgbSpace)):
         return None
     codes = np.repeat(np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None], 3, axis=1)
     return Curve(first(codes)), Transform(transform.stages[1:])
@@ -278,8 +277,9 @@ def parts_of(transform: ColourFunction) -> Parts:
     last = stages[-1] if stages else None
     body: tuple[Stage, ...] = tuple(stages)
     cube_values: Function = lambda x: through_stages(body, x)  # noqa: E731 - replaced where an output curve is taken out
-    if isinstance(last, Encode):
-        ahead, behind = _output_curve(last.response)
+    response = last.curve if isinstance(last, Encode) and isinstance(last.curve, Response) else None
+    if response is not None:
+        ahead, behind = _output_curve(response)
         cube_values = lambda x: ahead(through_stages(body[:-1], x))  # noqa: E731 - as above
     elif isinstance(last, Lattice) and last.output_curve is not None:
         in_front, behind = last.cube_values, last.output_curve
@@ -288,12 +288,12 @@ def parts_of(transform: ColourFunction) -> Parts:
     # Behind a clip in the middle only an output curve magnifies what the axes of its input are made for.
     if behind is not None or not any(isinstance(stage, Clip) for stage in body):
         first = body[0] if body else None
-        if isinstance(first, Decode):
+        if isinstance(first, Decode) and isinstance(first.curve, Response):
             # f⁻¹ from 0 to 1, with a little of a straight line, so that it rises everywhere.
-            inverse = first.response.inverse
+            inverse = first.curve.inverse
             straight = np.linspace(0.0, 1.0, len(inverse))[:, None]
             curve = 0.999 * (inverse - inverse[0]) / (inverse[-1] - inverse[0]) + 0.001 * straight
-        elif isinstance(last, Encode):
+        elif response is not None:
             curve = np.repeat([[0.0], [1.0]], 3, axis=1)  # a gamut map is smooth in linear light
     lattice = last if isinstance(last, Lattice) and len(body) == 1 else None
     return Parts(_checked(cube_values), gain, matrix, before, curve, behind, lattice)
@@ -310,13 +310,13 @@ def curve_alone(transform: ColourFunction) -> tuple[Op, ...] | None:
                 ops.append(Matrix(stage.matrix))
             case Clip():
                 ops.append(Range())
-            case Decode():
+            case Decode(Response() as response):
                 # Three entries between two of its own: a reader that lays a spline through them makes the same of it.
-                even = np.linspace(0.0, 1.0, 4 * len(stage.response.inverse) - 3)[:, None].repeat(3, axis=1)
-                ops.append(Curve(stage.response.linearize(even)))
-            case Encode():
-                low, span = stage.response.inverse[0], stage.response.inverse[-1] - stage.response.inverse[0]
-                ops += [Matrix(np.diag(1 / span), -low / span), Curve(_output_curve(stage.response)[1])]
+                even = np.linspace(0.0, 1.0, 4 * len(response.inverse) - 3)[:, None].repeat(3, axis=1)
+                ops.append(Curve(response.linearize(even)))
+            case Encode(Response() as response):
+                low, span = response.inverse[0], response.inverse[-1] - response.inverse[0]
+                ops += [Matrix(np.diag(1 / span), -low / span), Curve(_output_curve(response)[1])]
             case GamutMap() if stage.is_identity:
                 pass
             case _:

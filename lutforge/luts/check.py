@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.arrays import Array, Real, Single
+from lutforge.arrays import Array, ColourFunction, Real, Single
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import one_line
 from lutforge.interpolation import Interpolation
@@ -18,7 +18,6 @@ from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut, own_reader
 from lutforge.luts.shaper import node_levels
-from lutforge.model.transform import ColourFunction
 from lutforge.sobol import sobol
 
 Colour = tuple[float, float, float]

@@ -10,13 +10,12 @@ from typing import Literal, get_args
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import ArrayLike
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, checked_colours
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.processor import OCIO_ERRORS, group_of, of_codes
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.model.transform import checked_colours
 
 Form = Literal["full", "shaper", "plain"]
 """What sequences a format holds: any; a curve per channel and a cube; a cube."""

@@ -21,13 +21,10 @@ from lutforge.model.response import Response
 from lutforge.model.transform import (
     Clip,
     Decode,
-    DecodeRgb,
     Encode,
-    EncodeRgb,
     Gain,
     MatrixStage,
     Purpose,
-    RawToRaw,
     Stage,
     Transform,
 )
@@ -130,7 +127,7 @@ class CameraProfile(ProfileData):
             )
         stages = self._linearize(source, space, model).stages
         if space != "raw" and not rgb_space(space).is_linear:
-            stages = (*stages, EncodeRgb(rgb_space(space)))
+            stages = (*stages, Encode(rgb_space(space)))
         title = f"{self.camera} {source} to {space}"
         return Transform(stages, _purpose("linearize", title, (self, source), space=space))
 
@@ -292,7 +289,7 @@ def raw_to_balanced(
     light = same_light(source_camera, source, target_camera)
     if transfer is not None:
         under = None if light is None else target_camera.multipliers(Selector(target.style, light))
-        return RawToRaw(transfer.under(source_camera.multipliers(source), under)), balance
+        return transfer.under(source_camera.multipliers(source), under), balance
     if (source_camera.raw_camera or source_camera.camera) == (target_camera.raw_camera or target_camera.camera):
         return MatrixStage(_from_reference(target_camera) @ np.linalg.inv(_from_reference(source_camera))), balance
     light_of_target = target_camera.multipliers(Selector(target.style, light or target.white_balance))
@@ -336,7 +333,7 @@ def through_camera(
     if space == "raw":
         raise SettingsError("footage is in a colour space such as acescg or vlog, not raw")
     encoding = rgb_space(space)
-    decode = () if encoding.is_linear else (DecodeRgb(encoding),)
+    decode = () if encoding.is_linear else (Decode(encoding),)
     selector = profile.selector(to)
     from_raw = from_linear_srgb(space) @ profile.raw_to_linear_srgb(selector)
     stages = (*decode, MatrixStage(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages)

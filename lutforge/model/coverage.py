@@ -1,7 +1,6 @@
 """Which colours a calibration covers: those that are neither clipped nor far from every sample."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -41,44 +40,48 @@ def _distance(style: PictureStyle, encoded: Array, most: float) -> Array:
     return np.asarray(distance.reshape(encoded.shape[:-1]))
 
 
-@dataclass(frozen=True)
-class Refinish:
-    """A refinish of encoded colours (…, 3).
-
-    graded: takes them to refinished encoded colours; balanced: takes them to Tw E of `style`, which renders them anew.
-    """
-
-    graded: Callable[[Array], Array]
-    balanced: Callable[[Array], Array]
-    style: PictureStyle
+_AXIS = np.concatenate([[0.0, CLIPPED], np.linspace(2 * CLIPPED, 1.0 - 2 * CLIPPED, 29), [1.0 - CLIPPED, 1.0]])
+"""Node levels of a lattice of confidences: clipped codes have a layer of their own."""
 
 
-def confidence(style: PictureStyle, refinish: Refinish | None = None, size: int = 33) -> Lattice:
+def confidence(style: PictureStyle) -> Lattice:
     """Return a lattice over encoded colours whose values are (confidence, unclipped, covered), each from 0 to 1.
 
-    covered: where both styles know the expected error e, 1 − e / WORST. Otherwise it depends on the distance to the
-    nearest sample: 1 up to half the limit of `uncovered`, then falling linearly to 0 at one and a half times the limit.
-    unclipped: 0 where a channel is at 0 or 255, else 1. confidence: the smaller of both. The lattice takes
-    O(size³ log n) time; an image is then evaluated at the speed of a LUT.
+    covered: by the distance to the nearest sample: 1 up to half the limit of `uncovered`, then falling linearly to 0 at
+    one and a half times the limit. unclipped: 0 where a channel is at 0 or 255, else 1. confidence: the smaller of
+    both. The lattice takes O(N³ log n) time; an image is then evaluated at the speed of a LUT.
     """
-    axis = np.linspace(2 * CLIPPED, 1.0 - 2 * CLIPPED, size - 4)
-    axis = np.concatenate([[0.0, CLIPPED], axis, [1.0 - CLIPPED, 1.0]])
-    levels = (axis, axis.copy(), axis.copy())
-    nodes = grid(levels)
-    if refinish is not None and "linearize" in style.expected and "render" in refinish.style.expected:
-        # Three independent errors, norms of encoded RGB, add up in the square: one code of noise in each channel and
-        # the error of linearizing, both multiplied by the gain of the refinish there, and the error of rendering.
-        graded = refinish.graded(nodes)
-        slopes = np.stack([np.gradient(graded, level, axis=axis) for axis, level in enumerate(levels)], axis=-1)
-        gain = np.sqrt(np.sum(slopes**2, axis=(-2, -1)))
-        linearized = _interpolated(style.linearize, style.expected["linearize"], nodes)
-        rendered = _interpolated(refinish.style.render, refinish.style.expected["render"], refinish.balanced(nodes))
-        error = np.sqrt((gain * 2 * CLIPPED) ** 2 + (gain * linearized) ** 2 / 3.0 + rendered**2)
-        trust = np.clip(1.0 - error / WORST, 0.0, 1.0)
-    else:
-        trust = np.clip(1.5 - _distance(style, nodes, 1.5 * FARTHEST) / FARTHEST, 0.0, 1.0)
+    nodes = grid((_AXIS, _AXIS, _AXIS))
+    return _unclipped(nodes, np.clip(1.5 - _distance(style, nodes, 1.5 * FARTHEST) / FARTHEST, 0.0, 1.0))
+
+
+def refinish_confidence(
+    style: PictureStyle, target: PictureStyle, graded: Callable[[Array], Array], balanced: Callable[[Array], Array]
+) -> Lattice:
+    """Return such a lattice for a refinish: covered is 1 − e / WORST where both styles know their expected error e.
+
+    Where they do not, it is that of `confidence`. graded: takes encoded colours (…, 3) to refinished ones; balanced:
+    takes them to Tw E of `target`, which renders them anew.
+    """
+    if "linearize" not in style.expected or "render" not in target.expected:
+        return confidence(style)
+    # Three independent errors, norms of encoded RGB, add up in the square: one code of noise in each channel and the
+    # error of linearizing, both multiplied by the gain of the refinish there, and the error of rendering.
+    nodes = grid((_AXIS, _AXIS, _AXIS))
+    changed = graded(nodes)
+    slopes = np.stack([np.gradient(changed, _AXIS, axis=axis) for axis in range(3)], axis=-1)
+    gain = np.sqrt(np.sum(slopes**2, axis=(-2, -1)))
+    linearized = _interpolated(style.linearize, style.expected["linearize"], nodes)
+    rendered = _interpolated(target.render, target.expected["render"], balanced(nodes))
+    error = np.sqrt((gain * 2 * CLIPPED) ** 2 + (gain * linearized) ** 2 / 3.0 + rendered**2)
+    return _unclipped(nodes, np.clip(1.0 - error / WORST, 0.0, 1.0))
+
+
+def _unclipped(nodes: Array, covered: Array) -> Lattice:
+    """The lattice of confidences (N, N, N) at nodes (N, N, N, 3)."""
     unclipped = np.where(clipped(nodes), 0.0, 1.0)
-    return Lattice(levels, np.stack([np.minimum(trust, unclipped), unclipped, trust], axis=-1))
+    values = np.stack([np.minimum(covered, unclipped), unclipped, covered], axis=-1)
+    return Lattice((_AXIS, _AXIS, _AXIS), values)
 
 
 def linearizing_error(style: PictureStyle) -> Callable[[Array], Array] | None:

@@ -7,19 +7,18 @@ root-polynomial regression", IEEE TIP 24, 2015). All keep the scale: twice the l
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge import __version__
-from lutforge.arrays import Array
+from lutforge.arrays import Array, checked_colours
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import path_of, reading, require_file
 from lutforge.errors import ProfileError
 from lutforge.model.profile_data import is_invertible
-from lutforge.model.transform import ColourFunction, checked_colours
 
 FORMAT = "lutforge-raw-transfer"
 FORMAT_VERSION = 2
@@ -121,16 +120,22 @@ class RawTransfer:
             return (root_terms(flat / self.neutral) @ self.roots).reshape(x.shape)
         return x @ self.matrix.T
 
-    def under(self, source: Array, target: Array | None) -> ColourFunction:
+    def under(self, source: Array, target: Array | None) -> "RawTransfer":
         """The transfer under another light than that of the fit, whose multipliers (3,) are known for both cameras.
 
         White-balanced colours change little with the light, RAW ones much: the fit is carried over between them.
         """
         if self.neutral is None or target is None:
             return self
-        neutral = self.neutral
-        white = self(neutral)
-        return lambda raw: self(np.asarray(raw) * source * neutral) * (white[1] / white / target)
+        white, wedges, roots = self(self.neutral), self.wedges, self.roots
+        before, behind = source * self.neutral, white[1] / white / target
+        return replace(
+            self,
+            matrix=behind[:, None] * self.matrix * before,
+            neutral=self.neutral / before,
+            wedges=None if wedges is None else HueWedges(wedges.neutral / before, wedges.hues, wedges.images * behind),
+            roots=None if roots is None else roots * behind,
+        )
 
     def save(self, path: str | Path) -> None:
         """Write the transfer (.json), atomically; `load_transfer` reads it."""

@@ -3,39 +3,20 @@
 The stages are a closed set: what bakes a transform, or places it in a config, tells them apart by their types.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, checked_colours
 from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.lattice import Lattice
+from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response import Response
-
-ColourFunction = Callable[[ArrayLike], Array]
-"""Any function of colours (…, 3) → (…, 3), float64."""
-
-
-def checked_colours(x: ArrayLike) -> Array:
-    """Colours (…, 3) as float64.
-
-    Raises ImageError on another shape, and on integers, whose scale is unknown: but not on lists of 0 and 1.
-    """
-    try:
-        values = np.asarray(x)
-    except ValueError as error:
-        raise ImageError(f"colours have shape (…, 3), not rows of different lengths ({error})") from error
-    plain = not isinstance(x, np.ndarray) and values.dtype.kind in "iu" and bool(np.all((values == 0) | (values == 1)))
-    if values.dtype.kind != "f" and not plain and values.ndim > 0:
-        raise ImageError(f"pixels of type {values.dtype}: scale them to [0, 1] first, such as pixels / 255.0")
-    if values.ndim == 0 or values.shape[-1] != 3:
-        raise ImageError(f"colours have shape (…, 3), not {values.shape}; pass pixels[..., :3] of an image with alpha")
-    return np.asarray(values, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,75 +52,30 @@ class Clip:
 
 @dataclass(frozen=True, eq=False)
 class Encode:
-    """The camera response f: linear → encoded."""
-
-    response: Response
-
-    def __call__(self, x: Array) -> Array:
-        """Linear (…, 3) → encoded in [0, 1]."""
-        return self.response.encode(x)
-
-
-@dataclass(frozen=True, eq=False)
-class Decode:
-    """The inverse camera response f⁻¹: encoded → linear."""
-
-    response: Response
-
-    def __call__(self, x: Array) -> Array:
-        """Encoded (…, 3) → linear."""
-        return self.response.linearize(x)
-
-
-@dataclass(frozen=True)
-class EncodeRgb:
-    """The transfer function of an RGB space, such as a camera's log curve: linear → codes in [0, 1].
+    """The camera response f, or the transfer function of an RGB space, such as a camera's log curve.
 
     What no code stands for is clipped: light below black, which strong colours have in a channel of a small gamut.
     """
 
-    space: RgbSpace
+    curve: Response | RgbSpace
 
     def __call__(self, x: Array) -> Array:
-        """Linear (…, 3) → encoded."""
-        return np.clip(self.space.encode(x), 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class DecodeRgb:
-    """The inverse transfer function of an RGB space: encoded → linear."""
-
-    space: RgbSpace
-
-    def __call__(self, x: Array) -> Array:
-        """Encoded (…, 3) → linear."""
-        return self.space.decode(x)
+        """Linear (…, 3) → encoded in [0, 1]."""
+        return np.clip(self.curve.encode(x), 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class RawToRaw:
-    """One camera's RAW → another's, Tc of equation (6.3)."""
+class Decode:
+    """The inverse of `Encode`."""
 
-    transfer: ColourFunction
+    curve: Response | RgbSpace
 
     def __call__(self, x: Array) -> Array:
-        """RAW (…, 3) → RAW."""
-        return self.transfer(x)
+        """Encoded (…, 3) → linear."""
+        return self.curve.linearize(x)
 
 
-Stage = (
-    Gain
-    | MatrixStage
-    | Clip
-    | Encode
-    | Decode
-    | EncodeRgb
-    | DecodeRgb
-    | Lattice
-    | GamutMap
-    | RawToRaw
-    | NeutralHighlights
-)
+Stage = Gain | MatrixStage | Clip | Encode | Decode | Lattice | GamutMap | RawTransfer | NeutralHighlights
 """Any stage: (…, 3) → (…, 3), float64. A lattice is h of the thesis, chapter 5; a gamut map h of chapter 4."""
 
 

@@ -11,7 +11,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.errors import ConfigError
-from lutforge.inverse.linearization import InverseOptions
+from lutforge.inverse.linearization import SIZE
 from lutforge.luts.formats.text import write_text
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.model.camera_profile import CameraProfile
@@ -80,21 +80,21 @@ def write_config(
     version: str | None = None,
     merge: str | Path | None = None,
     replace: bool = False,
-    inverse: InverseOptions | None = None,
+    inverse_size: int = SIZE,
     progress: Progress = silent,
 ) -> Path:
     """Write a config and its LUTs, to a folder (config.ocio, luts/) or to one archive (.ocioz).
 
     The same profiles make the same bytes. replace: a folder that holds a config already gets this one in its place; its
-    other files stay. inverse: how JPEG → scene is made of each render. Returns the path of the config. Raises
-    ConfigError, LutError, LutForgeError.
+    other files stay. inverse_size: nodes per axis of JPEG → scene, the inverse of each render. Returns the path
+    of the config. Raises ConfigError, LutError, LutForgeError.
     """
     target = Path(target)
     if target.suffix.lower() == ARCHIVE_SUFFIX:
         if target.is_dir():
             raise ConfigError(f"{target}: is a folder; name a file that ends in {ARCHIVE_SUFFIX}")
         with scratch_folder(beside=None if "$" in str(target.absolute()) else target) as folder:
-            write_config(profiles, folder, version=version, merge=merge, inverse=inverse, progress=progress)
+            write_config(profiles, folder, version=version, merge=merge, inverse_size=inverse_size, progress=progress)
             files = sorted(path for path in folder.rglob("*") if path.is_file())
             files.sort(key=lambda path: path.name != CONFIG_NAME)  # readers look for it first
             with (
@@ -110,7 +110,7 @@ def write_config(
     _require_usable(target, replace)
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)
-        texts, errors = _all_baked(parts, inverse, progress)
+        texts, errors = _all_baked(parts, inverse_size, progress)
         config = _assembled(cameras, parts, base, version, errors)
         if base is not None and base.folder is not None:
             for file in base.files:
@@ -130,7 +130,7 @@ def write_config(
 
 @one_blas_thread
 def _all_baked(
-    parts: Sequence[Rendering], inverse: InverseOptions | None, progress: Progress
+    parts: Sequence[Rendering], inverse_size: int, progress: Progress
 ) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
     """Bake renderings, as many beside each other as there are cores; a single one has all cores for itself.
 
@@ -143,7 +143,7 @@ def _all_baked(
             with telling:
                 progress(f"{rendering.camera.name} {rendering.style}: {what}", next(begun) / (STEPS * len(parts)))
 
-        luts, errors = baked(rendering, inverse, tell)
+        luts, errors = baked(rendering, inverse_size, tell)
         return {name: compact_text(lut) for name, lut in luts.items()}, errors
 
     made = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)

@@ -14,10 +14,10 @@ from xml.dom import minidom
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, ColourFunction
 from lutforge.errors import ConfigError
 from lutforge.interpolation import interpolate
-from lutforge.inverse.linearization import BakedRender, InverseOptions, inverse_of
+from lutforge.inverse.linearization import SIZE, BakedRender, inverse_of
 from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
 from lutforge.luts.bake import bake, grading_steps, raised
 from lutforge.luts.formats import clf
@@ -28,7 +28,7 @@ from lutforge.luts.shaper import FEW, node_levels, shaper
 from lutforge.model.coverage import uncovered
 from lutforge.model.highlights import CLIPPED
 from lutforge.model.lattice import grid, snap_levels
-from lutforge.model.transform import ColourFunction, Gain, Transform
+from lutforge.model.transform import Gain, Transform
 from lutforge.ocio.cameras import Camera, UniqueNames, file_stem
 from lutforge.settings import Selector
 
@@ -195,12 +195,13 @@ STEPS = 4
 
 
 def baked(
-    rendering: Rendering, options: InverseOptions | None = None, tell: Callable[[str], None] = lambda what: None
+    rendering: Rendering, inverse_size: int = SIZE, tell: Callable[[str], None] = lambda what: None
 ) -> tuple[dict[str, Lut], tuple[str, ...]]:
     """Bake the render as it is, and the linearization as its inverse, so that JPEG → reference → JPEG comes back.
 
     Returned are the LUTs by file name, as the files hold them, and their errors, lines of a key and a value. The
-    linearization of a style without a render is that of its profile. tell: called with each step as it begins.
+    linearization of a style without a render is that of its profile. inverse_size: nodes per axis of an inverse. tell:
+    called with each step as it begins.
     """
     title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
     tell("baking the render")
@@ -219,7 +220,7 @@ def baked(
             linearize = linearize if linearize.cube is None else compact(linearize)
         else:
             tell("inverting it")
-            inverse = inverse_of(BakedRender.of(render), rendering.linearize, options)
+            inverse = inverse_of(BakedRender.of(render), rendering.linearize, inverse_size)
             inverse.values[-1, -1, -1] = BEYOND
             calibrated = model
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge import __version__
+from lutforge.arrays import ColourFunction
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
@@ -24,7 +25,7 @@ from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, input_and_output_
 from lutforge.luts.programs import Target, files_for, program_named, target_of
 from lutforge.luts.sequence import FORMS, Form, Lut, format_of
 from lutforge.model.camera_profile import CameraProfile, as_profile
-from lutforge.model.transform import ColourFunction, Purpose, Transform
+from lutforge.model.transform import Purpose, Transform
 from lutforge.pipeline.outputs import Paths, check_output, one_of, several
 from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
@@ -147,7 +148,7 @@ def bake(
                 f"{file.path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
             )
         if kind == "render" and purpose.space != "raw" and file.error.max_de00 is not None and file.error.max_de00 > 1:
-            light = float(rgb_space(purpose.space).decode(np.array(file.error.worst)).max())
+            light = float(rgb_space(purpose.space).linearize(np.array(file.error.worst)).max())
             if light > 1:  # where a difference that is seen is the largest
                 where = f"at light {light:.0f} times as bright as white"
                 notes.append(f"{file.path}: the largest difference is {where}; a .clf is closer")

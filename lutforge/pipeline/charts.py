@@ -20,7 +20,7 @@ from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
-from lutforge.pipeline.response import FittedResponse, open_bracket
+from lutforge.pipeline.response import Bracket, FittedResponse, open_bracket
 from lutforge.pipeline.sampling import CHART
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.chart import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
@@ -29,15 +29,6 @@ from lutforge.samples.sample_set import SampleSet
 
 SPACE = "acescg"
 """The linear space of the chart's colours: no surface lies outside it, and its axes are near those of cameras."""
-
-
-@dataclass(frozen=True, eq=False)
-class KnownChart:
-    """A chart under a light. corners: (4, 2) where it is in all shots, in pixels; None where it is searched for."""
-
-    kind: ChartKind
-    light: str
-    corners: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,21 +47,24 @@ class FittedChart(FittedResponse):
 def write_input_transform(
     bracket: Sequence[Path],
     output: Path,
-    chart: KnownChart,
+    kind: ChartKind,
+    light: str,
+    corners: Array | None = None,
     exposure_s: Sequence[float] | None = None,
     *,
     camera: str = "",
     progress: Progress = silent,
 ) -> FittedChart:
-    """Calibrate a camera without RAW on exposures of a chart, and write the profile.
+    """Calibrate a camera without RAW on exposures of a chart under a light, and write the profile.
 
-    bracket, exposure_s, camera: as for `response`. Raises CalibrationError, in one line with what to do, where
+    corners: (4, 2), where the chart is in all shots, in pixels; None where it is searched for. bracket, exposure_s,
+    camera: as for `response`. Raises CalibrationError, in one line with what to do, where
     the chart is not found or the exposures do not determine a response; ImageError, ShotError, and LutForgeError where
     nothing can be written.
     """
     check_output(output, PROFILE_SUFFIXES, bracket)
     with open_bracket(bracket, exposure_s, camera) as opened:
-        codes, found = _patches(opened.files, opened.exposure_s, chart, part(progress, 0.0, 0.2))
+        codes, found = _patches(opened, kind, light, corners, part(progress, 0.0, 0.2))
     names, times = opened.names, opened.exposure_s
     usable = np.asarray(np.isfinite(codes).all(axis=2))
     shot, patch = np.nonzero(usable)
@@ -87,7 +81,7 @@ def write_input_transform(
         wb=np.full((count, 3), np.nan),
         raw_camera=np.full(count, opened.camera),
         raw_space=np.full(count, SPACE),
-        developer=np.full(count, f"{CHART}{chart.kind.name} under {chart.light}"),
+        developer=np.full(count, f"{CHART}{kind.name} under {light}"),
     )
     try:
         fit = fit_bracket(pairs_of_samples(samples))
@@ -95,14 +89,14 @@ def write_input_transform(
         help_ = "a chart's greys are unsaturated where the white balance is set to the light"
         raise CalibrationError(f"{error}; {help_}") from None
     true = np.array([fit.exposure_error.get(name, 1.0) for name in names]) * times
-    colours = chart.kind.linear_srgb(chart.light) @ matrix_between("linear-srgb", SPACE).T
+    colours = kind.linear_srgb(light) @ matrix_between("linear-srgb", SPACE).T
     # What the camera makes of the chart's greys tells its white balance beside the light, and where its white is.
-    light = colours[patch] * true[shot, None]
-    grey = 1.0 - light.min(axis=1) / light.max(axis=1) < 0.12
+    reflected = colours[patch] * true[shot, None]
+    grey = 1.0 - reflected.min(axis=1) / reflected.max(axis=1) < 0.12
     if np.count_nonzero(grey) < 6:
         raise CalibrationError("too few unclipped grey patches: take steps of at most two stops, some of them darker")
     shown = fit.response.linearize(samples.srgb[grey]) @ matrix_between("linear-srgb", SPACE).T
-    ratio = np.median(shown / light[grey], axis=0)
+    ratio = np.median(shown / reflected[grey], axis=0)
     multipliers, scale = ratio / ratio[1], float(ratio[1])
     # Colours with a channel below 0 or above the camera's white have no place in a table of RAW.
     raw = scale * true[shot, None] * colours[patch]
@@ -111,35 +105,36 @@ def write_input_transform(
     profile = calibrate(samples, progress=part(progress, 0.2, 1.0))
     level = dict(zip(names, (scale * true).tolist(), strict=True))
     told = f"1 is the camera's white; white beside the chart has {max(level.values()):.3g} in the brightest shot"
-    profile = replace(profile, notes=(f"of the {samples.developer[0]}: {chart.kind.source}", told, *profile.notes))
+    profile = replace(profile, notes=(f"of the {samples.developer[0]}: {kind.source}", told, *profile.notes))
     profile.save(output)
     return FittedChart(profile, fit, dict(zip(names, times, strict=True)), samples, level, found)
 
 
 def _patches(
-    files: Sequence[Path], times: Sequence[float], chart: KnownChart, progress: Progress
+    bracket: Bracket, kind: ChartKind, light: str, corners: Array | None, progress: Progress
 ) -> tuple[Array, tuple[str, ...]]:
     """JPEG values (shots, n, 3) of the patches, NaN where clipped or outside, and the shots that show the chart."""
-    colours = np.clip(chart.kind.linear_srgb(chart.light), 0.0, 1.0)
+    files, times = bracket.files, bracket.exposure_s
+    colours = np.clip(kind.linear_srgb(light), 0.0, 1.0)
     reference: Array = 255.0 * srgb_encode(colours)
-    places: dict[int, Array] = {} if chart.corners is None else dict.fromkeys(range(len(files)), chart.corners)
-    for index, file in enumerate(files if chart.corners is None else ()):
+    places: dict[int, Array] = {} if corners is None else dict.fromkeys(range(len(files)), corners)
+    for index, file in enumerate(files if corners is None else ()):
         progress(f"{file.name}: looking for the chart", 0.5 * index / len(files))
         codes = np.rint(_codes(file)).astype(np.uint8)
-        seen = find_chart(codes, chart.kind, None if chart.kind.detector == "MCC24" else reference)
+        seen = find_chart(codes, kind, None if kind.detector == "MCC24" else reference)
         if seen is not None:
             places[index] = seen.corners
     if not places:
-        why = detector_note() if chart.kind.detector else "OpenCV has no detector for it"
+        why = detector_note() if kind.detector else "OpenCV has no detector for it"
         raise CalibrationError(
-            f"no picture shows a {chart.kind.name} ({why or 'none was found'}): give its corners, clockwise from the "
+            f"no picture shows a {kind.name} ({why or 'none was found'}): give its corners, clockwise from the "
             'first patch\'s, --corners "x,y x,y x,y x,y"'
         )
     values, likeness = np.full((len(files), len(reference), 3), np.nan), 0.0
     for index, file in enumerate(files):
         progress(file.name, 0.5 + 0.5 * index / len(files))
         nearest = min(places, key=lambda other: abs(np.log(times[other] / times[index])))
-        patches = patch_codes(_codes(file), Chart(places[nearest], chart.kind))
+        patches = patch_codes(_codes(file), Chart(places[nearest], kind))
         clipped = np.any((patches.maximum >= 254) | (patches.minimum <= 1), axis=1)  # as JPEG pixels elsewhere
         values[index] = np.where(clipped[:, None], np.nan, patches.mean / 255.0)
         kept = np.isfinite(values[index]).all(axis=1)
@@ -147,7 +142,7 @@ def _patches(
             likeness = max(likeness, resemblance(patches.mean[kept], reference[kept]))
     if likeness < RESEMBLANCE:
         raise CalibrationError(
-            f"what lies between these corners is no {chart.kind.name}: name them clockwise, the first patch's first"
+            f"what lies between these corners is no {kind.name}: name them clockwise, the first patch's first"
         )
     # The camera's own white need not be 1. One patch may be the brightest by chance; several that are equally bright
     # follow the exposure no more.

@@ -16,6 +16,7 @@ from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 # What reads one kind of file is imported where it reads it: inspecting should not wait for the others.
 if TYPE_CHECKING:
     from lutforge.model.camera_profile import CameraProfile
+    from lutforge.shots.metadata import ShotMetadata
 
 CAMERA_PROFILES = (".dcp", ".icc", ".icm")
 PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", *HEIF_SUFFIXES})
@@ -82,7 +83,7 @@ def _shot(path: Path) -> Rows:
     yield "camera", data.camera
     yield "picture style", data.style
     yield "white balance", f"{data.white_balance}, multipliers {_numbers(data.multipliers)}"
-    yield "exposure", _exposure(data.exposure_s, data.aperture, data.iso)
+    yield "exposure", _exposure(data)
     height, width = shot.jpeg.shape[:2]
     yield "JPEG", f"{width} × {height}, {shot.jpeg_source}"
     yield (
@@ -98,7 +99,7 @@ def _shot(path: Path) -> Rows:
 
 def _picture(path: Path) -> Rows:
     from lutforge.images.read import ImageReader
-    from lutforge.shots.metadata import read_exposure, read_picture_settings
+    from lutforge.shots.metadata import read_picture_settings
 
     settings = read_picture_settings(path)
     if is_heif(path):
@@ -112,8 +113,7 @@ def _picture(path: Path) -> Rows:
     yield "camera", settings.camera or "the file does not name it"
     yield "picture style", settings.style
     yield "white balance", f"{settings.white_balance}, multipliers {_numbers(settings.multipliers)}"
-    stated = read_exposure(path)
-    yield "exposure", _exposure(stated.time_s, stated.aperture, stated.iso)
+    yield "exposure", _exposure(settings)
     yield "use", "a finished picture: apply; a RAW file of the same name beside it makes it a pair to calibrate from"
     yield from (("note", text) for text in settings.notes)
 
@@ -168,8 +168,9 @@ def check(path: str | Path) -> list[str]:
     return report_lines(check_lut(path))
 
 
-def _exposure(time_s: float, aperture: float, iso: float) -> str:
+def _exposure(data: "ShotMetadata") -> str:
     """Of a shot; what is not above 0, NaN included, is unknown."""
+    time_s, aperture, iso = data.exposure_s, data.aperture, data.iso
     seconds = f"1/{1 / time_s:.0f} s" if 0 < time_s < 0.3 else f"{time_s:.3g} s" if time_s > 0 else "time unknown"
     f_number = f"f/{aperture:.3g}" if aperture > 0 else "aperture unknown"
     return f"{seconds}, {f_number}, {f'ISO {iso:g}' if iso > 0 else 'ISO unknown'}"

@@ -27,7 +27,7 @@ from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
-from lutforge.shots.metadata import UNKNOWN, read_exposure, read_picture_settings
+from lutforge.shots.metadata import UNKNOWN, read_picture_settings
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".avi", ".mxf", ".mts", ".m2ts", ".webm"})
 
@@ -85,23 +85,38 @@ def response(
 
 
 @dataclass(frozen=True)
-class OpenBracket:
-    """The pictures of a bracket. exposure_s: relative; camera, style, white_balance: as the first tells, or usual."""
+class Bracket:
+    """The pictures of a bracket.
+
+    exposure_s: relative, NaN where not stated; camera: "" if unknown; style, white_balance: as the first picture tells,
+    or usual.
+    """
 
     files: tuple[Path, ...]
     exposure_s: tuple[float, ...]
     camera: str
-    style: str
-    white_balance: str
+    style: str = "standard"
+    white_balance: str = "auto"
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the files."""
         return tuple(file.name for file in self.files)
 
+    def __str__(self) -> str:
+        count, known = len(self.files), np.array(self.exposure_s)
+        seen = f"{count} pictures{f' of {self.camera}' if self.camera else ''} without RAW"
+        if not np.isfinite(known).all():
+            return f"{seen}; they do not state their exposures: write them under “Exposure times”"
+        steps = len(np.unique(known))
+        if steps < 2:
+            return f"{seen}, all of one exposure: a response needs one scene at several"
+        stops = np.log2(known.max() / known.min())
+        return f"{seen}: a bracket of {steps} exposures over {stops:.1f} stops, if they show one scene"
+
 
 @contextmanager
-def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, camera: str) -> Iterator[OpenBracket]:
+def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, camera: str) -> Iterator[Bracket]:
     """Give the pictures of a bracket; of a film a frame for each exposure, which is a file while the block runs.
 
     Raises CalibrationError where exposures are not stated, or are not one for each picture; ImageError, ShotError.
@@ -117,19 +132,18 @@ def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, ca
                 if path.is_dir() and not pictures:
                     raise CalibrationError(f"{path}: no pictures in this folder")
                 files += pictures or [path]
-        times = exposure_s
+        times, of_files = exposure_s, [read_picture_settings(file) for file in files]
         if times is None:
-            times = [read_exposure(file).value for file in files]
+            times = [settings.exposure for settings in of_files]
             unknown = [file.name for file, time in zip(files, times, strict=True) if not time > 0]
             if unknown:
                 why = "the file states no exposure time; give those of the bracket (--times)"
                 raise CalibrationError(f"{unknown[0]}: {why}")
         check_exposures(files, times)
-        of_files = [read_picture_settings(file) for file in files]
         settings, cameras = of_files[0], sorted({each.camera for each in of_files if each.camera})
         if len(cameras) > 1:
             raise CalibrationError(f"pictures of {len(cameras)} cameras ({', '.join(cameras[:4])}): give those of one")
-        yield OpenBracket(
+        yield Bracket(
             tuple(files),
             tuple(times),
             camera or settings.camera or "camera",

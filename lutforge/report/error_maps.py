@@ -85,8 +85,8 @@ def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, name: str, raw_
     shot, samples = read_shot(raw_file), predictions.data.samples
     cell = max(2, round(shot.jpeg.shape[0] / 240))
     jpeg, raw = shot.jpeg_cells(cell), shot.raw_cells(cell)
-    clip = clipping(jpeg, raw, saturation_levels(shot.raw.pixels))
-    usable = np.isfinite(raw.mean[..., 0]) & ~clip.any
+    clips = clipping(jpeg, raw, saturation_levels(shot.raw.pixels))
+    usable = np.isfinite(raw.mean[..., 0]) & ~np.any(list(clips.values()), axis=0)
     gain = np.median(predictions.data.balanced[own] / samples.raw[own], axis=0)
     bright = np.nanpercentile(raw.mean * gain, 99)
     scene = np.nan_to_num(srgb_encode(np.clip(raw.mean * gain / bright, 0.0, 1.0)), nan=0.5)

@@ -5,7 +5,7 @@ A report is made of blocks of text, tables and pictures, and becomes one HTML fi
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -81,12 +81,8 @@ Block = str | tuple[str, ...] | Picture | Table
 """A paragraph, sentences one below the other, a figure, a table."""
 
 
-@dataclass(frozen=True, eq=False)
-class Section:
-    """A heading and what stands below it."""
-
-    title: str
-    blocks: tuple[Block, ...]
+Sections = Mapping[str, tuple[Block, ...]]
+"""Headings and what stands below each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +92,13 @@ class Report:
     title: str
     subtitle: str
     lead: tuple[str, ...] = ()
-    sections: tuple[Section, ...] = ()
-    answers: tuple[Section, ...] = ()
+    sections: Sections = field(default_factory=dict)
+    answers: Sections = field(default_factory=dict)
 
     @property
     def pictures(self) -> Sequence[Picture]:
         """All figures in order."""
-        return [block for section in self.sections for block in section.blocks if isinstance(block, Picture)]
+        return [block for blocks in self.sections.values() for block in blocks if isinstance(block, Picture)]
 
 
 @matplotlib.rc_context({"text.parse_math": False})  # names may hold dollar signs
@@ -120,8 +116,8 @@ def build_report(
     """
     notes, own = profile.notes, LATTICE
     evaluation = None
-    judged: list[Section] = []
-    shown: list[Section] = []
+    judged: dict[str, tuple[Block, ...]] = {}
+    shown: dict[str, tuple[Block, ...]] = {}
     lens = list(falloff_blocks(profile.falloffs))
     data: dict[str, StyleData] = {}
     if samples is not None:
@@ -130,22 +126,26 @@ def build_report(
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*notes, *evaluation.notes)))
         progress("error maps", 0.8)
-        judged.append(Section("Errors", (*error_tables(own, evaluation), *error_pictures(own, evaluation))))
-        judged.append(Section("Errors on real shots", tuple(error_map_pictures(profile, own, evaluation, files or {}))))
-        shown.append(Section("Samples", tuple(sample_blocks(samples, accounts))))
-        shown.append(Section("Exposures", tuple(exposure_blocks(data))))
+        judged["Errors"] = (*error_tables(own, evaluation), *error_pictures(own, evaluation))
+        judged["Errors on real shots"] = tuple(error_map_pictures(profile, own, evaluation, files or {}))
+        shown["Samples"] = tuple(sample_blocks(samples, accounts))
+        shown["Exposures"] = tuple(exposure_blocks(data))
         if evaluation.departures:
             title = "Shots that depart from the fixed rendering, with standard errors"
             rows = [(each.shot, *each.cells) for each in evaluation.departures]
             lens.append(Table(title, ("shot", "exposure, EV", "contrast", "saturation"), rows))
     progress("models", 0.9)
-    models = [
-        Section(f"Style {name}", tuple(style_pictures(profile, name, style, data.get(name))))
-        for name, style in profile.styles.items()
-    ]
-    said = Section("Notes", (notes,) if notes else ())
-    settings = Section("White balances and matrix", (balance_table(profile), matrix_table(profile)))
-    sections = (said, *judged, Section("Lens and scene", tuple(lens)), settings, *models, *shown)
+    sections: Sections = {
+        "Notes": (notes,) if notes else (),
+        **judged,
+        "Lens and scene": tuple(lens),
+        "White balances and matrix": (balance_table(profile), matrix_table(profile)),
+        **{
+            f"Style {name}": tuple(style_pictures(profile, name, style, data.get(name)))
+            for name, style in profile.styles.items()
+        },
+        **shown,
+    }
     progress("done", 1.0)
     options = options_from_json(profile.options)
     model = {"lattice": f"lattices of {options.size}³ nodes", "rbf": "the physical model and lattices"}[options.model]
@@ -153,7 +153,7 @@ def build_report(
         f"{profile.camera}: calibration report",
         f"Picture styles: {', '.join(profile.styles)}. White balances: {', '.join(profile.white_balances)}. "
         f"Shots: {len(profile.shots)}. Model: {model}, preset {options.preset}.",
-        sections=tuple(section for section in sections if section.blocks),
+        sections={title: blocks for title, blocks in sections.items() if blocks},
         answers=answers(profile, own, evaluation, data),
     )
 
@@ -175,9 +175,7 @@ Errors = tuple[float, float | None, float | None, bool]
 """A style's mean error RAW → JPEG, its mean ΔE00, its mean error JPEG → RAW, and whether shots were held out."""
 
 
-def answers(
-    profile: CameraProfile, own: str, evaluation: Evaluation | None, data: Mapping[str, StyleData]
-) -> tuple[Section, ...]:
+def answers(profile: CameraProfile, own: str, evaluation: Evaluation | None, data: Mapping[str, StyleData]) -> Sections:
     """Answer the three questions; own: the method of `evaluation` that is the profile's model.
 
     Without an evaluation the errors are those that the profile holds. Each figure is one that `calibrate` or `evaluate`
@@ -215,11 +213,11 @@ def answers(
             gaps.append(tuple(map(str, colours[:4])))
         else:
             gaps.append(f"{name}: the samples come near most colours that real surfaces have.")
-    return (
-        Section("How good is it?", good or ("Not known: the profile holds no errors. Give its samples, too.",)),
-        Section("What for?", (uses,) if errors else ()),
-        Section("What to shoot next?", tuple(gaps)),
-    )
+    return {
+        "How good is it?": good or ("Not known: the profile holds no errors. Give its samples, too.",),
+        "What for?": (uses,) if errors else (),
+        "What to shoot next?": tuple(gaps),
+    }
 
 
 def _how_good(style: str, mean: float, de00: float | None, backward: float | None, held_out: bool) -> str:
@@ -507,10 +505,10 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
         f"{names[0]} beside {names[1]}",
         f"the same light through both; the second at {ev:+.2f} EV, so that 18 % grey is equally light",
         lead,
-        (
-            Section("A chart", (Picture("chart", two_charts, caption), table)),
-            Section("A picture", (Picture("picture", two_pictures, seen),)),
-        ),
+        {
+            "A chart": (Picture("chart", two_charts, caption), table),
+            "A picture": (Picture("picture", two_pictures, seen),),
+        },
     )
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lutforge.calibration.physical.bracket import BracketFit
+    from lutforge.evaluation.errors_table import MethodError
     from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
     from lutforge.model.camera_profile import CameraProfile
 
@@ -92,38 +93,35 @@ def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> T
 def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
     """Tabulate an evaluation's errors of RAW, over exposure pairs and of refinishing, where there are such."""
     from lutforge.evaluation.errors_table import FIGURES
-    from lutforge.evaluation.linearization import EDITS
 
     tables = (
-        _by_method(
-            "JPEG → RAW before white balance: RMSE (1 = saturation)",
-            ("style", "method", "held out", "n", "RMSE", "R", "G", "B"), evaluation.raw,
-            lambda row: (row.style, row.method, _yes(row.held_out), str(row.count), *_four(row.rmse, *row.rmse_rgb)),
-            own,
-        ),
-        _by_method(
+        ("JPEG → RAW before white balance: RMSE (1 = saturation)", "n", evaluation.raw, 4),
+        (
             "JPEGs made linear, then exposed and balanced anew: mean ΔE00 to the same edit of the RAW",
-            ("style", "method", "held out", "n", *EDITS), evaluation.edited,
-            lambda row: (
-                row.style, row.method, _yes(row.held_out), str(row.count), *(f"{value:.2f}" for value in row.de00)
-            ),
-            own,
+            "n", evaluation.edited, 2,
         ),
-        _by_method(
+        (
             "Two exposures of one scene: how far their linearized JPEGs differ, beyond the exposure (1 = full scale)",
-            ("style", "method", "held out", "pairs", "R", "G", "B"), evaluation.linearization,
-            lambda row: (row.style, row.method, _yes(row.held_out), str(row.pairs), *_four(*row.delta)), own,
+            "pairs", evaluation.linearization, 4,
         ),
-        _by_method(
+    )  # fmt: skip
+    for caption, counted, rows, digits in tables:
+        if rows:
+
+            def cells(row: MethodError, digits: int = digits) -> tuple[str, ...]:
+                numbers = (f"{value:.{digits}f}" for value in row.values.values())
+                return (row.style, row.method, _yes(row.held_out), str(row.count), *numbers)
+
+            yield _by_method(caption, ("style", "method", "held out", counted, *rows[0].values), rows, cells, own)
+    if evaluation.refinish:
+        yield _by_method(
             "JPEGs changed to another setting, against the camera's own JPEG of the same scene (1 = full scale)",
             ("from", "to", "method", "held out", "pairs", *FIGURES), evaluation.refinish,
             lambda row: (
                 row.source, row.target, row.method, _yes(row.held_out), str(row.shots), *row.figures.cells,
             ),
             own,
-        ),
-    )  # fmt: skip
-    yield from (table for table in tables if table.rows)
+        )  # fmt: skip
 
 
 def _by_method(
@@ -132,10 +130,6 @@ def _by_method(
     """Tabulate records; those of the method `own` are set bold."""
     bold = frozenset(index for index, row in enumerate(rows) if row.method == own)
     return Table(caption, header, [cells(row) for row in rows], bold)
-
-
-def _four(*values: float) -> tuple[str, ...]:
-    return tuple(f"{value:.4f}" for value in values)
 
 
 def _yes(value: bool) -> str:

@@ -1,7 +1,5 @@
 """The clipping limits of areas and of samples: beyond them a JPEG or RAW pixel no longer tells what the scene was."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,29 +10,11 @@ if TYPE_CHECKING:  # what is asked of samples alone is asked without the kernels
     from lutforge.shots.cells import CellStatistics
 
 
-@dataclass(frozen=True, eq=False)
-class Clipping:
-    """Masks (…) of areas with at least one clipped pixel in any channel, by the reason in words."""
+def clipping(jpeg: "CellStatistics", raw: "CellStatistics", saturation: Array) -> dict[str, Mask]:
+    """Masks (…) of areas with clipped pixels in any channel, by the reason in words: each under its first reason.
 
-    reasons: Mapping[str, Mask]
-
-    @property
-    def any(self) -> Mask:
-        """Areas that clip for any reason."""
-        return np.asarray(np.logical_or.reduce(list(self.reasons.values())))
-
-    def counts(self, where: Mask | None = None) -> dict[str, int]:
-        """Areas in `where` per reason; each is counted once, under its first reason."""
-        counted = np.zeros(self.any.shape, dtype=np.bool_) if where is None else ~where
-        counts: dict[str, int] = {}
-        for reason, mask in self.reasons.items():
-            counts[reason] = int(np.count_nonzero(mask & ~counted))
-            counted |= mask
-        return counts
-
-
-def clipping(jpeg: "CellStatistics", raw: "CellStatistics", saturation: Array) -> Clipping:
-    """Which areas hold clipped pixels. saturation: (3,) RAW level of each channel, see `saturation_levels`."""
+    saturation: (3,) RAW level of each channel, see `saturation_levels`.
+    """
     clips = {
         # JPEG compression moves a clipped pixel by a code.
         "JPEG white": jpeg.maximum >= 254,
@@ -43,7 +23,10 @@ def clipping(jpeg: "CellStatistics", raw: "CellStatistics", saturation: Array) -
         "RAW saturated": raw.maximum >= 0.98 * saturation,
         "RAW black": raw.minimum <= 0,
     }
-    return Clipping({reason: np.any(channels, axis=-1) for reason, channels in clips.items()})
+    masks: dict[str, Mask] = {}
+    for reason, channels in clips.items():
+        masks[reason] = np.any(channels, axis=-1) & ~np.any(list(masks.values()), axis=0)
+    return masks
 
 
 def one_sided(jpeg: "CellStatistics", raw: "CellStatistics", saturation: Array) -> tuple[Mask, Mask]:

@@ -98,9 +98,10 @@ def extract(shot: Shot) -> ShotSamples:
         notes += [missing] if missing else []
         if chart is not None:
             jpeg, raw = sample_chart(shot, chart)
-            clip = clipping(jpeg, raw, saturation)
-            clipped = {reason: count + clip.counts()[reason] for reason, count in clipped.items()}
-            kept = np.flatnonzero(np.isfinite(jpeg.mean + raw.mean).all(axis=-1) & ~clip.any)
+            clips = clipping(jpeg, raw, saturation)
+            clipped = {reason: clipped[reason] + int(np.count_nonzero(mask)) for reason, mask in clips.items()}
+            is_clipped = np.any(list(clips.values()), axis=0)
+            kept = np.flatnonzero(np.isfinite(jpeg.mean + raw.mean).all(axis=-1) & ~is_clipped)
             names = [f"chart_{index + 1:02d}" for index in kept]
             patches = _sample_set(shot, names, raw.mean[kept], jpeg.mean[kept], chart.patches().mean(axis=1)[kept])
     samples, places = tiles.samples, tiles.places
@@ -126,8 +127,9 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     raw = shot.raw_cells(cell, hot) if hot else raw
     jpeg = shot.jpeg_cells(cell, hot)
     inside: Mask = np.isfinite(raw.mean[..., 0])
-    clip = clipping(jpeg, raw, saturation)
-    usable = inside & ~clip.any
+    clips = clipping(jpeg, raw, saturation)
+    is_clipped = np.any(list(clips.values()), axis=0)
+    usable = inside & ~is_clipped
     black, white = one_sided(jpeg, raw, saturation)
     at_an_end = inside & np.any(black | white, axis=-1)
     level, roughness = flatness(jpeg, raw, cell, shot.metadata.multipliers, usable, usable | at_an_end)
@@ -153,7 +155,7 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
         "RAW and JPEG disagree": int(np.count_nonzero(is_flat & ~agrees)),
         "colour already covered": int(np.count_nonzero(is_flat & agrees)) - len(parts[0][0]),
     }
-    outcome = np.select([~inside, clip.any, ~is_flat, ~agrees], [2, 1, 3, 4], 5).astype(np.uint8)
+    outcome = np.select([~inside, is_clipped, ~is_flat, ~agrees], [2, 1, 3, 4], 5).astype(np.uint8)
     outcome[rows, columns] = 0
     names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
     centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
@@ -167,8 +169,10 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     whole = shot.jpeg[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
     picture = np.rint(whole.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
     turns = -TURNS.get(shot.raw.flip, 0)
+    counted = inside & (outcome != 0)
+    clipped = {reason: int(np.count_nonzero(mask & counted)) for reason, mask in clips.items()}
     return ShotSamples(
-        shot.name, samples, len(samples), 0, clip.counts(inside & (outcome != 0)), rejected, tuple(notes),
+        shot.name, samples, len(samples), 0, clipped, rejected, tuple(notes),
         ShotCells(*(np.rot90(each, turns) for each in (jpeg8, raw8, outcome, picture))), places, shot.metadata.notes,
     )  # fmt: skip
 

@@ -3,7 +3,7 @@
 import contextlib
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,30 +32,41 @@ _BRANDS = (
 
 @dataclass(frozen=True, eq=False)
 class ShotMetadata:
-    """Settings of one shot.
+    """Settings of a shot, or of a finished picture.
 
-    style, white_balance: lower-case words ("standard", "vivid", …; "auto", "daylight", …; "unknown").
+    camera: make and model, "" where a picture does not name it. style, white_balance: lower-case words ("standard",
+    "vivid", …; "auto", "daylight", …; "unknown"); the white balance of a picture may be a temperature ("5200k").
     multipliers: (3,) with green = 1, None where unknown. exposure_s, iso, focal_mm, aperture (f-number): NaN where
-    unknown. lens: its name, "" where unknown. d65: as of `RawImage`. notes: what the user should know, a line each.
+    unknown. notes: what the user should know, a line each. lens: its name, "" where unknown. d65: as of `RawImage`.
     """
 
-    make: str
-    model: str
+    camera: str
     style: str
     white_balance: str
     multipliers: Array | None
-    exposure_s: float
-    iso: float
-    notes: tuple[str, ...]
+    exposure_s: float = math.nan
+    iso: float = math.nan
+    notes: tuple[str, ...] = ()
     lens: str = ""
     focal_mm: float = math.nan
     aperture: float = math.nan
     d65: Array | None = None
 
     @property
-    def camera(self) -> str:
-        """Make and model in one, without a doubled make: "Canon PowerShot S40", "Nikon D40"."""
-        return tidy_camera(self.make, self.model)
+    def exposure(self) -> float:
+        """Time · ISO / 100 / f-number², at ISO 100 and f/1 where these are unknown; NaN without a time."""
+        iso, aperture = (self.iso if self.iso > 0 else 100.0), (self.aperture if self.aperture > 0 else 1.0)
+        return self.exposure_s * iso / 100.0 / aperture**2
+
+    @property
+    def exposure_notes(self) -> tuple[str, ...]:
+        """A note on each number of `exposure` that is unknown, and on what stands in."""
+        absent = (("aperture", "f/1", self.aperture), ("ISO", "ISO 100", self.iso))
+        return tuple(
+            f"the file states no {name}, {usual} stands in: exposures agree only among pictures of one {name}"
+            for name, usual, number in absent
+            if not number > 0
+        )
 
 
 def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
@@ -81,8 +92,7 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     if style is None:
         notes.append('the file does not name its picture style: taken for "standard"')
     return ShotMetadata(
-        make=make or UNKNOWN,
-        model=model or "camera",
+        camera=tidy_camera(make or UNKNOWN, model or "camera"),
         style=style or "standard",
         white_balance=white_balance_of(found) or UNKNOWN,
         multipliers=raw.multipliers,
@@ -134,24 +144,8 @@ def tidy_camera(make: str, model: str) -> str:
 # --- Finished pictures -----------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class PictureSettings:
-    """The settings that a picture's metadata tell.
-
-    camera: make and model, "" where the file does not name it. style, white_balance: lower-case words, "unknown" where
-    the file does not tell; white_balance may be a temperature ("5200k"). multipliers: (3,) with green = 1, None where
-    unknown. notes: what makes the rendering depend on the scene.
-    """
-
-    camera: str
-    style: str
-    white_balance: str
-    multipliers: Array | None
-    notes: tuple[str, ...] = ()
-
-
-def read_picture_settings(path: Path) -> PictureSettings:
-    """Settings of a JPEG, another finished picture or a RAW file, from its EXIF and maker notes.
+def read_picture_settings(path: Path) -> ShotMetadata:
+    """Settings and exposure of a JPEG, another finished picture or a RAW file, from its EXIF and maker notes.
 
     A picture that LutForge wrote has the settings that its Software tag names, whatever its maker notes still say. The
     RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not tell. Raises ImageError for
@@ -160,11 +154,13 @@ def read_picture_settings(path: Path) -> PictureSettings:
     is_raw = path.suffix.lower() in RAW_SUFFIXES
     require_file(path, "a RAW file" if is_raw else "an image", ImageError)
     found = tags(path) if is_raw else _picture_tags(path)
-    made = None if is_raw else _made_by_lutforge(found)
-    if made is not None:
-        return made
     camera = camera_of(found)
     raw, raw_tags = (path, found) if is_raw else _raw_of(path, camera)
+    stated = zip(_exposure_of(found), _exposure_of(raw_tags), strict=True)
+    time_s, aperture, iso = (one or other or math.nan for one, other in stated)
+    made = None if is_raw else _made_by_lutforge(found)
+    if made is not None:
+        return replace(made, exposure_s=time_s, iso=iso, aperture=aperture)
     found = {**raw_tags, **found}
     multipliers = multipliers_of(found)
     if multipliers is None and raw is not None:
@@ -172,47 +168,16 @@ def read_picture_settings(path: Path) -> PictureSettings:
             multipliers = read_multipliers(raw)
         except ImageError:
             multipliers = None  # then the RAW file is of no help; the picture itself may be fine
-    return PictureSettings(
+    return ShotMetadata(
         camera=camera,
         style=setting_name(style_of(found) or UNKNOWN),
         white_balance=setting_name(white_balance_of(found) or UNKNOWN),
         multipliers=multipliers,
+        exposure_s=time_s,
+        iso=iso,
         notes=(*notes_of(found), *edited_notes(found)),
+        aperture=aperture,
     )
-
-
-@dataclass(frozen=True)
-class StatedExposure:
-    """Time in seconds, f-number and ISO of a picture, each 0 where it is not stated."""
-
-    time_s: float
-    aperture: float
-    iso: float
-
-    @property
-    def value(self) -> float:
-        """Time · ISO / 100 / f-number², at ISO 100 and f/1 where these are not stated; NaN without a time."""
-        return self.time_s * (self.iso or 100.0) / 100.0 / (self.aperture or 1.0) ** 2 if self.time_s > 0 else math.nan
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """A note on each number that is not stated, and on what stands in."""
-        absent = (("aperture", "f/1", self.aperture), ("ISO", "ISO 100", self.iso))
-        return tuple(
-            f"the file states no {name}, {usual} stands in: exposures agree only among pictures of one {name}"
-            for name, usual, number in absent
-            if not number
-        )
-
-
-def read_exposure(path: Path) -> StatedExposure:
-    """Exposure of a picture by its EXIF, completed by that of the RAW file of the same camera beside it."""
-    found = _picture_tags(path)
-    stated = _exposure_of(found)
-    if not all(stated):
-        beside = _exposure_of(_raw_of(path, camera_of(found))[1])
-        stated = [one or other for one, other in zip(stated, beside, strict=True)]
-    return StatedExposure(*stated)
 
 
 def _exposure_of(found: Tags) -> list[float]:
@@ -244,7 +209,7 @@ def software_tag(camera: str, selector: str) -> str:
     return f"{LUTFORGE} ({camera}: {selector})"
 
 
-def _made_by_lutforge(found: Tags) -> PictureSettings | None:
+def _made_by_lutforge(found: Tags) -> ShotMetadata | None:
     """Settings of a picture that LutForge wrote: unknown ones, where it was not a profile that made it."""
     software = str(found.get(SOFTWARE, ""))
     if software != LUTFORGE and not software.startswith(f"{LUTFORGE} ("):
@@ -256,8 +221,8 @@ def _made_by_lutforge(found: Tags) -> PictureSettings | None:
             balance = selector.white_balance
             multipliers = np.array(balance.rgb) if isinstance(balance, Multipliers) else None
             name = "custom" if isinstance(balance, Multipliers) else str(selector).partition("/")[2].lower()
-            return PictureSettings(stated[1], selector.style, name, multipliers)
-    return PictureSettings(camera_of(found), UNKNOWN, UNKNOWN, None)
+            return ShotMetadata(stated[1], selector.style, name, multipliers)
+    return ShotMetadata(camera_of(found), UNKNOWN, UNKNOWN, None)
 
 
 def _picture_tags(path: Path) -> Tags:

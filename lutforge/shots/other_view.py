@@ -18,7 +18,7 @@ from lutforge.errors import ShotError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.shots.geometry import Registration
-from lutforge.shots.metadata import camera_of, read_exposure, read_metadata
+from lutforge.shots.metadata import camera_of, read_metadata, read_picture_settings
 from lutforge.shots.shot import Shot
 from lutforge.shots.tags import tags
 
@@ -62,7 +62,7 @@ def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
     aperture = raw.aperture if raw.aperture > 0 else 1.0
     exposure = raw.exposure_s * (raw.iso if raw.iso > 0 else 100.0) / 100.0 / aperture**2
     named = replace(shot, raw_camera=camera_of(tags(raw_file)) or "reference camera")
-    return named, read_exposure(picture).value / exposure
+    return named, read_picture_settings(picture).exposure / exposure
 
 
 def _homography(cv2: Any, grey: Codes, jpeg: Codes) -> tuple[Array, float]:

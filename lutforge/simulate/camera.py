@@ -176,15 +176,6 @@ class SimulatedGamutMap:
 # --- The camera -------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class SimulatedStyle:
-    """A picture style: h, then f."""
-
-    name: str
-    gamut_map: SimulatedGamutMap
-    response: ToneResponse
-
-
 @dataclass(frozen=True, eq=False)
 class SimulatedCamera:
     """The ground truth: sensor and rendering of one camera.
@@ -192,8 +183,8 @@ class SimulatedCamera:
     sensitivity: (L, 3) over `spectra.WAVELENGTHS`, scaled so that E = reflectance · light · sensitivity.
     matrix: Ts (3, 3), white-balanced camera RGB to linear sRGB; rows sum to 1.
     nominal_exposure_s: the exposure at which a perfect diffuser reads 0.9 in its strongest channel.
-    white_balances: Tw of each setting. black, white: sensor codes of no light and of saturation. full_well, read_noise:
-    electrons.
+    white_balances: Tw of each setting. styles: h and f of each. black, white: sensor codes of no light and of
+    saturation. full_well, read_noise: electrons.
     """
 
     make: str
@@ -201,7 +192,7 @@ class SimulatedCamera:
     sensitivity: Array
     matrix: Array
     white_balances: Mapping[str, WhiteBalance]
-    styles: Mapping[str, SimulatedStyle]
+    styles: Mapping[str, tuple[SimulatedGamutMap, ToneResponse]]
     nominal_exposure_s: float = 1 / 60
     black: int = 600
     white: int = 15520
@@ -235,9 +226,9 @@ class SimulatedCamera:
 
     def render(self, raw: ArrayLike, style: str, white_balance: str | ArrayLike, ev: float = 0.0) -> Array:
         """I = f(h(Ts min(Tw k E, 1))), k = 2^ev: RAW (…, 3) to encoded values in [0, 1], not quantized."""
-        chain = self.styles[self._known(style, self.styles)]
+        gamut_map, response = self.styles[self._known(style, self.styles)]
         balanced = np.clip(np.asarray(raw) * self.multipliers(white_balance) * 2.0**ev, 0.0, 1.0)
-        return chain.response(chain.gamut_map(balanced @ self.matrix.T))
+        return response(gamut_map(balanced @ self.matrix.T))
 
     def linearize(self, encoded: ArrayLike, style: str, white_balance: str | ArrayLike, ev: float = 0.0) -> Array:
         """E = (k Tw)⁻¹ Ts⁻¹ h⁻¹(f⁻¹(I)): encoded values (…, 3) to RAW.
@@ -245,8 +236,8 @@ class SimulatedCamera:
         Exact to about 1e-9 for values strictly between 0 and 1 that the camera can make; a value of 0 or 1
         may be clipped, and then the result is one of many.
         """
-        chain = self.styles[self._known(style, self.styles)]
-        linear = chain.gamut_map.inverse(chain.response.inverse(encoded))
+        gamut_map, response = self.styles[self._known(style, self.styles)]
+        linear = gamut_map.inverse(response.inverse(encoded))
         balanced = linear @ np.linalg.inv(self.matrix).T
         return np.asarray(balanced / (self.multipliers(white_balance) * 2.0**ev))
 
@@ -295,7 +286,7 @@ def _build(model: str, sensitivity: Array, warmth: float = 0.0) -> SimulatedCame
         "landscape": (SimulatedGamutMap(w, knee=0.65, boost=0.5, turn=warmth - 0.06, bend=-0.14), 0.23, 0.95),
     }
     styles = {
-        name: SimulatedStyle(name, gamut_map, ToneResponse((toe,) * 3, (shoulder,) * 3))
+        name: (gamut_map, ToneResponse((toe,) * 3, (shoulder,) * 3))
         for name, (gamut_map, toe, shoulder) in looks.items()
     }
     return SimulatedCamera("LutForge", model, sensitivity, matrix, MappingProxyType(balances), MappingProxyType(styles))

@@ -20,10 +20,10 @@ from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile
 from lutforge.images.read import ImageReader
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.pipeline.charts import KnownChart, write_input_transform
+from lutforge.pipeline.charts import write_input_transform
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
-from lutforge.pipeline.response import FittedResponse, bracket_samples, parse_times, response
+from lutforge.pipeline.response import Bracket, FittedResponse, bracket_samples, parse_times, response
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress
 from lutforge.samples.chart_kinds import chart_kind, parse_corners
@@ -31,7 +31,7 @@ from lutforge.samples.extract import ShotSamples
 from lutforge.samples.table import is_table
 from lutforge.settings import Selector
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, discover, raw_beside
-from lutforge.shots.metadata import read_exposure, read_picture_settings
+from lutforge.shots.metadata import read_picture_settings
 from lutforge.studio.workspace import SUFFIX, Workspace, find_pairs, open_workspace, with_profile
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES)
@@ -172,32 +172,12 @@ def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> P
 
 
 @dataclass(frozen=True, eq=False)
-class Bracket:
-    """Pictures without RAW. exposure_s: relative, NaN where not stated; small: JPEGs of them; camera: "" if unknown."""
-
-    files: tuple[Path, ...]
-    exposure_s: tuple[float, ...]
-    small: tuple[bytes, ...]
-    camera: str
-
-    def __str__(self) -> str:
-        count, known = len(self.files), np.array(self.exposure_s)
-        seen = f"{count} pictures{f' of {self.camera}' if self.camera else ''} without RAW"
-        if not np.isfinite(known).all():
-            return f"{seen}; they do not state their exposures: write them under “Exposure times”"
-        steps = len(np.unique(known))
-        if steps < 2:
-            return f"{seen}, all of one exposure: a response needs one scene at several"
-        stops = np.log2(known.max() / known.min())
-        return f"{seen}: a bracket of {steps} exposures over {stops:.1f} stops, if they show one scene"
-
-
-@dataclass(frozen=True, eq=False)
 class Opened:
     """What was opened.
 
     workspace: None where there are no samples; profile_source: the file of the profile; accounts: of shots; left_out:
-    why other shots have none; files: by shot its RAW file; bracket: pictures without RAW, where that is all.
+    why other shots have none; files: by shot its RAW file; bracket: pictures without RAW, where that is all; small:
+    JPEGs of these.
     """
 
     workspace: Workspace | None = None
@@ -207,6 +187,7 @@ class Opened:
     files: Mapping[str, Path] = field(default_factory=dict)
     profile_source: Path | None = None
     bracket: Bracket | None = None
+    small: tuple[bytes, ...] = ()
 
 
 def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
@@ -229,11 +210,12 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
         progress(file.name, index / len(files))
         with reading(file.name, "a picture", ImageError):
             small.append(thumbnail(picture_bytes(file)))
-    times, camera = tuple(read_exposure(file).value for file in files), read_picture_settings(files[0]).camera
+    settings = [read_picture_settings(file) for file in files]
+    times, camera = tuple(each.exposure for each in settings), settings[0].camera
     workspace = None
     with suppress(CalibrationError):  # which Fit response then tells, with what to do
         workspace = Workspace(*bracket_samples(files, times, camera, progress))
-    return Opened(workspace, bracket=Bracket(tuple(files), times, tuple(small), camera))
+    return Opened(workspace, bracket=Bracket(tuple(files), times, camera), small=tuple(small))
 
 
 @dataclass(frozen=True)
@@ -270,8 +252,8 @@ def fit_request(request: BracketRequest, progress: Progress) -> FittedResponse:
         if not request.chart:
             return response(files, output, times, all_colours=request.all_colours, progress=progress)
         corners = parse_corners(request.corners) if request.corners else None
-        known = KnownChart(chart_kind(request.chart), request.light or "D50", corners)
-        return write_input_transform(files, output, known, times, progress=progress)
+        kind, light = chart_kind(request.chart), request.light or "D50"
+        return write_input_transform(files, output, kind, light, corners, times, progress=progress)
 
 
 # --- Samples and profiles ---------------------------------------------------------------------------------------------

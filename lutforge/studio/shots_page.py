@@ -17,7 +17,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
 from lutforge.pipeline.charts import FittedChart
-from lutforge.pipeline.response import FittedResponse
+from lutforge.pipeline.response import Bracket, FittedResponse
 from lutforge.pipeline.sampling import file_notes
 from lutforge.report.figures import bracket_figure
 from lutforge.report.tables import response_table
@@ -25,7 +25,7 @@ from lutforge.samples.chart_kinds import chart_names
 from lutforge.samples.extract import OUTCOMES, ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
-from lutforge.studio.opening import OPENED_SUFFIXES, Bracket, BracketRequest, fit_request, jpeg_of
+from lutforge.studio.opening import OPENED_SUFFIXES, BracketRequest, fit_request, jpeg_of
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace, WorkspaceError
 
@@ -213,7 +213,7 @@ class ShotsPage:
         """A card a picture: its exposure as stated and as it was."""
         fitted = None if self.session.response is None else self.session.response[1]
         least = np.nanmin([*bracket.exposure_s, np.inf])
-        for file, exposure, small in zip(bracket.files, bracket.exposure_s, bracket.small, strict=True):
+        for file, exposure, small in zip(bracket.files, bracket.exposure_s, self.session.opened.small, strict=True):
             known = f"exposure × {exposure / least:.4g}, as stated"
             facts = [known if np.isfinite(exposure) else "exposure not stated"]
             if fitted is not None and file.name in fitted.fit.exposure_error:

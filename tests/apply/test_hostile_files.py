@@ -20,7 +20,7 @@ ENDLESS = "CSPLUTV100\n3D\n\nBEGIN METADATA\nx\n"
 
 
 def test_a_config_that_names_an_endless_lut_is_refused(tmp_path: Path) -> None:
-    path = write_config([small_profile()], tmp_path / "config", inverse=SMALL)
+    path = write_config([small_profile()], tmp_path / "config", inverse_size=SMALL)
     (path.parent / "luts" / "endless.csp").write_text(ENDLESS)
     path.write_text(path.read_text().replace("test_one_standard_linearize.clf", "endless.csp"))
     began = time.monotonic()

@@ -10,7 +10,7 @@ from lutforge.apply.source_settings import source_selector
 from lutforge.errors import SettingsError, in_common
 from lutforge.pipeline.grading import Grading
 from lutforge.settings import parse_selector
-from lutforge.shots.metadata import PictureSettings
+from lutforge.shots.metadata import ShotMetadata
 from tests.cases.profiles import small_profile
 
 
@@ -29,14 +29,14 @@ from tests.cases.profiles import small_profile
 )
 def test_settings_that_contradict_the_file_are_noted(style: str, balance: str, asked: str | None, told: str) -> None:
     camera = small_profile()
-    settings = PictureSettings(camera.camera, style, balance, None)
+    settings = ShotMetadata(camera.camera, style, balance, None)
     given, notes = source_selector(Path("a.jpg"), settings, camera, parse_selector(asked or "as-shot/as-shot"))
     assert notes == ((f"the file says {told}; it is taken for {given}, as --from says",) if told else ())
 
 
 def test_multipliers_of_the_file_count_as_what_it_says() -> None:
     camera = small_profile()
-    settings = PictureSettings(camera.camera, "standard", "auto", np.array([1.31, 1.0, 2.58]))
+    settings = ShotMetadata(camera.camera, "standard", "auto", np.array([1.31, 1.0, 2.58]))
     assert source_selector(Path("a.jpg"), settings, camera, parse_selector("standard/tungsten"))[1] == ()
     assert (
         "the file says standard/auto"
@@ -56,7 +56,7 @@ def test_notes_that_files_share_are_one_line() -> None:
 
 def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do() -> None:
     camera = small_profile()
-    settings = PictureSettings(camera.camera, "standard", "auto", None)
+    settings = ShotMetadata(camera.camera, "standard", "auto", None)
     wanted = (
         r'a\.jpg: its white balance is "auto", and .* multipliers .*; put its RAW file beside it, name it with --from '
         r"standard/WB, where WB is .*, a temperature from \d+K to \d+K, or find it with --candidates"

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
+from lutforge.arrays import ColourFunction
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.luts.bake import bake_forms, bake_steps
@@ -32,7 +33,6 @@ from lutforge.luts.programs import target_of
 from lutforge.luts.reading import file_processor
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.published_model import import_published
-from lutforge.model.transform import ColourFunction
 from tests.benchmarks.common import Array, chosen, heading, real_data, row
 
 Errors = dict[str, tuple[float, float]]

@@ -40,7 +40,7 @@ def measure(camera: UnseenCamera) -> list[float]:
     stages = fit_stages(samples, samples.wb, np.ones(len(samples), dtype=np.bool_), "lutforge")
     response, balanced = stages.responses["standard"], samples.raw * samples.wb
     codes = np.linspace(samples.srgb.min(axis=0), samples.srgb.max(axis=0), 500)
-    linear = camera.styles["standard"].response.inverse(codes)
+    linear = camera.styles["standard"][1].inverse(codes)
     lights = tuple(camera.lights)
     model = fit_camera_model(MatrixAndResponse(stages.matrix, response), balanced, samples.srgb, lights)
     others = photograph_patches(camera, surfaces(300, 99), balances=lights, exposure_error=0.0, seed=5)
@@ -68,8 +68,8 @@ def main() -> None:
     rows = []
     for camera in cameras:
         rows.append(measure(camera))
-        style = camera.styles["standard"]
-        kind = f"{type(style.response).__name__}, {type(style.gamut_map).__name__}, {camera.patches}"
+        gamut_map, response = camera.styles["standard"]
+        kind = f"{type(response).__name__}, {type(gamut_map).__name__}, {camera.patches}"
         row(f"{camera.model}: {kind}", *rows[-1])
     row("median", *np.median(rows, axis=0))
     row("worst", *np.max(rows, axis=0))

@@ -14,7 +14,7 @@ from tests.cases.samples import BALANCES, chart_140, photograph_patches
 CAMERA = nikon_d5100()
 SAMPLES = photograph_patches(CAMERA, chart_140())
 SAMPLES = SAMPLES.select(unclipped(SAMPLES, SAMPLES.wb))
-LINEAR = CAMERA.styles["standard"].response.inverse(SAMPLES.srgb)
+LINEAR = CAMERA.styles["standard"][1].inverse(SAMPLES.srgb)
 TRUSTED = untouched(SAMPLES.srgb).astype(np.float64)
 TRUTH = {name: CAMERA.multipliers(name) for name in BALANCES}
 

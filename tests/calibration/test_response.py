@@ -36,7 +36,7 @@ def _samples(style: str) -> SampleSet:
 def _worst(response: Response, style: str, encoded: Array, *, scaled: bool = False) -> float:
     """Largest error of f inside the range that the samples span; scaled: with the best factor in front of each f⁻¹."""
     worst = 0.0
-    true = CAMERA.styles[style].response
+    true = CAMERA.styles[style][1]
     for channel in range(3):
         codes = np.linspace(encoded[:, channel].min(), encoded[:, channel].max(), 500)
         linear = true.inverse(np.stack([codes] * 3, axis=1))

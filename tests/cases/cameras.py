@@ -14,7 +14,6 @@ from lutforge.simulate.camera import (
     LIGHT_OF_WHITE_BALANCE,
     SimulatedCamera,
     SimulatedGamutMap,
-    SimulatedStyle,
     ToneResponse,
     _fit_matrix,
     invert_increasing,
@@ -112,10 +111,11 @@ def camera_of(
     for setting, spectrum in spectra.items():
         r, g, b = spectrum @ sensitivity
         balances[setting] = WhiteBalance((g / r, 1.0, g / b), 5000.0)
-    style = SimulatedStyle("standard", gamut_map, response)  # type: ignore[arg-type]  # any h and f that can be called
+    styles = {"standard": (gamut_map, response)}
     return UnseenCamera(
-        "LutForge", name, sensitivity, _fit_matrix(sensitivity), balances, {"standard": style}, full_well=full_well,
-        lights=spectra, patches=patches,
+        "LutForge", name, sensitivity, _fit_matrix(sensitivity), balances,
+        styles,  # type: ignore[arg-type]  # any h and f that can be called
+        full_well=full_well, lights=spectra, patches=patches,
     )  # fmt: skip
 
 

@@ -23,7 +23,6 @@ from lutforge.apply.image import apply_image
 from lutforge.cli.console import quiet_codecs
 from lutforge.errors import LutForgeError
 from lutforge.images.raw import read_raw
-from lutforge.inverse.linearization import InverseOptions
 from lutforge.kits.dcp import DngProfile, write_dcp
 from lutforge.kits.icc import IccProfile, write_icc
 from lutforge.luts.check import check_lut, report_lines
@@ -98,9 +97,9 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     assert shot.jpeg is not None
     shot.jpeg.rename(folder / "a.jpg")
     (folder / "a.graded.jpg").write_bytes((folder / "a.jpg").read_bytes())
-    write_config([profile], folder / "config", inverse=InverseOptions(size=9, rounds=1))
+    write_config([profile], folder / "config", inverse_size=9)
     (folder / "config" / "config.ocio").rename(folder / "a.ocio")
-    write_config([profile], folder / "a.ocioz", inverse=InverseOptions(size=9, rounds=1))
+    write_config([profile], folder / "a.ocioz", inverse_size=9)
     table = np.tile([0.0, 1.0, 1.0], (2, 6, 4, 1))
     write_dcp(DngProfile("a", "C", np.eye(3), np.eye(3), np.array([[0.0, 0.0], [1.0, 1.0]]), table), folder / "a.dcp")
     curve, cube = Curve(np.array([[0.0] * 3, [1.0] * 3])), Cube(np.full((2, 2, 2, 3), 0.5))

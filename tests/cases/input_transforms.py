@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.spectra import light, linear_srgb_under, reflectances, surface_reflectances
-from lutforge.pipeline.charts import SPACE, KnownChart, write_input_transform
+from lutforge.pipeline.charts import SPACE, write_input_transform
 from lutforge.samples.chart_kinds import chart_kind
 from lutforge.samples.sample_set import Text
 from lutforge.simulate.camera import LIGHT_OF_WHITE_BALANCE, SimulatedCamera
@@ -34,7 +34,7 @@ def errors(camera: SimulatedCamera, setting: str, white_balance: str, folder: Pa
     kind = chart_kind("classic")
     chart = reflectances("ISO 17321-1")
     files = photograph_chart(camera, kind, chart, folder, light=setting, white_balance=white_balance)
-    fitted = write_input_transform(files, folder / "camera.npz", KnownChart(kind, LIGHTS[setting]), camera="made up")
+    fitted = write_input_transform(files, folder / "camera.npz", kind, LIGHTS[setting], camera="made up")
     (selector,) = (f"standard/{name}" for name in fitted.profile.white_balances)
     samples = fitted.samples
     seconds = np.array([fitted.exposure_s[name] for name in samples.shot])

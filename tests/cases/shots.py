@@ -1,6 +1,5 @@
 """A shot whose truth is known: any linear scene, rendered by a known function, with noise."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -36,5 +35,5 @@ def synthetic_shot(raw: NDArray[np.float64], jpeg: NDArray[np.uint8] | None = No
         iso=100.0,
         clip_level=np.ones(3),
     )
-    metadata = ShotMetadata("Test", "Camera", "standard", "daylight", MULTIPLIERS, 0.01, math.nan, ())
+    metadata = ShotMetadata("Test Camera", "standard", "daylight", MULTIPLIERS, 0.01)
     return Shot(name, Path(f"{name}.dng"), image, jpeg, "embedded preview", metadata, Registration(2, 0.5, 0.5, 1))

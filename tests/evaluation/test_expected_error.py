@@ -7,7 +7,7 @@ import pytest
 
 import lutforge as lf
 from lutforge.evaluation.measured_profile import HeldOut, by_distance
-from lutforge.model.coverage import Refinish, confidence, linearizing_error
+from lutforge.model.coverage import linearizing_error, refinish_confidence
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.spoilt_samples import simulated
 
@@ -43,8 +43,8 @@ def test_the_mask_counts_what_the_change_multiplies(profile: lf.CameraProfile) -
 
     def mask(gain: float) -> float:
         linearize = profile.linearize("standard/cloudy")
-        refinish = Refinish(lambda encoded: gain * encoded, linearize, style)
-        return float(confidence(style, refinish)(np.array([0.4, 0.4, 0.4]))[0])
+        trust = refinish_confidence(style, style, lambda encoded: gain * encoded, linearize)
+        return float(trust(np.array([0.4, 0.4, 0.4]))[0])
 
     assert 0.5 < mask(4.0) < mask(1.0) < 1.0
 

@@ -73,5 +73,5 @@ def _looked_up(rgb: Array, table: Array) -> Array:
         weight = np.prod(np.where(corner, share, 1 - share))
         v, h, s = low + corner
         entry += weight * table[v, h % hues, s]
-    lit = float(rgb_space("srgb").decode(min(encoded * entry[2], 1.0)))
+    lit = float(rgb_space("srgb").linearize(min(encoded * entry[2], 1.0)))
     return np.array(colorsys.hsv_to_rgb((hue + entry[0] / 360) % 1, min(saturation * entry[1], 1.0), lit))

@@ -97,7 +97,7 @@ def test_a_look_within_a_space_is_the_cameras(
     x = np.random.default_rng(4).uniform(0.02, 0.6, (300, 3))
     linear = rgb_space(space).linear.name
     fed = rgb_space(space).encode(x @ matrix_between("linear-rec2020", linear).T)
-    light = rgb_space(space).decode(look.between(space, space)(fed)) @ matrix_between(linear, "linear-srgb").T
+    light = rgb_space(space).linearize(look.between(space, space)(fed)) @ matrix_between(linear, "linear-srgb").T
     shown = rgb_space("srgb").encode(np.clip(light, 0.0, 1.0))
     assert np.abs(shown - np.clip(look.render(x), 0.0, 1.0)).max() < 2e-3
 

@@ -129,7 +129,7 @@ def test_codes_are_those_of_the_published_curves(
 def shown(values: np.ndarray, space: str) -> np.ndarray:
     """Values of a space as encoded sRGB on a display."""
     encoding = rgb_space(space)
-    light = encoding.decode(values) @ matrix_between(encoding.linear.name, "linear-srgb").T
+    light = encoding.linearize(values) @ matrix_between(encoding.linear.name, "linear-srgb").T
     return srgb_encode(np.clip(light, 0.0, 1.0))
 
 

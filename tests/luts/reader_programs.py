@@ -19,9 +19,9 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.arrays import ColourFunction
 from lutforge.interpolation import Interpolation
 from lutforge.luts.sequence import Lut
-from lutforge.model.transform import ColourFunction
 from lutforge.pipeline.baking import bake
 
 Array = NDArray[np.float64]

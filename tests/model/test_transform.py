@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from lutforge.arrays import checked_colours
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, ModelName, match
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
-from lutforge.model.transform import Encode, checked_colours
+from lutforge.model.transform import Encode
 from lutforge.model.white_balance import WhiteBalance
 from tests.cases.profiles import GAMMA, MATRIX, gamma_response, identity_map, small_profile
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
-from lutforge.inverse.linearization import InverseOptions
 from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
@@ -50,12 +49,12 @@ def made_profile(camera: str = "Nikon D40", nodes: int = 17) -> CameraProfile:
     return CameraProfile(camera, MATRIX, balances, {"standard": standard, "vivid": vivid})
 
 
-SMALL = InverseOptions(size=17, rounds=2)
+SMALL = 17
 
 
 def write_config(profiles: Sequence[CameraProfile], target: Path, **options: Any) -> Path:
     """As the package does, with a JPEG → scene that takes a tenth of the time."""
-    return written_config.write_config(profiles, target, inverse=SMALL, **options)
+    return written_config.write_config(profiles, target, inverse_size=SMALL, **options)
 
 
 Written = tuple[CameraProfile, OCIO.Config, Path, dict[str, Lut]]

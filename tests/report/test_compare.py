@@ -26,7 +26,7 @@ def test_a_page_shows_chart_picture_and_differences(profile_path: Path, tmp_path
     page = compare(profile_path, profile_path, tmp_path / "compare.html", "standard/daylight", "standard/shade")
     text = (tmp_path / "compare.html").read_text()
     assert "Nikon D40 standard/shade" in text and text.count("<svg") == 2
-    (table,) = (block for section in page.sections for block in section.blocks if isinstance(block, Table))
+    (table,) = (block for blocks in page.sections.values() for block in blocks if isinstance(block, Table))
     assert len(table.rows) == 24
     with pytest.raises(SettingsError, match="vivid"):
         compare(profile_path, profile_path, tmp_path / "compare.html", "vivid/daylight")

@@ -64,7 +64,7 @@ class Tags(HTMLParser):
 def answered(report: Report, question: int) -> str:
     """All that the first page says to one of its questions."""
     said: list[str] = []
-    for block in report.answers[question].blocks:
+    for block in list(report.answers.values())[question]:
         match block:
             case str():
                 said.append(block)
@@ -84,7 +84,7 @@ def hostile() -> tuple[CameraProfile, SampleSet]:
 def test_tables_are_those_of_evaluate(hostile: tuple[CameraProfile, SampleSet]) -> None:
     profile, samples = hostile
     report = build_report(profile, samples)
-    tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
+    tables = [block for blocks in report.sections.values() for block in blocks if isinstance(block, Table)]
     rows = [row for row in evaluate(profile, samples).rows if row.direction == "render" and row.shot == "all"]
     shown = next(table for table in tables if table.caption.startswith("RAW → JPEG, all shots, held out"))
     assert [row[2] for row in shown.rows] == [row.method for row in rows]

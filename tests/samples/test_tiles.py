@@ -106,8 +106,9 @@ def test_clipping_counts_each_area_once() -> None:
     raw = CellStatistics(0.3 * shape, shape, 0.1 * shape, 0.5 * shape, 0 * shape)
     raw.maximum[1, 0], raw.minimum[2, 1] = 0.79, 0.0
     result = clipping(jpeg, raw, np.array([0.8, 1, 1]))
-    assert result.any.tolist() == [True, True, True, False]
-    assert result.counts() == {"JPEG white": 1, "JPEG black": 0, "RAW saturated": 1, "RAW black": 1}
+    counts = {reason: int(mask.sum()) for reason, mask in result.items()}
+    assert counts == {"JPEG white": 1, "JPEG black": 0, "RAW saturated": 1, "RAW black": 1}
+    assert np.any(list(result.values()), axis=0).tolist() == [True, True, True, False]
 
 
 def test_saturation_below_nominal_white_is_seen() -> None:

@@ -14,7 +14,7 @@ from lutforge.images.read import Image
 from lutforge.images.write import write_image
 from lutforge.pipeline.inspection import inspect
 from lutforge.shots.maker_settings import kelvin_of, multipliers_of, notes_of, style_of, white_balance_of
-from lutforge.shots.metadata import read_exposure, read_metadata, read_picture_settings, software_tag, tidy_camera
+from lutforge.shots.metadata import read_metadata, read_picture_settings, software_tag, tidy_camera
 from lutforge.shots.tags import Tags, key_of, maker_table, tags_of
 from lutforge.shots.tags import tags as file_tags
 from lutforge.simulate.camera import nikon_d5100
@@ -345,18 +345,18 @@ def test_an_aperture_that_the_file_does_not_state_is_told(tmp_path: Path) -> Non
     settings = CameraSettings(exposure_s=1 / 30)
     shot = photograph(nikon_d5100(), SCENES["wall"](96, 144, 1), settings, tmp_path, "shot", seed=1)
     assert shot.jpeg is not None
-    whole = read_exposure(shot.jpeg)
-    assert whole.aperture == 8.0 and not whole.notes
+    whole = read_picture_settings(shot.jpeg)
+    assert whole.aperture == 8.0 and not whole.exposure_notes
     spec = oiio.ImageSpec(8, 8, 3, "uint8")
     spec.attribute("Make", "LutForge")
     spec.attribute("Model", "Simulated D5100")
     spec.attribute("ExposureTime", 1 / 30)
     picture = tmp_path / "alone.jpg"
     write_image(picture, np.full((8, 8, 3), 0.5), Image(np.full((8, 8, 3), 0.5, np.float32), spec, "jpeg"))
-    bare = read_exposure(picture)
-    assert (bare.aperture, bare.iso) == (0.0, 0.0) and bare.value == pytest.approx(1 / 30, rel=1e-3)
-    assert [("f/1" in note, "ISO 100" in note) for note in bare.notes] == [(True, False), (False, True)]
+    bare = read_picture_settings(picture)
+    assert np.isnan([bare.aperture, bare.iso]).all() and bare.exposure == pytest.approx(1 / 30, rel=1e-3)
+    assert [("f/1" in note, "ISO 100" in note) for note in bare.exposure_notes] == [(True, False), (False, True)]
     assert ("exposure", "1/30 s, aperture unknown, ISO unknown") in inspect(picture).rows
     shot.dng.rename(tmp_path / "alone.dng")
-    completed = read_exposure(picture)
-    assert not completed.notes and completed.value == pytest.approx(whole.value, rel=1e-3)
+    completed = read_picture_settings(picture)
+    assert not completed.exposure_notes and completed.exposure == pytest.approx(whole.exposure, rel=1e-3)

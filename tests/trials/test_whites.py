@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import lutforge as lf
 from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.inverse.linearization import InverseOptions
+from lutforge.inverse.linearization import SIZE
 from lutforge.luts.bake import bake_steps
 from lutforge.luts.programs import target_of
 from lutforge.luts.sequence import Lut
@@ -54,9 +54,9 @@ class Ways:
     bare: float
 
 
-def measured(profile: CameraProfile, folder: Path, count: int, inverse: InverseOptions | None = None) -> Iterator[Ways]:
+def measured(profile: CameraProfile, folder: Path, count: int, inverse_size: int = SIZE) -> Iterator[Ways]:
     """The first `count` combinations of a profile's settings, in a fixed order; a config of it is made in `folder`."""
-    config = OCIO.Config.CreateFromFile(str(write_config([profile], folder / "config", inverse=inverse)))
+    config = OCIO.Config.CreateFromFile(str(write_config([profile], folder / "config", inverse_size=inverse_size)))
     camera, grades = name_cameras([profile])[0], BakedGrades()
     named = [(style, balance) for style in profile.styles for balance in profile.white_balances]
     pairs = [(source, target) for source in named for target in named if source != target]
@@ -109,7 +109,7 @@ def _codes(processor: OCIO.CPUProcessor, colours: Array) -> Array:
 
 
 def test_white_is_white_by_every_way(tmp_path: Path) -> None:
-    found = list(measured(small_profile(), tmp_path, 12, InverseOptions(size=17, rounds=1)))
+    found = list(measured(small_profile(), tmp_path, 12, 17))
     assert any("view" in ways.apart for ways in found)
     for ways in found:
         assert ways.tint <= 2.0, ways
@@ -143,7 +143,7 @@ def test_white_stays_white_in_the_published_configs() -> None:
 @pytest.mark.parametrize("camera", [nikon_d5100(), sigma_sd_merrill()], ids=lambda camera: camera.name)
 def test_ramps_of_a_calibrated_camera_rise_to_a_neutral_white(camera: SimulatedCamera, tmp_path: Path) -> None:
     profile = calibrate(samples_of_settings(camera, 1, ("standard",)), CalibrationOptions(size=17))
-    for ways in measured(profile, tmp_path, 12, InverseOptions(size=33, rounds=2)):
+    for ways in measured(profile, tmp_path, 12, 33):
         assert ways.fall <= 5.0, ways
         assert ways.tint <= 2.0, ways
         assert ways.apart.pop("clf") <= 0.01, ways
