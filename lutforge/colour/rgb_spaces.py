@@ -46,11 +46,11 @@ class RgbSpace:
 
     def encode(self, linear: ArrayLike) -> Array:
         """Linear values (…,) → encoded ones."""
-        return TRANSFER_FUNCTIONS[self.transfer].encode(np.asarray(linear, dtype=np.float64))
+        return TRANSFER_FUNCTIONS[self.transfer][0](np.asarray(linear, dtype=np.float64))
 
     def linearize(self, encoded: ArrayLike) -> Array:
         """Encoded values (…,) → linear ones: the inverse of `encode`."""
-        return TRANSFER_FUNCTIONS[self.transfer].decode(np.asarray(encoded, dtype=np.float64))
+        return TRANSFER_FUNCTIONS[self.transfer][1](np.asarray(encoded, dtype=np.float64))
 
 
 SPACES: dict[str, RgbSpace] = {
@@ -182,17 +182,13 @@ def icc_xyz(values: tuple[float, float, float]) -> bytes:
 # black keeps its mean.
 
 
-@dataclass(frozen=True)
-class TransferFunction:
-    """A pair of functions of arrays (…,). encode: linear → encoded; decode: its inverse."""
-
-    encode: Callable[[Array], Array]
-    decode: Callable[[Array], Array]
+TransferFunction = tuple[Callable[[Array], Array], Callable[[Array], Array]]
+"""A function of arrays (…,), linear → encoded, and its inverse."""
 
 
 def _mirrored(encode: Callable[[Array], Array], decode: Callable[[Array], Array]) -> TransferFunction:
     """A curve from 0 that continues below 0 by point symmetry."""
-    return TransferFunction(
+    return (
         lambda x: np.sign(x) * encode(np.abs(x)),
         lambda y: np.sign(y) * decode(np.abs(y)),
     )
@@ -213,7 +209,7 @@ def _log(
         # The two pieces of some published curves leave a gap; codes within it are decoded by the straight line.
         return np.where(y < level, (y - start) / slope, (10.0 ** ((y - offset) / scale) - shift) / gain)
 
-    return TransferFunction(encode, decode)
+    return encode, decode
 
 
 _LOG2 = log10(2.0)
@@ -234,7 +230,7 @@ def _acescc() -> TransferFunction:
         x = 2.0 ** (y * 17.52 - 9.72)
         return np.minimum(np.where(y < (9.72 - 15) / 17.52, (x - low) * 2, x), 65504.0)
 
-    return TransferFunction(encode, decode)
+    return encode, decode
 
 
 def _apple_log() -> TransferFunction:
@@ -250,17 +246,17 @@ def _apple_log() -> TransferFunction:
         toe = np.sqrt(np.maximum(y, 0.0) / steepness) + zero
         return np.where(y < level, toe, 2.0 ** ((y - offset) / scale) - shift)
 
-    return TransferFunction(encode, decode)
+    return encode, decode
 
 
 def _canon_log_2() -> TransferFunction:
     """Canon Log 2, version 1.2 (Canon, Input Transform Version 202007): symmetric around the code of black."""
-    centred = _mirrored(
+    encode, decode = _mirrored(
         lambda x: 0.24136077 * np.log10(x / 0.9 * 87.09937546 + 1),
         lambda y: (10.0 ** (y / 0.24136077) - 1) / 87.09937546 * 0.9,
     )
     black = 0.092864125
-    return TransferFunction(lambda x: centred.encode(x) + black, lambda y: centred.decode(y - black))
+    return lambda x: encode(x) + black, lambda y: decode(y - black)
 
 
 def _canon_log_3() -> TransferFunction:
@@ -279,14 +275,14 @@ def _canon_log_3() -> TransferFunction:
         low = (1 - 10.0 ** (np.maximum(0.12783901 - y, 0.0) / scale)) / gain
         return 0.9 * np.where(y < below, low, np.where(y > above, high, (y - 0.12512219) / 1.9754798))
 
-    return TransferFunction(encode, decode)
+    return encode, decode
 
 
 def _n_log() -> TransferFunction:
     """N-Log (Nikon, N-Log Specification Document 1.0.0): a cube root below the cut. Light is 90 % of reflectance."""
     root, shift, scale, offset, cut = 650 / 1023, 0.0075, 150 / 1023, 619 / 1023, 0.328
     level = scale * log(cut) + offset
-    return TransferFunction(
+    return (
         lambda x: np.where(x < cut, root * np.cbrt(x + shift), scale * np.log(np.maximum(x, cut)) + offset),
         lambda y: np.where(y < level, (y / root) ** 3 - shift, np.exp((y - offset) / scale)),
     )
@@ -324,8 +320,8 @@ def _pq() -> TransferFunction:
     return _mirrored(encode, decode)
 
 
-TRANSFER_FUNCTIONS = {
-    "": TransferFunction(lambda x: x, lambda y: y),
+TRANSFER_FUNCTIONS: dict[str, TransferFunction] = {
+    "": (lambda x: x, lambda y: y),
     "sRGB": _mirrored(srgb_encode, srgb_decode),
     # Adobe RGB (1998) Color Image Encoding, section 4.3.4.2
     "Adobe RGB (1998)": _mirrored(lambda x: x ** (256.0 / 563.0), lambda y: y ** (563.0 / 256.0)),

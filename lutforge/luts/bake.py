@@ -7,7 +7,7 @@ the nodes.
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import SupportsIndex
@@ -20,7 +20,7 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, apply_curve
 from lutforge.luts.axes import Axes, fit_axes, measure_lines
-from lutforge.luts.least_squares import Samples, fit_cube, sample
+from lutforge.luts.least_squares import fit_cube, sample
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import MAX_SIZE, Form, Lut
@@ -97,7 +97,7 @@ def bake_forms(
     if not 0 < highest < 65504:
         raise LutError(f"LUT: inputs up to {highest:g}; half floats end at 65504")
     scenes = takes_scenes(transform)
-    known: dict[tuple[str, int], EvaluatedTransform] = {}
+    known: dict[tuple[str, int], Fit] = {}
 
     def together(form: Form) -> str:
         return form if scenes or form == "plain" else "curves"
@@ -109,7 +109,7 @@ def bake_forms(
             reach = highest if scenes and form == "full" else _highest(transform, highest)
             known[key] = evaluate(transform, size, forms, reach, progress)
         progress(f"{size}³ nodes: fitted", 0.8)
-        return fit_ops(known[key], form, target.interpolation or "tetrahedral")
+        return known[key](form, target.interpolation or "tetrahedral")
 
     luts = []
     for target in targets:
@@ -369,24 +369,15 @@ def _checked(function: Function) -> Function:
 # What is costly is evaluating the transform; `evaluate` does it once for all forms of a size.
 
 
-@dataclass(frozen=True, eq=False)
-class EvaluatedTransform:
-    """A transform at the points of a fit, for one size and one or more forms.
-
-    designs: per form the axes of its cube, behind the gain of the parts; inputs span 0 to `highest`.
-    """
-
-    parts: Parts
-    designs: Mapping[Form, Axes]
-    samples: Samples
-    highest: float
+Fit = Callable[[Form, Interpolation], tuple[Op, ...]]
+"""The operations of a form that come nearest to a transform, under the reader's own interpolation."""
 
 
 def evaluate(
     transform: ColourFunction, size: int, forms: Sequence[Form], highest: float = 1.0,
     progress: Progress = silent,
-) -> EvaluatedTransform:  # fmt: skip
-    """Evaluate a transform for fits of `size` nodes per axis. O(size³) evaluations.
+) -> Fit:  # fmt: skip
+    """Evaluate a transform for fits of `size` nodes per axis, which the returned function makes. O(size³) evaluations.
 
     forms: "full" and "shaper" share what is evaluated; "plain" stands alone. highest: inputs reach from 0 to
     this. Raises LutError where the transform is no function of colours.
@@ -398,7 +389,7 @@ def evaluate(
     else:  # nothing is taken out of it
         whole = transform if highest == 1 else lambda x: transform(x * highest)
         parts = Parts(_checked(whole), stops=float(np.log2(max(highest, 1.0))))
-    designs: dict[Form, Axes] = {}
+    designs: dict[Form, Axes] = {}  # by form the axes of its cube, behind the gain of the parts
     if plain:
         designs["plain"] = Axes(None, uniform_levels(size))
     else:
@@ -420,33 +411,30 @@ def evaluate(
         parts.gain,
         lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share),
     )
-    return EvaluatedTransform(parts, designs, samples, highest)
 
+    def fit(form: Form, method: Interpolation) -> tuple[Op, ...]:
+        axes, curve = designs[form], parts.output_curve if form == "full" else None
+        rendered = samples
+        if parts.output_curve is not None and curve is None:
+            rendered = samples.behind(parts.output_curve)
+        weight = None if curve is None else slope_weight(curve)
+        r, g, b = (axes.stretched(np.stack(axes.levels, axis=1))[:, c].copy() for c in range(3))
+        values = fit_cube(rendered, list(designs).index(form), (r, g, b), method, axes.stretched, weight, curve is None)
+        if form == "full":
+            ahead = Matrix((parts.gain / highest)[:, None] * parts.before)
+            behind = () if parts.output_curve is None else (Curve(parts.output_curve),)
+            return joined((ahead, Range(), *_shaper(axes), Cube(values, method), *behind, Matrix(parts.matrix)))
+        folded, gain = Cube(values @ parts.matrix.T, method), parts.gain
+        if form == "plain":
+            return (folded,)
+        if np.all(gain == 1):
+            return (*_shaper(axes, highest), folded)
+        r, g, b = (axis / factor for axis, factor in zip(axes.levels, gain, strict=True))
+        at = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None] * gain
+        in_front = None if axes.curve is None else axes.stretched(at)
+        return shaper((r, g, b), SHAPER_SIZE, in_front, highest), folded
 
-def fit_ops(evaluated: EvaluatedTransform, form: Form, method: Interpolation) -> tuple[Op, ...]:
-    """The operations of a form that come nearest to what was evaluated, under the reader's own interpolation."""
-    parts, axes = evaluated.parts, evaluated.designs[form]
-    curve = parts.output_curve if form == "full" else None
-    samples = evaluated.samples
-    if parts.output_curve is not None and curve is None:
-        samples = samples.behind(parts.output_curve)
-    weight = None if curve is None else slope_weight(curve)
-    r, g, b = (axes.stretched(np.stack(axes.levels, axis=1))[:, c].copy() for c in range(3))
-    design = list(evaluated.designs).index(form)
-    values = fit_cube(samples, design, (r, g, b), method, axes.stretched, weight, curve is None)
-    if form == "full":
-        ahead = Matrix((parts.gain / evaluated.highest)[:, None] * parts.before)
-        behind = () if parts.output_curve is None else (Curve(parts.output_curve),)
-        return joined((ahead, Range(), *_shaper(axes), Cube(values, method), *behind, Matrix(parts.matrix)))
-    folded, gain = Cube(values @ parts.matrix.T, method), parts.gain
-    if form == "plain":
-        return (folded,)
-    if np.all(gain == 1):
-        return (*_shaper(axes, evaluated.highest), folded)
-    r, g, b = (axis / factor for axis, factor in zip(axes.levels, gain, strict=True))
-    at = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None] * gain
-    in_front = None if axes.curve is None else axes.stretched(at)
-    return shaper((r, g, b), SHAPER_SIZE, in_front, evaluated.highest), folded
+    return fit
 
 
 def _shaper(axes: Axes, high: float = 1.0) -> tuple[Op, ...]:
