@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
 from lutforge.colour.chromaticities import xyz_matrix
+from lutforge.errors import ImageError
 
 SRGB_TO_XYZ = xyz_matrix("linear-srgb")
 """(3, 3): linear sRGB → XYZ, as derived from its chromaticities; the standard rounds it to four digits."""
@@ -76,3 +77,20 @@ def lab_delta_e_2000(first: Array, second: Array) -> Array:
     s_l = 1.0 + 0.015 * (mean - 50.0) ** 2 / np.sqrt(20.0 + (mean - 50.0) ** 2)
     of_l, of_c, of_h = lightness / s_l, chroma / (1.0 + 0.045 * c), hue / (1.0 + 0.015 * c * t)
     return np.asarray(np.sqrt(np.maximum(of_l**2 + of_c**2 + of_h**2 + bend * of_c * of_h, 0.0)))
+
+
+def checked_colours(x: ArrayLike) -> Array:
+    """Colours (…, 3) as float64.
+
+    Raises ImageError on another shape, and on integers, whose scale is unknown: but not on lists of 0 and 1.
+    """
+    try:
+        values = np.asarray(x)
+    except ValueError as error:
+        raise ImageError(f"colours have shape (…, 3), not rows of different lengths ({error})") from error
+    plain = not isinstance(x, np.ndarray) and values.dtype.kind in "iu" and bool(np.all((values == 0) | (values == 1)))
+    if values.dtype.kind != "f" and not plain and values.ndim > 0:
+        raise ImageError(f"pixels of type {values.dtype}: scale them to [0, 1] first, such as pixels / 255.0")
+    if values.ndim == 0 or values.shape[-1] != 3:
+        raise ImageError(f"colours have shape (…, 3), not {values.shape}; pass pixels[..., :3] of an image with alpha")
+    return np.asarray(values, dtype=np.float64)

@@ -10,7 +10,8 @@ from typing import Literal, get_args
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import ArrayLike
 
-from lutforge.arrays import Array, checked_colours
+from lutforge.arrays import Array
+from lutforge.colour.srgb import checked_colours
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge import __version__
-from lutforge.arrays import Array, checked_colours
+from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import path_of, reading, require_file
+from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ProfileError
 from lutforge.model.profile_data import is_invertible
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lutforge.arrays import Array, checked_colours
+from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import RgbSpace
+from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import NeutralHighlights

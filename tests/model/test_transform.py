@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from lutforge.arrays import checked_colours
+from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, ModelName, match
 from lutforge.model.lattice import Lattice
