@@ -18,8 +18,11 @@ from lutforge.interpolation import apply_curve
 CLIPPED = 0.5 / 255.0
 """An encoded channel this near to 0 or 1 is clipped: half a code of an 8-bit file."""
 
-RISE = 4.0
-"""Codes by which the output rises at most towards white per code of the source's least channel, beyond the model."""
+RISE = 3.2
+"""Codes by which the output rises at most towards white per code of the source's least channel.
+
+The rendering's own slope, its matrix and its gamut map add to this: with 3.2 no channel rises by more than 8 codes.
+"""
 
 SOFTNESS = 0.15
 """Width of the bend from the model to the rise, as a share of the light that is lacking to white: LUTs have no corners.

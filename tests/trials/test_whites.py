@@ -152,6 +152,19 @@ def test_ramps_of_a_calibrated_camera_rise_to_a_neutral_white(camera: SimulatedC
 
 
 @pytest.mark.slow
+def test_one_code_of_a_real_camera_moves_no_channel_by_more_than_eight(s40_samples: SampleSet) -> None:
+    profile = calibrate(s40_samples, CalibrationOptions(size=33))
+    balances = [*profile.white_balances, "1.7,1,1.7", "2.3,1,1.1", "2.4,1,1"]
+    lights = np.arange(200.0, 260.0)[:, None]
+    rising = [np.rint(np.minimum(lights * np.array(tint) / 254, 255)) / 255 for tint in (*TINTS, (236, 246, 254))]
+    for source, target in permutations(balances, 2):
+        for ev in (-1.0, 0.0, 0.7):
+            refinish = profile.refinish(f"standard/{source}", f"standard/{target}", ev)
+            steps = [255 * np.abs(np.diff(np.clip(refinish(ramp), 0.0, 1.0), axis=0)).max() for ramp in rising]
+            assert max(steps) <= 8.0, (source, target, ev)
+
+
+@pytest.mark.slow
 def test_white_of_real_photographs_is_grey_when_exposed_down(s40_samples: SampleSet) -> None:
     """The S40's automatic white balance renders neutral RAW with 5 codes too little red."""
     profile = calibrate(s40_samples, CalibrationOptions(size=17))
