@@ -34,6 +34,13 @@ PRESETS = ("tungsten", "daylight", "cloudy", "shade")
 """Settings that a profile of automatic shots gets by its matrix."""
 
 D65_KELVIN = 6504.0
+MATRIX_DEPARTURE = (-0.95e-4, 0.0, -1.3e-4)
+"""By how much the logarithm of a true multiplier grows beyond the matrix's for each mired from D65: r, g, b.
+
+A matrix that is least squares under daylight takes warm light for less warm than it is. Medians of the 52 cameras whose
+spectral sensitivities rawtoaces publishes: 2 % in red and 3 % in blue under tungsten, half of the error there. On 28
+other cameras (Jiang et al. 2013) it takes a third off the error.
+"""
 SURE, LEAST_GAIN = 3, 0.01
 """A setting's gain is kept beyond so many standard errors, and beyond what moves no colour by a code."""
 DARK, BRIGHT, ROUNDED = 0.08, 0.95, 0.2
@@ -218,8 +225,10 @@ def _with_presets(samples: SampleSet, balances: dict[str, WhiteBalance], matrix:
     from_xyz = camera_from_xyz(matrix, d65, D65_KELVIN)
     presets = {}
     for name in PRESETS:
-        r, g, b = (float(value) for value in multipliers_of(locus(NAMED_KELVIN[name]), from_xyz))
-        presets[name] = WhiteBalance((r, g, b), NAMED_KELVIN[name])
+        kelvin = NAMED_KELVIN[name]
+        logs = np.array(MATRIX_DEPARTURE) * (1e6 / kelvin - 1e6 / D65_KELVIN)
+        r, g, b = (float(value) for value in np.exp(logs) * multipliers_of(locus(kelvin), from_xyz))
+        presets[name] = WhiteBalance((r, g, b), kelvin)
     return {**balances, **presets}
 
 
