@@ -18,12 +18,15 @@ from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut, own_reader
 from lutforge.luts.shaper import node_levels
+from lutforge.model.lattice import grid, uniform_levels
 from lutforge.sobol import sobol
 
 Colour = tuple[float, float, float]
 
 FALL = 1e-5
 """A step of an output in the wrong direction that is more than rounding."""
+HALF_MAX = 65504.0
+"""The largest half float."""
 _NO_DIALECTS = (".clf", ".ctf", "Hald image")
 
 
@@ -143,8 +146,9 @@ def _problems(
             problems.append(f"a channel falls while its own input rises at {steps}: banding or solarization")
         if np.ptp(values) < 1e-6:
             problems.append("all colours become one")
-        # Per output channel, the input channel with which it changes most from end to end, on average.
-        ends = [np.abs(np.take(values, -1, axis) - np.take(values, 0, axis)) for axis in range(3)]
+        # Per output channel of the whole LUT, the input channel with which it changes most, on average.
+        colours = lut(np.array(domain[0]) + grid(uniform_levels(9)) * np.subtract(domain[1], domain[0]))
+        ends = [np.abs(np.take(colours, -1, axis) - np.take(colours, 0, axis)) for axis in range(3)]
         follows = tuple(np.argmax([change.reshape(-1, 3).mean(axis=0) for change in ends], axis=0).tolist())
         if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
             pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
@@ -157,14 +161,20 @@ def _problems(
 
 
 def _domain(lut: Lut) -> tuple[Colour, Colour]:
-    """The inputs of a LUT between which its first table lies; 0 and 1 where a matrix mixes channels in front of it."""
+    """The inputs of a LUT between which its first table lies.
+
+    0 and 1 where a matrix mixes channels in front of it, and where it is a table of all half floats.
+    """
     low, high = np.zeros(3), np.ones(3)
     matrix = Matrix(np.eye(3))
     for op in lut.ops:
         if isinstance(op, Matrix):
             matrix = Matrix(op.matrix @ matrix.matrix, op.matrix @ matrix.offset + op.offset)
         elif isinstance(op, Curve):
-            low, high = (op.inputs[0], op.inputs[-1]) if op.inputs is not None else (low + op.low, 0 * high + op.high)
+            if op.inputs is None:
+                low, high = low + op.low, 0 * high + op.high
+            elif op.inputs.max() < HALF_MAX:
+                low, high = op.inputs[0], op.inputs[-1]
             break
         elif isinstance(op, Cube):
             break

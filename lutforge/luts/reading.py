@@ -274,8 +274,8 @@ def _tabulated(parts: list[OCIO.Transform]) -> list[Op]:
     """Transforms of single channels at every finite half float, as CLF's half-domain tables have it; none of none."""
     if not parts:
         return []
-    halves = np.unique(np.arange(1 << 16, dtype=np.uint16).view(np.float16))
-    at = np.repeat(halves[np.isfinite(halves)].astype(np.float64)[:, None], 3, axis=1)
+    halves = np.unique(np.arange(1 << 16, dtype=np.uint16).view(np.float16)).astype(np.float64) + 0.0  # -0.0 becomes 0
+    at = np.repeat(halves[np.isfinite(halves)][:, None], 3, axis=1)
     processor = (
         OCIO.Config.CreateRaw()
         .getProcessor(OCIO.GroupTransform(parts))
@@ -284,9 +284,12 @@ def _tabulated(parts: list[OCIO.Transform]) -> list[Op]:
     outputs = evaluate(processor, at).astype(np.float64)
     finite = np.all(np.isfinite(outputs), axis=1)
     curve = Curve(outputs[finite], inputs=at[finite])
-    # A curve does not mix channels, and is a straight line between half-float inputs. Random colours test both.
-    probes = np.random.default_rng(0).random((256, 3)) * 1.5 - 0.1
-    if not np.allclose(evaluate(processor, probes), curve(probes), rtol=1e-3, atol=1e-3):
+    # A curve does not mix channels, and is a straight line between half-float inputs: random colours, and greys between
+    # these inputs, test both.
+    between = (at[1:] + at[:-1])[(at[:-1, 0] > 1e-3) & (at[1:, 0] < 1.5)] / 2
+    probes = np.concatenate([np.random.default_rng(0).random((256, 3)) * 1.5 - 0.1, between])
+    made = curve(probes)
+    if np.any(np.abs(evaluate(processor, probes) - made) > 2e-3 * np.maximum(np.abs(made), 1.0)):
         raise _beyond(f"a {type(parts[0]).__name__}, which mixes channels or jumps")
     return [curve]
 

@@ -8,7 +8,7 @@ import pytest
 from lutforge.errors import LutError
 from lutforge.luts.check import check_lut
 from lutforge.luts.input_and_output import input_and_output_of
-from lutforge.luts.ops import Cube
+from lutforge.luts.ops import Cube, Matrix
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut
@@ -155,6 +155,28 @@ def test_what_no_operation_holds_is_said_and_not_dropped(tmp_path: Path) -> None
     for read in (read_lut, check_lut):
         with pytest.raises(LutError, match="a curve that keeps hues, of which no figures can be told"):
             read(path)
+
+
+def test_a_table_of_half_floats_has_its_own_value_at_zero_and_figures_of_0_to_1(tmp_path: Path) -> None:
+    """The entry of negative zero is another."""
+    halves = np.nan_to_num(np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float64), posinf=0, neginf=0)
+    table = np.where(np.signbit(halves), 0.0, 0.2 + 0.5 * np.minimum(halves, 1.0))
+    rows = "\n".join(f"{value:.6f}" for value in table)
+    operations = f"<LUT1D {DEPTHS} halfDomain='true'><Array dim='65536 1'>{rows}</Array></LUT1D>"
+    (tmp_path / "a.clf").write_text(f"<ProcessList {CLF}>{operations}</ProcessList>")
+    np.testing.assert_allclose(read_lut(tmp_path / "a.clf")(np.array([[0.0] * 3, [1.0] * 3])), [[0.2] * 3, [0.7] * 3])
+    report = check_lut(tmp_path / "a.clf")
+    np.testing.assert_allclose([report.black, report.white], [[0.2] * 3, [0.7] * 3], atol=1e-6)
+
+
+def test_channels_are_exchanged_by_the_whole_lut_alone(tmp_path: Path) -> None:
+    """A cube that exchanges two channels between matrices that exchange them, too."""
+    exchange = np.eye(3)[[2, 1, 0]]
+    cube = Cube(grid(uniform_levels(3))[..., ::-1])
+    Lut((Matrix(exchange), cube)).write(tmp_path / "a.clf")
+    Lut((cube,)).write(tmp_path / "b.clf")
+    assert not check_lut(tmp_path / "a.clf").problems
+    assert "channels are exchanged" in " ".join(check_lut(tmp_path / "b.clf").problems)
 
 
 def test_blenders_spi3d_begins_in_lower_case(tmp_path: Path) -> None:
