@@ -124,10 +124,15 @@ def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
         return diagnosis
     best = min(given.misfit / FAR_BETTER, given.misfit - LEAST_GAIN)
     for cause, advice, undone in _causes(colours, given, samples) if best > 0.0 else ():
-        judged = _judged(undone)
-        if judged is not None and judged.misfit < best:
-            evidence = f"samples are {given.misfit:.0f} codes off what cameras make, without it {judged.misfit:.1f}"
-            best, diagnosis = judged.misfit, Diagnosis(cause, evidence, advice)
+        least = given.misfit
+        for changed in undone:
+            judged = _judged(changed)
+            if judged is None or judged.misfit > least + LEAST_GAIN:  # more of it does not help
+                break
+            least = min(least, judged.misfit)
+        if least < best:
+            evidence = f"samples are {given.misfit:.0f} codes off what cameras make, without it {least:.1f}"
+            best, diagnosis = least, Diagnosis(cause, evidence, advice)
             if 10 * best < given.misfit:  # nothing can be far better than that
                 break
     if diagnosis is None and colours.known and given.residual > NO_CAMERA:
@@ -167,39 +172,38 @@ def _judged(colours: _Colours) -> _Judgement | None:
     return _Judgement(whole.render(everything), float(residual), tint, power, white, float(misfit))
 
 
-def _causes(colours: _Colours, given: _Judgement, samples: SampleSet) -> Iterator[tuple[str, str, _Colours]]:
-    """Yield each cause that could apply with what to do, and the samples without it."""
+def _causes(colours: _Colours, given: _Judgement, samples: SampleSet) -> Iterator[tuple[str, str, list[_Colours]]]:
+    """Yield each cause that could apply with what to do, and the samples without it: without more and more of it."""
     raw, encoded, by = colours.raw, colours.encoded, colours.multipliers
     again = "read the file as RGB, not BGR, and sample again"
-    yield "red and blue of the JPEG are swapped", again, replace(colours, encoded=encoded[:, ::-1])
+    yield "red and blue of the JPEG are swapped", again, [replace(colours, encoded=encoded[:, ::-1])]
     pattern = "read the filter pattern as RGGB, not BGGR, and sample again"
-    yield "red and blue of the RAW are swapped", pattern, replace(colours, raw=raw[:, ::-1])
+    yield "red and blue of the RAW are swapped", pattern, [replace(colours, raw=raw[:, ::-1])]
     advice = "use the camera's JPEG as it is, encoded"
-    yield "the JPEG values are linear", advice, replace(colours, encoded=srgb_encode(encoded))
+    yield "the JPEG values are linear", advice, [replace(colours, encoded=srgb_encode(encoded))]
     advice = "divide by the level at which this sensor saturates, and sample again"
     if raw.max() * 2.0**-given.white < 4:
-        yield "RAW is divided by too high a white level", advice, replace(colours, raw=raw * 2.0**-given.white)
-    for level in BLACK_LEVELS:
-        advice = "subtract the sensor's own black level, once, before the samples are taken"
-        yield "the black level is left in the RAW", advice, replace(colours, raw=raw - level)
-        yield "more than the black level is taken from the RAW", advice, replace(colours, raw=raw + level)
+        yield "RAW is divided by too high a white level", advice, [replace(colours, raw=raw * 2.0**-given.white)]
+    advice = "subtract the sensor's own black level, once, before the samples are taken"
+    for cause, sign in (("the black level is left in", -1.0), ("more than the black level is taken from", 1.0)):
+        yield f"{cause} the RAW", advice, [replace(colours, raw=raw + sign * level) for level in BLACK_LEVELS]
     if not colours.known:
         return
     advice = "take the mean of the two green pixels, not their sum, and sample again"
-    yield "green of the RAW is counted twice", advice, replace(colours, raw=raw * [1.0, 0.5, 1.0])
+    yield "green of the RAW is counted twice", advice, [replace(colours, raw=raw * [1.0, 0.5, 1.0])]
     advice = "sample RAW before white balance, or leave the columns wb_r, wb_g, wb_b out"
-    yield "the RAW is white-balanced already", advice, replace(colours, multipliers=np.ones_like(by))
+    yield "the RAW is white-balanced already", advice, [replace(colours, multipliers=np.ones_like(by))]
     advice = "set the camera's white-balance shift to 0, or keep it so for every picture"
     if np.ptp(given.tint) < 0.6:
         neutral = 2.0 ** (given.tint - given.tint[1])
-        yield "the white balance is shifted in the camera", advice, replace(colours, multipliers=by * neutral)
+        yield "the white balance is shifted in the camera", advice, [replace(colours, multipliers=by * neutral)]
     for first, second in combinations(np.unique(samples.white_balance).tolist(), 2):
         a, b = samples.white_balance == first, samples.white_balance == second
         exchanged = by.copy()
         exchanged[a], exchanged[b] = np.median(by[b], axis=0), np.median(by[a], axis=0)
         if np.abs(np.log(exchanged / by)).max() > SAME_BALANCE:
             cause = f'the white balances "{first}" and "{second}" are exchanged'
-            yield cause, "exchange their names or multipliers in the table", replace(colours, multipliers=exchanged)
+            yield cause, "exchange their names or multipliers in the table", [replace(colours, multipliers=exchanged)]
 
 
 def _toned(colours: _Colours) -> Diagnosis | None:
