@@ -1,15 +1,22 @@
 """Progress tells where work is, and when kernels compile."""
 
+import contextlib
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
+import pytest
 
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.srgb import srgb_encode
 from lutforge.progress import part, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet
+from tests.cases.pictures import write_cube
 
 
 def test_a_part_takes_its_share_of_the_whole() -> None:
@@ -39,3 +46,30 @@ def test_a_calibration_tells_of_each_step_before_it_begins() -> None:
     samples = SampleSet.from_arrays(raw, srgb_encode(raw), camera="camera", shot=np.arange(120) % 3)
     calibrate(samples, CalibrationOptions(size=5), lambda what, share: told.append(what))
     assert told[0] == "checking white balances and shots" and told[1].startswith("fitting ")
+
+
+# --- Progress is drawn on the terminal, and what a command prints goes where its output goes -------------------------
+
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="opens a terminal")
+
+
+def test_a_bar_on_the_terminal_takes_nothing_from_a_pipe(tmp_path: Path) -> None:
+    ours, theirs = os.openpty()
+    lut = write_cube(tmp_path / "look.cube")
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "TERM": "xterm", "COLUMNS": "120"}
+    words = [sys.executable, "-m", "lutforge", "check", str(lut)]
+    shown = b""
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=theirs, env=environment, text=True) as run:
+        os.close(theirs)
+        # A terminal that is read from to its end: on Linux that is an error, on macOS no bytes.
+        with contextlib.suppress(OSError):
+            while part := os.read(ours, 1 << 16):
+                shown += part
+        os.close(ours)
+        said, _ = run.communicate(timeout=60)
+    assert b"checking" in shown
+    assert b"look.cube" in shown
+    assert "9³ nodes" in said
+    assert "9³ nodes".encode() not in shown
+    assert "\x1b" not in said

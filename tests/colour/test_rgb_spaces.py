@@ -7,7 +7,7 @@ import pytest
 
 from lutforge.arrays import Array
 from lutforge.colour.chromaticities import CHROMATICITIES
-from lutforge.colour.rgb_spaces import SPACES, matrix_between, rgb_space
+from lutforge.colour.rgb_spaces import SPACES, from_linear_srgb, matrix_between, rgb_space
 from lutforge.errors import SettingsError
 
 LIGHT = np.concatenate([[-0.01, -0.002, 0.0], np.geomspace(1e-4, 8.0, 40)])
@@ -125,3 +125,19 @@ def test_names_are_taken_in_any_case_and_unknown_ones_listed() -> None:
         rgb_space("ACES")
     with pytest.raises(SettingsError, match=r"did you mean acescg or acescc\?.*, linear-dgamut, .* and \d+ others$"):
         rgb_space("acesg")
+
+
+# --- Matrices from linear sRGB to the scene-linear spaces ------------------------------------------------------------
+
+
+def test_linear_srgb_to_acescg_is_the_published_matrix() -> None:
+    # Bradford D65 → ACES white; as in OpenColorIO's ACES CG config ("Utility - Linear - Rec.709" to ACEScg).
+    expected = [[0.613097, 0.339523, 0.047379], [0.070194, 0.916354, 0.013452], [0.020616, 0.109570, 0.869815]]
+    np.testing.assert_allclose(from_linear_srgb("acescg"), expected, atol=2e-4)
+
+
+@pytest.mark.parametrize("space", sorted(SPACES))
+def test_white_stays_white(space: str) -> None:
+    matrix = from_linear_srgb(space)
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, atol=3e-4)
+    assert np.linalg.det(matrix) > 0

@@ -1,6 +1,5 @@
 """LUT files, read back by OpenColorIO in float32, are the LUT in memory."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -104,29 +103,6 @@ def test_a_plain_cube_file_says_what_it_is(tmp_path: Path) -> None:
     assert lines[2:5] == ["LUT_3D_SIZE 17", "DOMAIN_MIN 0.0 0.0 0.0", "DOMAIN_MAX 1.0 1.0 1.0"]
     assert len(lines) == 5 + 17**3
     assert "LUT1D" not in (tmp_path / "c.clf").read_text()
-
-
-def test_red_varies_fastest_in_cube_files(tmp_path: Path) -> None:
-    """Adobe Cube LUT Specification 1.0: the red index advances first."""
-    Lut((Cube(grid(uniform_levels(2))),)).write(tmp_path / "a.cube")
-    rows = [line for line in (tmp_path / "a.cube").read_text().splitlines() if re.match(r"[\d.-]+ ", line)]
-    assert [row.split()[0][0] + row.split()[1][0] + row.split()[2][0] for row in rows] == [
-        "000", "100", "010", "110", "001", "101", "011", "111",
-    ]  # fmt: skip
-
-
-def test_the_resolve_dialect_is_what_opencolorio_accepts(tmp_path: Path) -> None:
-    text = worst_case(size=5).write(tmp_path / "a.shaper.cube").read_text("ascii")
-    assert "TITLE" not in text
-    assert "DOMAIN" not in text
-    header = [line for line in text.splitlines()[:10] if line.startswith("LUT")]
-    assert header == [
-        "LUT_1D_SIZE 65536",
-        "LUT_1D_INPUT_RANGE 0.0 1.0",
-        "LUT_3D_SIZE 5",
-        "LUT_3D_INPUT_RANGE 0.0 1.0",
-    ]
-    assert text.splitlines()[0].startswith("# Canon")
 
 
 def test_extreme_inputs_read_as_in_memory(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
+from lutforge.luts.formats import clf
+from lutforge.luts.ops import Cube, Curve, Matrix, Range
 from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
@@ -27,6 +30,7 @@ from lutforge.ocio import config as written_config
 from lutforge.ocio.base_config import DISPLAYS
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config
+from lutforge.ocio.renderings import compact_text
 from tests.cases.profiles import MATRIX, plain_profile, small_profile
 
 GAINS = {"daylight": (2.0, 1.0, 1.4), "tungsten": (1.2, 1.0, 2.4)}
@@ -380,3 +384,69 @@ def test_spaces_of_a_camera_without_raw_are_of_the_light_of_its_jpegs() -> None:
     assert not any("RAW" in name for name in names if own.camera in name)
     assert any("linear" in name for name in names if own.camera in name)
     assert any("daylight" in name and "linear" not in name for name in names if own.camera in name)
+
+
+# --- `lutforge config` as users type it ------------------------------------------------------------------------------
+
+
+def lutforge(*words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lutforge", "config", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.mark.slow
+def test_versions_merging_and_folders_in_use(tmp_path: Path) -> None:
+    profile = tmp_path / "camera.npz"
+    plain_profile("Nikon D40").save(profile)
+    made = lutforge(profile, "-o", tmp_path / "ocio", "--ocio-version", "2.3")
+    assert made.returncode == 0, made.stderr
+    assert "no interop IDs (2.5)" in made.stderr
+    assert "profile version 2.3, checked: " in made.stdout and "input colour spaces" in made.stdout
+    assert len(made.stdout.splitlines()) == 1  # counts: names of a hundred spaces would hide the notes
+    assert load_config(tmp_path / "ocio" / "config.ocio").getMinorVersion() == 3
+    again = lutforge(profile, "-o", tmp_path / "ocio")
+    assert again.returncode == 2
+    assert len(again.stderr.strip().splitlines()) == 1
+    assert "--replace" in again.stderr
+    assert lutforge(profile, "-o", tmp_path / "ocio", "--replace").returncode == 0
+    merged = lutforge(profile, "-o", tmp_path / "all.ocioz", "--merge", tmp_path / "ocio" / "config.ocio")
+    assert merged.returncode == 0, merged.stderr
+    spaces = load_config(tmp_path / "all.ocioz").getColorSpaceNames()
+    assert any("Nikon D40 2 standard daylight" in name for name in spaces)
+    for wrong in (("--merge", "nothing.ocio"), ("--ocio-version", "3.0"), (profile,)):
+        failed = lutforge(profile, "-o", tmp_path / "other", *wrong)
+        assert failed.returncode == 2, wrong
+        assert len(failed.stderr.strip().splitlines()) == 1, failed.stderr
+        assert not (tmp_path / "other").exists()
+
+
+# --- The compact text of a config's LUT files is what OpenColorIO would write ----------------------------------------
+
+
+def lut(size: int = 5) -> Lut:
+    """A sequence with every kind of array: of one curve and of three, of matrices with and without offsets, a cube."""
+    even, rng = np.linspace(0.0, 1.0, 4096)[:, None].repeat(3, axis=1), np.random.default_rng(1)
+    bent = Curve(even ** [2.0, 1.5, 1.0], -0.5, 2.0)
+    ops = (
+        Matrix(2.0 * np.eye(3)),
+        Range(),
+        Curve(even**2),
+        bent,
+        Matrix(np.eye(3)),
+        Cube(rng.random((size,) * 3 + (3,))),
+    )
+    return Lut(ops, "of all kinds", ("told",))
+
+
+def test_the_compact_text_is_that_of_opencolorio(tmp_path: Path) -> None:
+    own, compact = clf.text_of(lut()), compact_text(lut())
+    empty = (re.sub(r">[^<]*</Array>", "></Array>", text) for text in (compact, own))
+    ours, theirs = (ElementTree.canonicalize(text) for text in empty)
+    assert ours == theirs  # the identifier and the sizes of arrays too
+    for name, text in (("compact", compact), ("own", own)):
+        (tmp_path / f"{name}.clf").write_text(text)
+    read, expected = (read_lut(tmp_path / f"{name}.clf").ops for name in ("compact", "own"))
+    for op, wanted in zip(read, expected, strict=True):
+        for name, numbers in vars(wanted).items():
+            if isinstance(numbers, np.ndarray):
+                np.testing.assert_allclose(getattr(op, name), numbers, rtol=0, atol=1.1e-6)
