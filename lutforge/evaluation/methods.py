@@ -102,7 +102,13 @@ class Fitter:
             for nonuniform in (False, True):
                 options = replace(self.options, size=size, nonuniform=nonuniform)
                 fits[lattice_name(size, nonuniform=nonuniform)] = _timed_lattices(train, options)
-            fits[f"lattice by (5.3) {size}"] = _plain_regression(train, self.options, size)
+            # What the thesis compares itself with: evenly spaced nodes, no smoothness but λ_K.
+            options, start = replace(self.options, size=size), time.perf_counter()
+            render = fit_uniform(train.balanced, train.encoded, options)
+            middle = time.perf_counter()
+            linearize = fit_uniform(train.encoded, train.balanced, options)
+            seconds = Both[float | None](middle - start, time.perf_counter() - middle)
+            fits[f"lattice by (5.3) {size}"] = Fit(render, linearize, seconds)
         return {**fits, **self._physical(train), **fit_baselines(train)}
 
     def compared(self, train: StyleData) -> dict[str, Fit]:
@@ -150,28 +156,19 @@ def _timed_lattices(train: StyleData, options: CalibrationOptions) -> Fit:
     return Fit(fitted.render, fitted.linearize, Both(seconds, seconds))
 
 
-def _plain_regression(train: StyleData, options: CalibrationOptions, size: int) -> Fit:
-    """The lattice regression that the thesis compares itself with: evenly spaced nodes, no smoothness but λ_K."""
-    options = replace(options, size=size)
-    x, y = train.balanced, train.encoded
-    start = time.perf_counter()
-    render = fit_uniform(x, y, options)
-    middle = time.perf_counter()
-    linearize = fit_uniform(y, x, options)
-    return Fit(render, linearize, Both(middle - start, time.perf_counter() - middle))
-
-
 # --- The polynomial baselines that the thesis compares with (Fig. 4.5) -----------------------------------------------
 
 
+ORDER = 6
+"""Of a polynomial per channel, as in the thesis."""
 RIDGE = 1e-9
 """Weight of the squared coefficients beside a sample: what colours cannot tell stays small."""
 
 
-def channel_polynomials(x: Array, y: Array, order: int = 6) -> Predictor:
-    """Fit one polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x. order: as in the thesis."""
+def channel_polynomials(x: Array, y: Array) -> Predictor:
+    """Fit one polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x."""
     # Few tones leave coefficients open, of which `full` takes the smallest; without it NumPy warns.
-    fits = [Polynomial.fit(x[:, c], y[:, c], order, full=True)[0] for c in range(3)]
+    fits = [Polynomial.fit(x[:, c], y[:, c], ORDER, full=True)[0] for c in range(3)]
     low, high = x.min(axis=0), x.max(axis=0)
 
     def predict(values: Array) -> Array:
@@ -181,26 +178,26 @@ def channel_polynomials(x: Array, y: Array, order: int = 6) -> Predictor:
     return predict
 
 
-def mixed_channel_polynomials(encoded: Array, raw: Array, order: int = 6) -> Predictor:
+def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
     """Fit JPEG → RAW, E = M p(I): one polynomial per channel, then a 3 × 3 matrix (Chakrabarti et al. 2009).
 
-    Alternating least squares from the best sum of one-channel terms, the coefficients (3, order) of each term cut to
+    Alternating least squares from the best sum of one-channel terms, the coefficients (3, ORDER) of each term cut to
     rank one. All systems are sums over the products of the terms, so that the samples are gone through once.
     """
-    powers = np.arange(1, order + 1)
-    terms = encoded[:, :, None] ** powers  # (n, 3, order)
+    powers = np.arange(1, ORDER + 1)
+    terms = encoded[:, :, None] ** powers  # (n, 3, ORDER)
     design = terms.reshape(len(encoded), -1)
-    products, right_sides = design.T @ design, (design.T @ raw).reshape(3, order, 3)
+    products, right_sides = design.T @ design, (design.T @ raw).reshape(3, ORDER, 3)
     ridge = RIDGE * len(encoded) * np.eye(len(products))
-    additive = np.linalg.solve(products + ridge, right_sides.reshape(-1, 3)).reshape(3, order, 3)
-    blocks = products.reshape(3, order, 3, order)
+    additive = np.linalg.solve(products + ridge, right_sides.reshape(-1, 3)).reshape(3, ORDER, 3)
+    blocks = products.reshape(3, ORDER, 3, ORDER)
     left, strength, right = np.linalg.svd(additive)
-    curves = left[:, :, 0] * strength[:, :1]  # (3, order)
+    curves = left[:, :, 0] * strength[:, :1]  # (3, ORDER)
     matrix = right[:, 0, :].T  # (3, 3): column k takes channel k's curve
     for _ in range(30):
         joint = np.einsum("kplq,kl->kplq", blocks, matrix.T @ matrix).reshape(products.shape)
         right_side = np.einsum("kpc,ck->kp", right_sides, matrix).reshape(-1)
-        curves = np.linalg.solve(joint + ridge, right_side).reshape(3, order)
+        curves = np.linalg.solve(joint + ridge, right_side).reshape(3, ORDER)
         normal = np.einsum("kp,kplq,lq->kl", curves, blocks, curves)
         matrix = np.linalg.lstsq(normal, np.einsum("kp,kpc->kc", curves, right_sides), rcond=None)[0].T
     low, high = encoded.min(axis=0), encoded.max(axis=0)

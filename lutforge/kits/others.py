@@ -4,7 +4,6 @@ And that of Blender, which needs a config.
 """
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
@@ -31,24 +30,24 @@ def _fed(
 
     steps: what to do; "{}" is the name of the look, "{best}" that of the LUT whose error is least, read back.
     """
-    return Kit(program, title, source, tried, partial(_write_files, files, steps))
 
+    def write(look: Look, folder: Path) -> list[str]:
+        errors = {}
+        for file in files:
+            if file == ".dcp":
+                write_dcp(fit_dng_profile(look), folder / f"{look.file_name}.dcp")
+            elif file == ".icc":
+                for variant in VARIANTS:
+                    write_icc(fit_icc_profile(look, variant), folder / f"{look.file_name}{variant}.icc")
+            elif isinstance(file, LutFile):
+                path, function = folder / f"{look.file_name}{file.ending}", look.between(file.space, file.space)
+                shown = file.space == "srgb"
+                lut = bake(function, path, size=file.size, display_referred=shown, title=look.title)
+                errors[path.name] = verify(path, function, lut, display_referred=shown).mean
+        best = min(errors, key=errors.__getitem__, default="")
+        return [step.format(look.file_name, best=best) for step in steps]
 
-def _write_files(files: tuple[str | LutFile, ...], steps: tuple[str, ...], look: Look, folder: Path) -> list[str]:
-    errors = {}
-    for file in files:
-        if file == ".dcp":
-            write_dcp(fit_dng_profile(look), folder / f"{look.file_name}.dcp")
-        elif file == ".icc":
-            for variant in VARIANTS:
-                write_icc(fit_icc_profile(look, variant), folder / f"{look.file_name}{variant}.icc")
-        elif isinstance(file, LutFile):
-            path, function = folder / f"{look.file_name}{file.ending}", look.between(file.space, file.space)
-            shown = file.space == "srgb"
-            lut = bake(function, path, size=file.size, display_referred=shown, title=look.title)
-            errors[path.name] = verify(path, function, lut, display_referred=shown).mean
-    best = min(errors, key=errors.__getitem__, default="")
-    return [step.format(look.file_name, best=best) for step in steps]
+    return Kit(program, title, source, tried, write)
 
 
 _ICC = '"{}.icc" is the camera\'s JPEG; "{} colours.icc" leaves its tone curve out.'.replace("{}", "{0}")
@@ -125,7 +124,7 @@ OTHER_KITS = (
 )  # fmt: skip
 
 
-def _write_config(look: Look, folder: Path) -> list[str]:
+def _write(look: Look, folder: Path) -> list[str]:
     """Write the config, which holds every style, and a script that starts Blender with it."""
     if not (folder / "ocio").exists():
         write_config([look.profile], folder / "ocio", version="2.1")
@@ -136,5 +135,5 @@ def _write_config(look: Look, folder: Path) -> list[str]:
     ]
 
 
-BLENDER = Kit("blender", "Blender", "raw", "Blender 3.4.1 (in the background)", _write_config)
+BLENDER = Kit("blender", "Blender", "raw", "Blender 3.4.1 (in the background)", _write)
 """Blender reads a whole OpenColorIO config, whose views show scene-linear renders as the camera would."""

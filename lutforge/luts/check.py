@@ -264,13 +264,13 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
 # Files are compared at the same points every time, of which more lie where the LUT bends.
 
 
-def sample_points(lut: Lut, count: int = 32768) -> Array:
+def sample_points(lut: Lut) -> Array:
     """Points (n, 3) of a LUT's domain, dense where it bends.
 
     A Sobol sequence, the same squeezed towards the node levels, nodes and both sides of them, the grey axis, and the
-    corners of the cube; behind a matrix of a scene-linear space also what is beyond the domain. `count` (a power of
-    two) is the length of the sequence.
+    corners of the cube; behind a matrix of a scene-linear space also what is beyond the domain.
     """
+    count = 32768
     first = lut.ops[0]
     matrix = first if isinstance(first, Matrix) else Matrix(np.eye(3))
     low, high = (0.0, 1.0) if lut.shaper is None else (lut.shaper.low, lut.shaper.high)

@@ -70,7 +70,11 @@ class Lut:
     @property
     def summary(self) -> str:
         """The operations in one line, such as "Matrix → Range → Curve 65536 → Cube 33³"."""
-        return " → ".join(_short(op) for op in self.ops)
+        sizes = [
+            f" {op.size}³" if isinstance(op, Cube) else f" {len(op.outputs)}" if isinstance(op, Curve) else ""
+            for op in self.ops
+        ]
+        return " → ".join(f"{type(op).__name__}{size}" for op, size in zip(self.ops, sizes, strict=True))
 
     @property
     def cube(self) -> Cube | None:
@@ -163,15 +167,6 @@ class Lut:
             raise LutError(f"{path}: {name} holds no curve at free knots; write a .csp")
         file_format.write(self, path)
         return path
-
-
-def _short(op: Op) -> str:
-    match op:
-        case Cube():
-            return f"Cube {op.size}³"
-        case Curve():
-            return f"Curve {len(op.outputs)}"
-    return type(op).__name__
 
 
 @dataclass(frozen=True)
