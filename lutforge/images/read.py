@@ -198,7 +198,10 @@ def _heif_spec(heif: Heif) -> oiio.ImageSpec:
             with ImageReader(folder / "exif.jpg") as reader:
                 for told in reader.spec.extra_attribs:
                     if told.name.startswith(("Exif:", "GPS:")) or told.name in _OF_THE_SHOT:
-                        spec.attribute(told.name, told.type, told.value)
+                        value = told.value
+                        if isinstance(value, str):  # OpenImageIO takes no bytes back that are no text
+                            value = value.encode("utf-8", "replace").decode("utf-8")
+                        spec.attribute(told.name, told.type, value)
     if heif.icc:
         spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(heif.icc)}]"), heif.icc)
     return spec

@@ -68,6 +68,13 @@ def test_ten_bits_are_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_image(tmp_path / "ramp.heic").pixels, ramp, atol=2 / 1023)
 
 
+def test_metadata_that_are_no_text_are_read_as_question_marks(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif[306] = "2021:04:05 14:51:20"
+    write_heif(tmp_path / "a.heic", np.full((64, 64, 3), 0.5), exif.tobytes().replace(b"2021:", b"20\xff\xff:"))
+    assert read_image(tmp_path / "a.heic").spec.get_string_attribute("DateTime") == "20??:04:05 14:51:20"
+
+
 def test_what_is_none_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     broken = tmp_path / "broken.heic"
     for data in (b"", b"no picture", b"\0\0\0\x18ftypheic" + bytes(100)):
