@@ -98,11 +98,14 @@ def predict(
             fits.append({**others, **fits_of_profile(style, model)})
     if left_out:
         masks, trains = zip(*inside.folds, strict=True)
-        refits = _without_each(trains, fitter, progress)
-        for mask, refit in zip(masks, refits, strict=True):
+        if any(len(train.shot) < LEAST_SAMPLES for train in trains):
+            raise CalibrationError("too few samples to leave a shot out: add shots")
+        progress(0.0)
+        for number, (mask, refit) in enumerate(zip(masks, each(fitter.fit, trains), strict=True), 1):
             places = np.flatnonzero(seen)[mask]
             fold[places], held_out[places] = len(fits), True
             fits.append(refit)
+            progress(number / len(trains))
     methods = tuple(dict.fromkeys(method for fitted in fits for method in fitted))
     return Predictions(
         data,
@@ -136,20 +139,6 @@ def with_compared(
     more = Fitter("", style, options, [], sizes=(options.size,)).compared(inside)
     fits = tuple({**more, **fits} if place == index else fits for place, fits in enumerate(predictions.fits))
     return replace(predictions, fits=fits)
-
-
-def _without_each(
-    trains: Sequence[StyleData], fitter: Fitter, progress: Callable[[float], None]
-) -> list[dict[str, Fit]]:
-    """Fits to the samples that each fold keeps."""
-    if any(len(train.shot) < LEAST_SAMPLES for train in trains):
-        raise CalibrationError("too few samples to leave a shot out: add shots")
-    progress(0.0)
-    refits = []
-    for refit in each(fitter.fit, trains):
-        refits.append(refit)
-        progress(len(refits) / len(trains))
-    return refits
 
 
 def _by_model(
