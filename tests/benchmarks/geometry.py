@@ -48,6 +48,7 @@ LENSES = {
 """k1, k2, the centre off the middle by shares of half the diagonal, red and blue."""
 CROPS = {
     "16:9": (slice(62, 737), slice(0, 1200)),
+    "3:2": (slice(4, 804), slice(8, 1208)),
     "1:1": (slice(0, 800), slice(200, 1000)),
     "off centre": (slice(0, 640), slice(240, 1200)),
 }
