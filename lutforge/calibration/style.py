@@ -25,6 +25,7 @@ from lutforge.calibration.physical.matrix_and_response import (
 )
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.errors import CalibrationError
+from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import Both, Direction, PhysicalModel
 from lutforge.model.response import smooth_response
@@ -166,10 +167,11 @@ def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleD
 
 
 @one_blas_thread
-def fit_lattices(data: StyleData, options: CalibrationOptions) -> Both[Lattice]:
+def fit_lattices(data: StyleData, options: CalibrationOptions, levels: Both[Levels] | None = None) -> Both[Lattice]:
     """The lattices of both directions of a style. Raises CalibrationError.
 
-    A black-and-white style is linearized by the inverse of the greys of its rendering.
+    levels: of the nodes of baked lattices, which are else searched. A black-and-white style is linearized by the
+    inverse of the greys of its rendering.
     """
     thesis, x, y = options.preset == "thesis", data.balanced, data.encoded
 
@@ -181,10 +183,12 @@ def fit_lattices(data: StyleData, options: CalibrationOptions) -> Both[Lattice]:
         def in_front_of_the_curve(balanced: Array) -> Array:
             return curve.continued(model.gamut_map(balanced @ model.matrix.T))
 
-        return bake_lattice(in_front_of_the_curve, x, options, curve)
+        return bake_lattice(in_front_of_the_curve, x, options, curve, None if levels is None else levels.render)
 
     def fit_linearize() -> Lattice:
-        return fit_thesis(y, x, options, clips=False) if thesis else bake_lattice(data.model.linearize, y, options)
+        if thesis:
+            return fit_thesis(y, x, options, clips=False)
+        return bake_lattice(data.model.linearize, y, options, levels=None if levels is None else levels.linearize)
 
     if data.monochrome:
         render = fit_render()

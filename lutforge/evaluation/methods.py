@@ -14,7 +14,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.style import StyleData, fit_lattices, fit_physical
 from lutforge.errors import CalibrationError
-from lutforge.model.lattice import Lattice
+from lutforge.interpolation import Levels
 from lutforge.model.profile_data import Both, PhysicalModel, PictureStyle
 
 Predictor = Callable[[Array], Array]
@@ -72,8 +72,7 @@ def _physical_fits(model: PhysicalModel, seconds: float | None = None) -> dict[s
 class Fitter:
     """Fits all methods to parts of a style's shots.
 
-    The model is fitted again to each part. What a lattice of the profile differs from the profile's own model is the
-    error of its nodes, which is added to the model of each part: nothing that a shot left out has told takes part.
+    The model is fitted again to each part, and baked to lattices at the node levels of the profile's.
     """
 
     def __init__(
@@ -119,14 +118,10 @@ class Fitter:
 
     def _profile_lattices(self, train: StyleData) -> Fit:
         render, linearize = self.style.render, self.style.linearize
-        whole = self.style.physical[0] if self.style.physical else None
-        if whole is None or self.options.preset == "thesis" or train.monochrome or render is None or linearize is None:
+        if render is None or linearize is None:
             return _timed_lattices(train, self.options)
-        model = train.fit_model(min(REFIT_CENTRES, train.most_centres))
-        return Fit(
-            _with_error_of_nodes(model.render, render, whole.render),
-            _with_error_of_nodes(model.linearize, linearize, whole.linearize),
-        )
+        train = replace(train, most_centres=min(REFIT_CENTRES, train.most_centres))
+        return _timed_lattices(train, self.options, Both(render.levels, linearize.levels))
 
     def _physical(self, train: StyleData) -> dict[str, Fit]:
         if not self.physical:
@@ -143,15 +138,10 @@ class Fitter:
         return _physical_fits(model, time.perf_counter() - start)
 
 
-def _with_error_of_nodes(model: Predictor, lattice: Lattice, whole: Predictor) -> Predictor:
-    """A model, and the difference that the nodes of a lattice make to the model that it was baked from."""
-    return lambda x: model(x) + (lattice(x) - whole(x))
-
-
-def _timed_lattices(train: StyleData, options: CalibrationOptions) -> Fit:
+def _timed_lattices(train: StyleData, options: CalibrationOptions, levels: Both[Levels] | None = None) -> Fit:
     """Lattices fitted to samples, and half of the seconds that both took for each."""
     start = time.perf_counter()
-    fitted = fit_lattices(train, options)
+    fitted = fit_lattices(train, options, levels)
     seconds = (time.perf_counter() - start) / 2.0
     return Fit(fitted.render, fitted.linearize, Both(seconds, seconds))
 

@@ -48,11 +48,16 @@ REST = 0.02
 
 
 def bake_lattice(
-    model: Callable[[Array], Array], samples: Array, options: CalibrationOptions, curve: OutputCurve | None = None
+    model: Callable[[Array], Array],
+    samples: Array,
+    options: CalibrationOptions,
+    curve: OutputCurve | None = None,
+    levels: Levels | None = None,
 ) -> Lattice:
     """Bake a model (n, 3) → (n, 3) around samples (n, 3) in [0, 1].
 
-    curve: what comes behind the cube; then the model gives values in front of it, and errors count behind it.
+    curve: what comes behind the cube; then the model gives values in front of it, and errors count behind it. levels:
+    of the nodes; without them the best are searched.
     """
     points, weight = _likely(samples, min(4 * options.size**3, 20_000))
     values = model(points)
@@ -61,11 +66,11 @@ def bake_lattice(
         codes = np.linspace(0.0, 1.0, 511)[:, None].repeat(3, axis=1)
         square = squares(apply_curve(curve.slope(codes), curve.to_encoded(values)))
         weight = weight * (square / np.median(square))
-    if not options.nonuniform:
-        return _fitted(model, points, values, weight, uniform_levels(options.size), options, curve)[0]
-    levels = _levels(model, points, values, weight, options, curve)
-    lattice, error = _fitted(model, points, values, weight, levels, options, curve)
-    levels = equidistributed_levels(points, error, lattice.levels, floor=_floor(curve))
+    if levels is None and options.nonuniform:
+        levels = _levels(model, points, values, weight, options, curve)
+        lattice, error = _fitted(model, points, values, weight, levels, options, curve)
+        levels = equidistributed_levels(points, error, lattice.levels, floor=_floor(curve))
+    levels = levels or uniform_levels(options.size)
     return _fitted(model, points, values, weight, levels, options, curve)[0]
 
 
