@@ -29,7 +29,7 @@ from lutforge.studio.opening import command
 from lutforge.studio.session import Session, Written
 from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
 
-LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".dctl", ".csp", ".spi1d", ".3dl", ".png")
+LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".dctl", ".csp", ".spi1d", ".3dl", ".vlt", ".png")
 
 
 class ExportPage:

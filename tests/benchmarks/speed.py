@@ -13,7 +13,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.calibration.style import fit_lattices
-from lutforge.luts.bake import bake_forms
+from lutforge.luts.bake import bake, bake_forms
 from lutforge.luts.programs import target_of
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.ocio.config import build_config
@@ -49,7 +49,7 @@ from tests.benchmarks.common import ROOT, Figure, Figures, Parts
 from tests.cases.pictures import write_cube
 from tests.cases.profiles import plain_profile
 from tests.cases.real_data import read_published_pairs
-from tests.cases.samples import style_of
+from tests.cases.samples import samples_of_settings, style_of
 
 BARE = """
 import os, sys
@@ -93,6 +93,26 @@ def work(file):
     target = oiio.ImageOutput.create(file)
     target.open(str(Path(out, Path(file).name)), spec)
     target.write_image(pixels)
+    target.close()
+""",
+)
+BARE_LIGHT = BARE.format(
+    "import numpy as np, OpenImageIO as oiio, PyOpenColorIO as OCIO",
+    f"""
+oiio.attribute("threads", 1)
+{READ}
+processor = read.getDefaultCPUProcessor()
+def work(file):
+    codes = oiio.ImageInput.open(file).read_image(oiio.UINT8)
+    height, width, _ = codes.shape
+    light = np.zeros((height, width, 4), np.float32)
+    pixels = codes / np.float32(255)
+    apply(processor, pixels, 1 << 16)
+    light[..., :3] = pixels
+    light[..., 3] = ((codes == 0) | (codes == 255)).any(axis=-1)
+    target = oiio.ImageOutput.create("light.exr")
+    target.open(str(Path(out, Path(file).stem + ".exr")), oiio.ImageSpec(width, height, 4, oiio.HALF))
+    target.write_image(light)
     target.close()
 """,
 )
@@ -258,10 +278,13 @@ def jpegs(folder: Path, count: int, height: int, width: int) -> list[Path]:
     return paths
 
 
-def beside_a_bare_script(name: str, code: str, lut: Path, files: list[Path], share: float) -> Figures:
+def beside_a_bare_script(
+    name: str, code: str, lut: Path, files: list[Path], share: float, words: Sequence[object] = ()
+) -> Figures:
+    """words: those of `lutforge apply` that do the same with a profile."""
     place = files[0].parent.parent
     ours, bare = alternating(
-        lambda: lutforge("apply", lut, files[0].parent, "-o", place / "ours"),
+        lambda: lutforge("apply", *(words or [lut]), files[0].parent, "-o", place / "ours"),
         lambda: run(sys.executable, "-c", code, lut, place / "bare", *files),
     )
     yield Figure(f"{name}: speed, of a bare script's", ratio(bare, ours), share, at_least=True, compared=False)
@@ -272,6 +295,22 @@ def jpeg_lines(folder: Path, lut: Path) -> Figures:
     yield from beside_a_bare_script("12 JPEG of 24 Mpixel", BARE_JPEG, lut, jpegs(folder / "l", 12, 4000, 6000), 0.85)
     small = jpegs(folder / "s", 200, 1154, 1732)
     yield from beside_a_bare_script("200 JPEG of 2 Mpixel", BARE_JPEG, lut, small, 0.85)
+
+
+def light_lines(folder: Path) -> Figures:
+    """JPEGs to scene-linear light, in half floats with a channel of what is clipped."""
+    camera, setting, profile, lut = nikon_d5100(), "standard/daylight", folder / "light.npz", folder / "light.clf"
+    calibrate(samples_of_settings(camera, 1, ("standard",), ("daylight",))).profile.save(profile)
+    bake(load_profile(profile).linearize(setting, "acescg"), lut)
+    settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s)
+    first = photograph(camera, SCENES["still-life"](4000, 6000, 0), settings, folder, "lit").jpeg
+    assert first is not None
+    files = [folder / "shots" / f"{number:03d}.jpg" for number in range(12)]
+    files[0].parent.mkdir()
+    for path in files:
+        path.hardlink_to(first)
+    words = [profile, "--space", "acescg", "--exposure", "exif"]
+    yield from beside_a_bare_script("12 JPEG of 24 Mpixel to light", BARE_LIGHT, lut, files, 0.8, words)
 
 
 def float_lines(folder: Path, lut: Path) -> Figures:
@@ -452,6 +491,7 @@ def parts(folder: Path) -> Parts:
         "tasks": task_lines,
         "memory": lambda: memory_lines(folder),
         "jpeg": lambda: jpeg_lines(folder, lut),
+        "light": lambda: light_lines(folder),
         "tif exr": lambda: float_lines(folder, lut),
         "raw": lambda: raw_lines(folder, lut),
         "dask": lambda: cluster_lines(folder, lut),

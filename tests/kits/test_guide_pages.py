@@ -37,10 +37,11 @@ def command_lines(text: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def camera(s40_samples: SampleSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A profile of RAW files, which knows daylight too."""
+    """A profile of RAW files, which knows daylight and a second style, too."""
     path = tmp_path_factory.mktemp("camera") / "camera.npz"
     names = np.where(s40_samples.shot == s40_samples.shot[0], "daylight", s40_samples.white_balance)
-    calibrate(replace(s40_samples, white_balance=names), CalibrationOptions(size=9)).save(path)
+    profile = calibrate(replace(s40_samples, white_balance=names), CalibrationOptions(size=9))
+    replace(profile, styles={**profile.styles, "vivid": profile.styles["standard"]}).save(path)
     return path
 
 
@@ -72,6 +73,7 @@ def prepare(folder: Path, camera: Path, data: Path, lines: str) -> None:
     command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m lutforge "$@"\n')
     command.chmod(command.stat().st_mode | stat.S_IXUSR)
     shutil.copy(camera, folder / "camera.npz")
+    shutil.copy(camera, folder / "other.npz")
     for raw in (data / "canon_powershot_s40").glob("CRW_*.CRW"):
         (folder / raw.name.replace("CRW_", "IMG_")).symlink_to(raw)
     if "--developed exported" in lines:
