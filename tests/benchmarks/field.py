@@ -266,7 +266,7 @@ def moved_table(shot: LeftOut) -> None:
                         means.append(blocks(develop(shot, kits[program], file, kelvin, ev, Path(place))))
                 fed, spread = means[0]
                 flat = np.all((spread < 0.03) & (fed + 3 * spread < 1.0), axis=-1)
-                wanted = np.clip(look.render(rgb_space("srgb").decode(fed[flat])), 0.0, 1.0)
+                wanted = np.clip(look.render(rgb_space("srgb").linearize(fed[flat])), 0.0, 1.0)
                 for shown, _ in means[1:]:
                     error = delta_e_2000(np.clip(shown[flat], 0.0, 1.0), wanted)
                     cells.append(f"{error.mean():.2f}, {np.quantile(error, 0.99):.2f}, {error.max():.2f}")
