@@ -170,9 +170,9 @@ def configs(data: Path, keep: Path) -> Figures:
     for name, (profile, selector) in profiles.items():
         with tempfile.TemporaryDirectory() as folder:
             began = time.perf_counter()
-            path = lf.write_config([profile], Path(folder) / "ocio")
+            written = lf.write_config([profile], Path(folder) / "ocio")
             seconds = time.perf_counter() - began
-            config = OCIO.Config.CreateFromFile(str(path))
+            config = OCIO.Config.CreateFromFile(str(written.path))
             balanced = np.concatenate([qmc.Sobol(3, rng=21).random(1 << 17), qmc.Sobol(3, rng=22).random(1 << 17) ** 2])
             jpeg = profile.render(selector)(balanced / profile.multipliers(selector))
             pixels = np.ascontiguousarray(np.clip(jpeg, 0.0, 1.0), dtype=np.float32)
