@@ -59,15 +59,14 @@ class CalibrationOptions:
     preset: "thesis" is its chapters as written (regression of lattices from a uniform prior, fixed weights, α by
     fitting error, saturation threshold β); "lutforge" fits matrix and response to all pairs and the gamut map by
     kriging, and bakes the lattices from these. size: nodes per axis, 3 … 65. nonuniform: False keeps the node levels
-    evenly spaced. interpolation: between nodes; None is tetrahedral, as most programs read LUTs, and trilinear for the
-    thesis's preset. physical: the numbers of response, matrix and gamut map that the thesis leaves open. Raises
+    evenly spaced. physical: the numbers of response, matrix and gamut map that the thesis leaves open. Raises
     CalibrationError on values outside these.
     """
 
     model: ModelName = "lattice"
     preset: Preset = "lutforge"
     size: int = 33
-    interpolation: Interpolation | None = None
+    interpolation: Interpolation = "trilinear"
     nonuniform: bool = True
     shaper_size: int = SHAPER_SIZE
     physical: PhysicalOptions = field(default_factory=PhysicalOptions)
@@ -79,17 +78,12 @@ class CalibrationOptions:
             raise CalibrationError(f'unknown preset "{self.preset}"; choose one of {", ".join(PRESETS)}')
         if not SMALLEST <= self.size <= LARGEST:
             raise CalibrationError(f"lattice size {self.size} is not within {SMALLEST} … {LARGEST}")
-        if self.method not in INTERPOLATIONS:
+        if self.interpolation not in INTERPOLATIONS:
             raise CalibrationError(
                 f'unknown interpolation "{self.interpolation}"; choose one of {", ".join(INTERPOLATIONS)}'
             )
         if self.shaper_size < self.size:
             raise CalibrationError(f"a shaper of {self.shaper_size} entries cannot hold {self.size} node levels")
-
-    @property
-    def method(self) -> Interpolation:
-        """How values between nodes are interpolated."""
-        return self.interpolation or ("trilinear" if self.preset == "thesis" else "tetrahedral")
 
     def as_json(self) -> dict[str, object]:
         """The options as plain values, for the profile; of the physical ones, those that are not the default."""
@@ -99,7 +93,7 @@ class CalibrationOptions:
             "model": self.model,
             "preset": self.preset,
             "size": self.size,
-            "interpolation": self.method,
+            "interpolation": self.interpolation,
             "nonuniform": self.nonuniform,
             "shaper_size": self.shaper_size,
             **({"physical": physical} if physical else {}),

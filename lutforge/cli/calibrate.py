@@ -29,7 +29,7 @@ def calibrate(
     ] = "lattice",
     preset: Annotated[str, option("lutforge; or thesis: the published method as written.")] = "lutforge",
     size: Annotated[int | None, option("Nodes per axis of the lattices, 3 to 65; 33 unless given.")] = None,
-    interpolation: Annotated[str | None, option("tetrahedral or trilinear, between the nodes of the lattices.")] = None,
+    interpolation: Annotated[str, option("trilinear or tetrahedral: what will read the LUT.")] = "trilinear",
     uniform: Annotated[bool, option("Keep the node levels evenly spaced.", "--uniform")] = False,
     developed: DevelopedFolder = None,
     developed_space: DevelopedSpace = None,

@@ -74,13 +74,13 @@ def calibrate_stages(
 
 
 def calibration_options(
-    model: str, preset: str, size: int | None, interpolation: str | None, nonuniform: bool
+    model: str, preset: str, size: int | None, interpolation: str, nonuniform: bool
 ) -> CalibrationOptions:
     """Return the options that a command's words ask for. Raises CalibrationError on unknown or contradictory words."""
     options = CalibrationOptions(
         model=cast(ModelName, model),
         preset=cast(Preset, preset),
-        interpolation=cast(Interpolation | None, interpolation),
+        interpolation=cast(Interpolation, interpolation),
         nonuniform=nonuniform,
     )
     return options if size is None else replace(options, size=size)

@@ -49,7 +49,7 @@ def lattice(options: CalibrationOptions) -> Fit:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "fitted.clf"
                 Lut(lattice_ops(fitted)).write(path)
-                return evaluate(file_processor(path, options.method), points).astype(np.float64)
+                return evaluate(file_processor(path, options.interpolation), points).astype(np.float64)
 
         return predict
 

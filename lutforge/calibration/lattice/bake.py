@@ -116,7 +116,7 @@ def _levels(
     best, least = levels, np.inf
     for _ in range(6):
         sampled = model(grid(levels).reshape(-1, 3)).reshape(len(even), len(even), len(even), 3)
-        error = weight * squares(interpolate(points, levels, sampled, options.method) - values)
+        error = weight * squares(interpolate(points, levels, sampled, options.interpolation) - values)
         if error.mean() >= 0.9 * least:
             break
         best, least = levels, float(error.mean())
@@ -141,15 +141,15 @@ def _fitted(
     sampled = model(grid(levels))
     # A node without colours around it takes the model's own value.
     nodes = fit_lattice(
-        points, values, levels, method=options.method, weight=weight / float(weight.mean()),
+        points, values, levels, method=options.interpolation, weight=weight / float(weight.mean()),
         prior=Prior(sampled, np.full_like(sampled, HOLD)), tolerance=1e-4,
     ).value  # fmt: skip
     nodes[0, 0, 0] = 0.0
     if curve is not None:
         nodes[-1, -1, -1] = np.maximum(sampled[-1, -1, -1], 1.0)
-    nodes = with_rising_axis(nodes, levels, options.method)
-    error = weight * squares(interpolate(points, levels, nodes, options.method) - values)
-    return Lattice(levels, nodes, options.method, None if curve is None else curve.table), error
+    nodes = with_rising_axis(nodes, levels, options.interpolation)
+    error = weight * squares(interpolate(points, levels, nodes, options.interpolation) - values)
+    return Lattice(levels, nodes, options.interpolation, None if curve is None else curve.table), error
 
 
 def _floor(curve: OutputCurve | None) -> Array:

@@ -45,7 +45,7 @@ def inverse_of_greys(render: Lattice, options: CalibrationOptions) -> Lattice:
         levels = snapped(_levels(code, light[first], options.size), options.shaper_size)
     else:
         levels = uniform_levels(options.size)
-    return Lattice(levels, np.interp(grid(levels), code, light[first]), options.method)
+    return Lattice(levels, np.interp(grid(levels), code, light[first]), options.interpolation)
 
 
 def _levels(code: Array, light: Array, size: int) -> Levels:

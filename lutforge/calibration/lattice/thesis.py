@@ -28,7 +28,7 @@ def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) 
     clips: the boundary term applies, as to render. With options.nonuniform off the nodes are evenly spaced.
     """
     regularization = THESIS if clips else replace(THESIS, anchor=0.0)
-    method = options.method
+    method = options.interpolation
     first = _uniform(x, y, options, regularization)
     if not options.nonuniform:
         return first
@@ -59,5 +59,5 @@ def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: i
 
 
 def _uniform(x: Array, y: Array, options: CalibrationOptions, regularization: Regularization) -> Lattice:
-    levels, method = snapped(uniform_levels(options.size), options.shaper_size), options.method
+    levels, method = snapped(uniform_levels(options.size), options.shaper_size), options.interpolation
     return Lattice(levels, fit_lattice(x, y, levels, regularization, method=method).value, method)
