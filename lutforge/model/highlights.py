@@ -18,10 +18,10 @@ from lutforge.interpolation import apply_curve
 CLIPPED = 0.5 / 255.0
 """An encoded channel this near to 0 or 1 is clipped: half a code of an 8-bit file."""
 
-RISE = 3.2
+RISE = 3.4
 """Codes by which the output rises at most towards white per code of the source's least channel.
 
-The rendering's own slope, its matrix and its gamut map add to this: with 3.2 no channel rises by more than 8 codes.
+The rendering's own slope, its matrix and its gamut map add to this: with 3.4 no channel rises by more than 8 codes.
 """
 
 SOFTNESS = 0.15
