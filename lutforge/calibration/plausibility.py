@@ -127,7 +127,7 @@ def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
         least = given.misfit
         for changed in undone:
             judged = _judged(changed)
-            if judged is None or judged.misfit > least + LEAST_GAIN:  # more of it does not help
+            if judged is None or judged.misfit > least + LEAST_GAIN:  # more of it makes it worse
                 break
             least = min(least, judged.misfit)
         if least < best:
@@ -173,7 +173,7 @@ def _judged(colours: _Colours) -> _Judgement | None:
 
 
 def _causes(colours: _Colours, given: _Judgement, samples: SampleSet) -> Iterator[tuple[str, str, list[_Colours]]]:
-    """Yield each cause that could apply with what to do, and the samples without it: without more and more of it."""
+    """Yield each cause that could apply with what to do, and the samples without it, or without ever more of it."""
     raw, encoded, by = colours.raw, colours.encoded, colours.multipliers
     again = "read the file as RGB, not BGR, and sample again"
     yield "red and blue of the JPEG are swapped", again, [replace(colours, encoded=encoded[:, ::-1])]

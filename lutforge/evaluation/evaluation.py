@@ -74,9 +74,9 @@ class EvaluationRow:
 class Evaluation:
     """The result of an evaluation.
 
-    rows: the error table; raw, linearization, edited, refinish: the other tables, of raw the root mean square over the
-    channels ("RMSE") and by channel; notes: what was left out, why;
-    predictions: by style, what the rows are made of; departures: of shots.
+    rows: the error table; raw, linearization, edited, refinish: the other tables; notes: what was left out, and why;
+    predictions: by style, what the rows are made of; departures: of shots. The values of raw are the root mean squares
+    over all channels ("RMSE") and of each channel.
     """
 
     camera: str

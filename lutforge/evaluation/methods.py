@@ -72,7 +72,7 @@ def _physical_fits(model: PhysicalModel, seconds: float | None = None) -> dict[s
 class Fitter:
     """Fits all methods to parts of a style's shots.
 
-    The model is fitted again to each part, and baked to lattices at the node levels of the profile's.
+    The model is fitted again to each part, and baked to lattices whose node levels are those of the profile's lattices.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ def _timed_lattices(train: StyleData, options: CalibrationOptions, levels: Both[
 
 
 ORDER = 6
-"""Of a polynomial per channel, as in the thesis."""
+"""The degree of the polynomial of each channel, as in the thesis."""
 RIDGE = 1e-9
 """Weight of the squared coefficients beside a sample: what colours cannot tell stays small."""
 

@@ -34,10 +34,14 @@ REACH = 4.8
 WIDE = 3.0 / REACH**2
 """The third part of the kernel is 10 exp(−WIDE r²)."""
 DEGREE = 8
-"""Of the polynomial in which its sum over the centres is summed up: within 1e-9 up to twice as far as the centres."""
+"""The degree of the polynomial that stands for the sum of the third part over all centres.
+
+It is within 1e-9 of that sum for colours up to twice as far from the middle as the centres are.
+"""
 ONE, TWO, ROUGH, SMOOTH, SLOPE = (np.float32(number) for number in (1.0, 2.0, 0.2, 0.8, 6.4))
 HALF, THIRD, QUARTER, FIFTH, SIXTEENTH = (np.float32(1.0 / number) for number in (2, 3, 4, 5, 16))
 INVERSE_REACH, LARGEST = np.float32(1.0 / REACH), np.float32(0.35)
+"""The numbers of `_kriging` and `_falling` in float32: one in float64 would make all that it meets float64."""
 ALONG_GREY = 0.7
 """How much a distance along the grey axis counts: exposure changes what a gamut map does less than hue and chroma."""
 
@@ -144,7 +148,7 @@ def _evaluate_kriging(
     first: int,
     last: int,
 ) -> None:
-    """y = a·[1, x] + Σ λ φ(‖flat − c‖): the first two parts of φ block by block in float32, the third by its moments.
+    """y = a·[1, x] + Σ λ φ(‖flat − c‖): the first two parts of φ block by block in float32, the third as a polynomial.
 
     exp(−t) − 1 is squared as (1 + m)² − 1 = m (2 + m), so that rounding is not squared with it: within 3e-5 of the
     exact sum, 6e-6 in the mean, where Σ|λ| = 2,000.
@@ -285,7 +289,7 @@ class GamutMap:
 
     @cached_property
     def _moments(self) -> tuple[Array, Array]:
-        """The centres' middle c̄ (3,), and what the third part of the kernel sums up to, (terms, 3).
+        """The mean c̄ of the centres (3,), and the polynomial for the third part of the kernel, (terms, 3).
 
         With u = c − c̄ and v = x − c̄, exp(−w ‖v − u‖²) = exp(−w v²) exp(−w u²) Σ (2w)^|α| u^α v^α / α!. The exponents α
         are in the order of the loops of `_evaluate_kriging`.

@@ -21,7 +21,8 @@ CLIPPED = 0.5 / 255.0
 RISE = 3.4
 """Codes by which the output rises at most towards white per code of the source's least channel.
 
-The rendering's own slope, its matrix and its gamut map add to this: with 3.4 no channel rises by more than 8 codes.
+The rendering's own slope, its matrix and its gamut map add to this: with 3.4 no channel of the
+Canon S40 or of the demo's camera rises by more than 8 codes.
 """
 
 SOFTNESS = 0.15

@@ -1,9 +1,9 @@
 """Cholesky's factorization of large dense matrices, by blocks that all cores share.
 
-After the block columns before it have been subtracted, a diagonal block is factorized, and what lies below it is
-solved for (right-looking; Golub & Van Loan, Matrix Computations, 4.2.9). Each call of BLAS and LAPACK has one thread
-and a size that does not depend on the cores, nor does the result. SciPy's own wrappers of them hold Python's lock, so
-that fits beside each other would wait for each other; calls by ctypes do not.
+Block by block, the diagonal block is factorized, the rows below it are divided by its factor, and their products are
+subtracted from what is left of the matrix (right-looking; Golub & Van Loan, Matrix Computations, 4.2.9). Each call of
+BLAS and LAPACK has one thread and a size that does not depend on the cores, nor does the result. SciPy's own wrappers
+hold Python's lock, so that fits beside each other would wait for each other; calls by ctypes do not.
 """
 
 import ctypes
@@ -17,6 +17,7 @@ from lutforge.arrays import Array
 from lutforge.threads import one_blas_thread, run
 
 BLOCK = 256
+"""Rows and columns of a block."""
 
 
 @one_blas_thread
@@ -64,11 +65,12 @@ def _divide(rows: Array, factor: Array) -> None:
 
 
 def _int(number: int) -> object:
+    """A pointer to an integer."""
     return ctypes.byref(ctypes.c_int(number))
 
 
 def _place(array: Array) -> tuple[object, object]:
-    """Where an array begins, and how far its rows are apart, as BLAS takes them."""
+    """The address of an array, and the distance between its rows in numbers: two arguments of BLAS."""
     return ctypes.c_void_p(array.ctypes.data), _int(array.strides[0] // array.itemsize)
 
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
 from lutforge.errors import ProfileError
-from lutforge.model.gamut_map import GamutMap, even_slope, from_even, to_even
+from lutforge.model.gamut_map import REACH, GamutMap, even_slope, flattened, from_even, identity_gamut_map, to_even
 
 
 @pytest.mark.parametrize(("count", "offset"), [(1, 0.0), (5, 0.0), (127, 0.0), (128, 0.0), (1000, 0.0), (60, 0.01)])
@@ -31,6 +32,19 @@ def test_the_even_scale_and_back(offset: float) -> None:
     if offset:
         middle = 0.5 * (x[1:] + x[:-1])
         np.testing.assert_allclose(even_slope(middle, offset), np.diff(even) / np.diff(x), rtol=0.03)
+
+
+def test_kriging_is_the_sum_of_its_kernel_up_to_twice_as_far_as_its_centres() -> None:
+    rng = np.random.default_rng(0)
+    centres, coefficients = rng.random((700, 3)), rng.normal(size=(700, 3))
+    coefficients *= 2000 / np.abs(coefficients).sum(axis=0)
+    coefficients -= coefficients.mean(axis=0)  # as of a fit, whose long parts cancel
+    gamut_map = GamutMap(centres, coefficients, identity_gamut_map().polynomial, 0.005, "kriging")
+    x = np.concatenate([rng.random((300, 3)), rng.uniform(-0.3, 3.0, (300, 3))])
+    even = to_even(x, 0.005)
+    distance = cdist(flattened(even), flattened(to_even(centres, 0.005))) / REACH
+    kernel = 0.2 * np.exp(-distance) + 0.8 * (1 + 8 * distance) * np.exp(-8 * distance) + 10 * np.exp(-3 * distance**2)
+    np.testing.assert_allclose(to_even(gamut_map(x), 0.005), even + kernel @ coefficients, rtol=0, atol=1e-4)
 
 
 def test_bad_parts_are_refused() -> None:
