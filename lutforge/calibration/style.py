@@ -35,6 +35,8 @@ from lutforge.solvers.cross_validation import leave_groups_out
 from lutforge.threads import each, one_blas_thread
 
 LEAST_SAMPLES = 10
+REFIT_CENTRES = 2_500
+"""The most centres of a model that is fitted again to a part of the samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +104,7 @@ class StyleData:
         """The rows of a mask, and the clipped samples of the shots that have any."""
         parts = (self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows))
         clipped = None if self.clipped is None else self.clipped.of_shots(self.shot[rows])
-        return StyleData(*parts, self.monochrome, self.given, clipped, self.most_centres)
+        return StyleData(*parts, self.monochrome, self.given, clipped, min(self.most_centres, REFIT_CENTRES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,13 +169,21 @@ def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleD
 
 
 @one_blas_thread
-def fit_lattices(data: StyleData, options: CalibrationOptions, levels: Both[Levels] | None = None) -> Both[Lattice]:
+def fit_lattices(
+    data: StyleData,
+    options: CalibrationOptions,
+    levels: Both[Levels] | None = None,
+    asked: Both[Array] | None = None,
+) -> Both[Lattice]:
     """The lattices of both directions of a style. Raises CalibrationError.
 
-    levels: of the nodes of baked lattices, which are else searched. A black-and-white style is linearized by the
-    inverse of the greys of its rendering.
+    levels: of the nodes of baked lattices, which are else searched. asked: the colours (m, 3) of each direction that
+    alone will be asked for, where levels are given. A black-and-white style is linearized by the inverse of the greys
+    of its rendering.
     """
     thesis, x, y = options.preset == "thesis", data.balanced, data.encoded
+    at: Both[Levels] | Both[None] = levels or Both(None, None)
+    only: Both[Array] | Both[None] = asked or Both(None, None)
 
     def fit_render() -> Lattice:
         if thesis:
@@ -183,12 +193,12 @@ def fit_lattices(data: StyleData, options: CalibrationOptions, levels: Both[Leve
         def in_front_of_the_curve(balanced: Array) -> Array:
             return curve.continued(model.gamut_map(balanced @ model.matrix.T))
 
-        return bake_lattice(in_front_of_the_curve, x, options, curve, None if levels is None else levels.render)
+        return bake_lattice(in_front_of_the_curve, x, options, curve, at.render, only.render)
 
     def fit_linearize() -> Lattice:
         if thesis:
             return fit_thesis(y, x, options, clips=False)
-        return bake_lattice(data.model.linearize, y, options, levels=None if levels is None else levels.linearize)
+        return bake_lattice(data.model.linearize, y, options, None, at.linearize, only.linearize)
 
     if data.monochrome:
         render = fit_render()

@@ -101,10 +101,16 @@ def predict(
         if any(len(train.shot) < LEAST_SAMPLES for train in trains):
             raise CalibrationError("too few samples to leave a shot out: add shots")
         progress(0.0)
-        for number, (mask, refit) in enumerate(zip(masks, each(fitter.fit, trains), strict=True), 1):
+
+        def refit(part: tuple[Mask, StyleData]) -> dict[str, Fit]:
+            mask, train = part
+            left = inside.select(mask)
+            return fitter.fit(train, Both(left.balanced, left.encoded) if own_only else None)
+
+        for number, (mask, refitted) in enumerate(zip(masks, each(refit, inside.folds), strict=True), 1):
             places = np.flatnonzero(seen)[mask]
             fold[places], held_out[places] = len(fits), True
-            fits.append(refit)
+            fits.append(refitted)
             progress(number / len(trains))
     methods = tuple(dict.fromkeys(method for fitted in fits for method in fitted))
     return Predictions(

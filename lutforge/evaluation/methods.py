@@ -22,8 +22,6 @@ Predictor = Callable[[Array], Array]
 LATTICE, RBF, NO_GAMUT_MAP = "lattice", "rbf", "f and T, no h"
 MATRIX_AND_RESPONSE = "matrix and response"
 CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL = "polynomial per channel", "polynomial of all channels"
-REFIT_CENTRES = 2_500
-"""The most centres of a model that is fitted again without a shot."""
 BASELINES = (MATRIX_AND_RESPONSE, CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL)
 
 
@@ -94,9 +92,9 @@ class Fitter:
         self.lattice = style.render is not None and not (own and options.model == "rbf")
         self.physical = bool(sizes) or (bool(style.physical) and not (own and options.model == "lattice"))
 
-    def fit(self, train: StyleData) -> dict[str, Fit]:
-        """All methods by name, fitted to these samples."""
-        fits = {LATTICE: self._profile_lattices(train)} if self.lattice else {}
+    def fit(self, train: StyleData, asked: Both[Array] | None = None) -> dict[str, Fit]:
+        """All methods by name, fitted to these samples. asked: as of `fit_lattices`, for the profile's own lattices."""
+        fits = {LATTICE: self._profile_lattices(train, asked)} if self.lattice else {}
         for size in self.sizes:
             for nonuniform in (False, True):
                 options = replace(self.options, size=size, nonuniform=nonuniform)
@@ -116,12 +114,11 @@ class Fitter:
         lattice = Fit(even.render, even.linearize)
         return {lattice_name(self.options.size, nonuniform=False): lattice, **self._physical(train)}
 
-    def _profile_lattices(self, train: StyleData) -> Fit:
+    def _profile_lattices(self, train: StyleData, asked: Both[Array] | None) -> Fit:
         render, linearize = self.style.render, self.style.linearize
         if render is None or linearize is None:
             return _timed_lattices(train, self.options)
-        train = replace(train, most_centres=min(REFIT_CENTRES, train.most_centres))
-        return _timed_lattices(train, self.options, Both(render.levels, linearize.levels))
+        return _timed_lattices(train, self.options, Both(render.levels, linearize.levels), asked)
 
     def _physical(self, train: StyleData) -> dict[str, Fit]:
         if not self.physical:
@@ -138,10 +135,15 @@ class Fitter:
         return _physical_fits(model, time.perf_counter() - start)
 
 
-def _timed_lattices(train: StyleData, options: CalibrationOptions, levels: Both[Levels] | None = None) -> Fit:
+def _timed_lattices(
+    train: StyleData,
+    options: CalibrationOptions,
+    levels: Both[Levels] | None = None,
+    asked: Both[Array] | None = None,
+) -> Fit:
     """Lattices fitted to samples, and half of the seconds that both took for each."""
     start = time.perf_counter()
-    fitted = fit_lattices(train, options, levels)
+    fitted = fit_lattices(train, options, levels, asked)
     seconds = (time.perf_counter() - start) / 2.0
     return Fit(fitted.render, fitted.linearize, Both(seconds, seconds))
 

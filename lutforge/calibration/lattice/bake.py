@@ -14,9 +14,10 @@ stay clipped.
 from collections.abc import Callable
 
 import numpy as np
+from scipy.ndimage import binary_dilation, maximum_filter
 from scipy.spatial import cKDTree
 
-from lutforge.arrays import Array, Index
+from lutforge.arrays import Array, Index, Mask
 from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_levels, even_to_the_eye
 from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.options import CalibrationOptions
@@ -53,13 +54,20 @@ def bake_lattice(
     options: CalibrationOptions,
     curve: OutputCurve | None = None,
     levels: Levels | None = None,
+    asked: Array | None = None,
 ) -> Lattice:
     """Bake a model (n, 3) → (n, 3) around samples (n, 3) in [0, 1].
 
     curve: what comes behind the cube; then the model gives values in front of it, and errors count behind it. levels:
-    of the nodes; without them the best are searched.
+    of the nodes; without them the best are searched. asked: (m, 3), colours that alone the lattice will be asked for,
+    at given levels; nodes that lie apart from them, and from the grey axis, are 0.
     """
     points, weight = _likely(samples, min(4 * options.size**3, 20_000))
+    cells = None
+    if asked is not None and levels is not None:
+        cells = _cells_around(asked, levels)
+        near = cells[_cells_of(points, levels)]
+        points, weight = points[near], weight[near]
     values = model(points)
     if curve is not None:
         # How much a squared error in front of the curve counts behind it, 1 in the median.
@@ -71,7 +79,7 @@ def bake_lattice(
         lattice, error = _fitted(model, points, values, weight, levels, options, curve)
         levels = equidistributed_levels(points, error, lattice.levels, floor=_floor(curve))
     levels = levels or uniform_levels(options.size)
-    return _fitted(model, points, values, weight, levels, options, curve)[0]
+    return _fitted(model, points, values, weight, levels, options, curve, cells)[0]
 
 
 def node_coverage(lattice: Lattice, samples: Array) -> Array:
@@ -132,13 +140,20 @@ def _fitted(
     levels: Levels,
     options: CalibrationOptions,
     curve: OutputCurve | None,
+    cells: Mask | None = None,
 ) -> tuple[Lattice, Array]:
     """The lattice of least error on the points, at these levels on the shaper's grid, and its weighted errors (m,).
 
-    Its grey axis rises, and black stays black.
+    Its grey axis rises, and black stays black. cells: (N_r − 1, N_g − 1, N_b − 1), those whose nodes are computed.
     """
     levels = snapped(levels, options.shaper_size)
-    sampled = model(grid(levels))
+    nodes_at = grid(levels)
+    if cells is None:
+        sampled = model(nodes_at)
+    else:
+        corners = maximum_filter(np.pad(cells, (0, 1)), 2)
+        sampled = np.zeros_like(nodes_at)
+        sampled[corners] = model(nodes_at[corners])
     # A node without colours around it takes the model's own value.
     nodes = fit_lattice(
         points, values, levels, method=options.interpolation, weight=weight / float(weight.mean()),
@@ -150,6 +165,19 @@ def _fitted(
     nodes = with_rising_axis(nodes, levels, options.interpolation)
     error = weight * squares(interpolate(points, levels, nodes, options.interpolation) - values)
     return Lattice(levels, nodes, options.interpolation, None if curve is None else curve.table), error
+
+
+def _cells_of(colours: Array, levels: Levels) -> tuple[Index, ...]:
+    """Which cell holds each colour (n, 3): its number along each axis."""
+    inner = (axis[1:-1] for axis in levels)
+    return tuple(np.searchsorted(axis, column, side="right") for axis, column in zip(inner, colours.T, strict=True))
+
+
+def _cells_around(colours: Array, levels: Levels) -> Mask:
+    """The cells that hold a colour (n, 3) or a grey, and all that touch them."""
+    cells = np.zeros([len(axis) - 1 for axis in levels], dtype=np.bool_)
+    cells[_cells_of(np.concatenate([colours, _points(levels)[:, None].repeat(3, axis=1)]), levels)] = True
+    return np.asarray(binary_dilation(cells))
 
 
 def _floor(curve: OutputCurve | None) -> Array:

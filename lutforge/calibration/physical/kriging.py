@@ -63,6 +63,8 @@ MOST_CENTRES = 4_000
 """Samples are merged in cells until they are this few; the thesis has 3,000 to 5,000."""
 CELL = 0.005
 """The least size of these cells. Samples so near are of one surface, share their errors, and count once."""
+BEYOND_CENTRES = 1_000
+"""Centres of the fit that tells how far beyond its end a clipped channel goes on."""
 DEVIATION_CENTRES = 500
 """Centres that the standard deviation of the process is computed from."""
 SCENES = 1_500
@@ -109,7 +111,7 @@ def krige(
     weight = np.concatenate([weight, [1.0], np.full(GREYS - 1, GREY_WEIGHT)])
     if clipped is not None and len(clipped.source):
         # What a fit without them continues beyond the bound holds; the bound holds where that falls short of it.
-        fit = _solve(z, correction, weight, most_centres)
+        fit = _solve(z, correction, weight, min(BEYOND_CENTRES, most_centres))
         at, bound = to_even(clipped.source, OFFSET), to_even(clipped.target, OFFSET)
         continued = to_even(fit(clipped.source), OFFSET)
         wanted = np.where(clipped.above, np.maximum(continued, bound), bound)
