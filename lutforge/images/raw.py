@@ -30,7 +30,8 @@ class RawImage:
     says which).
     exposure_s, iso, focal_mm, aperture (f-number): NaN where unknown. lens: its name, "" where unknown.
     taken: EXIF's form of the date and time of the exposure, "2020:02:18 08:56:13"; "" where unknown.
-    d65: (3,) multipliers with green = 1 that make light D65 neutral, where LibRaw knows the camera's colours.
+    d65: (3,) multipliers with green = 1 that make light D65 neutral, where LibRaw or the DNG file itself knows the
+        camera's colours.
     clip_level: (3,) level above which this file's pixels were taken for saturated, before they were set to 1.
     """
 
@@ -108,6 +109,8 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
         clipped = (clip_level - 3e-5).astype(np.float32)  # LibRaw rounds white to one of the highest two of 16 bits
         _finish(rendered.view(np.uint16), (scale / 65535).astype(np.float32), clipped, steps, pixels)
         other, date = raw.other, raw.other.timestamp
+        # LibRaw's multipliers of daylight are those of its own table, or of the ColorMatrix that a DNG file states.
+        stated = path.suffix.lower() == ".dng" and np.any(raw.color_matrix)
         return RawImage(
             pixels=pixels,
             pixel_size=2.0 if half_size else 1.0,
@@ -122,7 +125,7 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
             aperture=_positive_or_nan(other.aperture),
             lens=" ".join(str(raw.lens.model).split()),
             taken="" if date is None or date.year < 1980 else date.strftime("%Y:%m:%d %H:%M:%S"),  # the epoch: unknown
-            d65=_multipliers(list(raw.daylight_whitebalance)) if np.any(raw.rgb_xyz_matrix) else None,
+            d65=_multipliers(list(raw.daylight_whitebalance)) if stated or np.any(raw.rgb_xyz_matrix) else None,
         )
 
 

@@ -39,8 +39,9 @@ def _write(camera: CameraProfile | None, base: str, look: Look, folder: Path) ->
         function = over_base(camera, setting_of(camera, base), look)
     for path, (_, size) in zip(paths, FILES, strict=True):
         bake(function, path, size=size, title=look.title)
+    body = "" if camera is None else f" of the {camera.camera}"
     steps = [
-        f"Copy {paths[0].name} or, for bodies that read it, {paths[1].name} to the memory card. Some bodies take "
+        f"Copy {paths[0].name} or, for bodies that read it, {paths[1].name} to the memory card{body}. Some bodies take "
         "names of eight letters only: rename it.",
         f"Menu → Photo Style → REAL TIME LUT → load it, with the base {base or 'V-Log'}.",
     ]

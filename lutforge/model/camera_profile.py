@@ -53,7 +53,10 @@ class CameraProfile(ProfileData):
         step = split_shift(balance) if isinstance(balance, str) and balance not in known_balances else None
         if step is not None and step[0] in known_balances:  # a known one with a step: "daylight+10", "auto+500K"
             return replace(selector, white_balance=self.shifted(known_balances[step[0]].factors, step[1]))
-        resolve(balance, known_balances, self.matrix)
+        try:
+            resolve(balance, known_balances, self.matrix)
+        except SettingsError as error:
+            raise SettingsError(f"{self.camera}: {error}") from None
         return selector
 
     def notes_on(self, selector: Selector) -> list[str]:

@@ -72,6 +72,16 @@ def reference_to_jpeg(rendering: Rendering, balance: str) -> OCIO.GroupTransform
     return OCIO.GroupTransform([matrix_transform(to_raw), file_transform(rendering.render_file)])
 
 
+HELD_OUT = (
+    ("render_mean", "render mean"),
+    ("render_max", "render max"),
+    ("render_de00_mean", "render mean CIEDE2000"),
+    ("linearize_mean", "linearize mean"),
+    ("linearize_max", "linearize max"),
+)
+"""The errors of a style that a colour space's description tells, in plain words."""
+
+
 def add_jpegs(
     config: OCIO.Config, rendering: Rendering, default: str, groups: dict[object, str], errors: Sequence[str]
 ) -> None:
@@ -80,7 +90,7 @@ def add_jpegs(
     default: the white balance that the style is known by; errors: of the LUTs, a line each.
     """
     camera, style = rendering.camera, rendering.camera.profile.styles[rendering.style]
-    held_out = "; ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in sorted(style.errors.items()))
+    held_out = "; ".join(f"{words} {style.errors[name]:.3g}" for name, words in HELD_OUT if name in style.errors)
     for balance in rendering.white_balances:
         name = camera.jpeg(rendering.style, balance)
         what = f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}"

@@ -43,6 +43,17 @@ def test_black_is_zero_and_saturation_one(tmp_path: Path, mosaic: np.ndarray) ->
     np.testing.assert_allclose(full.pixels[40, 60], expected, atol=3e-3)
 
 
+def test_a_dng_states_what_makes_light_d65_neutral(tmp_path: Path, mosaic: np.ndarray) -> None:
+    """By its ColorMatrix, whether or not LibRaw knows the camera (DNG 1.4, "Mapping Camera Color Space to CIE XYZ")."""
+    neutral = np.array([0.5, 1.0, 0.7])
+    balanced = np.array([[1.1, -0.1, 0.0], [-0.3, 1.2, 0.1], [0.0, 0.1, 0.9]]) @ np.linalg.inv(SRGB_TO_XYZ)
+    path, white = tmp_path / "phone.dng", SRGB_TO_XYZ.sum(axis=1)
+    write_dng(path, mosaic, black=64, white=4095, color_matrix=balanced * (neutral / (balanced @ white))[:, None])
+    d65 = read_raw(path, half_size=True).d65
+    assert d65 is not None
+    np.testing.assert_allclose(d65, 1 / neutral, rtol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("blacks", "expected"),
     [((160, 160, 160), (160, 160, 160)), ((160, 200, 240), (160, 200, 240)), ((60, 64, 68, 80), (60, 66, 80))],

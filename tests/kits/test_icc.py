@@ -164,4 +164,6 @@ def test_a_lut_on_a_base_style_serves_all_white_balances(demo: tuple[Path, str],
 def test_another_cameras_look_on_a_base_style(profile: CameraProfile, tmp_path: Path) -> None:
     other = replace(profile, camera="Other", matrix=profile.matrix @ np.diag([1.1, 1.0, 0.9]))
     folder = write_kit(profile, "standard", tmp_path / "kit", "lumix", base="standard", look=other)
-    assert "Other standard" in (folder / "README.md").read_text(encoding="utf-8")
+    readme = (folder / "README.md").read_text(encoding="utf-8")
+    assert "Other standard" in readme
+    assert f"memory card of the {profile.camera}" in readme

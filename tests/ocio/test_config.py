@@ -46,7 +46,7 @@ def made_profile(camera: str = "Nikon D40", nodes: int = 17) -> CameraProfile:
     standard = PictureStyle(
         Lattice(raw, (grid(raw) @ mixed.T) ** 0.45, "tetrahedral"),
         Lattice(jpeg, grid(jpeg) ** 2.2 @ np.linalg.inv(mixed).T, "tetrahedral"),
-        errors={"render_mean": 0.0123, "linearize_mean": 0.0045},
+        errors={"render_mean": 0.0123, "linearize_mean": 0.0045, "linearize_at_sample": 0.0},
     )
     vivid = PictureStyle(Lattice(raw, grid(raw) ** 0.4, "tetrahedral"), Lattice(jpeg, grid(jpeg) ** 2.5))
     balances = {name: WhiteBalance(gain, KELVIN[name]) for name, gain in GAINS.items()}
@@ -224,7 +224,7 @@ def test_what_a_colour_space_says_of_itself(written: Written) -> None:
     assert space.getFamily() == "Input/Nikon D40"
     assert space.getEncoding() == "sdr-video"
     assert list(space.getCategories()) == ["file-io"]
-    assert "render mean 0.0123" in space.getDescription()
+    assert "held-out error of the profile: render mean 0.0123; linearize mean 0.0045\n" in space.getDescription()
     assert "render LUT against the model: mean" in space.getDescription()
     assert "round trip mean" in space.getDescription()
     assert "not measured" in config.getColorSpace("Nikon D40 vivid daylight").getDescription()
