@@ -114,19 +114,18 @@ def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
 def scene_linear(look: Look) -> Callable[[Array], Array]:
     """The look without its tone curve: balanced camera RGB (…, 3) → linear sRGB.
 
-    The tone curve is the luminance that it gives greys, one for all channels, so that a cast of its greys stays. Its
-    inverse bends the channels of such a cast apart, so it is led by the luminance that it gives greys in turn.
+    Each colour keeps the chromaticity that the look gives it. Its gain is that of the grey whose largest channel the
+    look makes as large: it takes the luminance of that grey back to the grey's light.
     """
-    grey, luminance = np.linspace(0.0, 1.0, 4 * ENTRIES) ** GAMMA, to_xyz("linear-srgb")[1]
+    grey, luminance = np.linspace(0.0, 1.0, 4 * ENTRIES)[1:] ** GAMMA, to_xyz("linear-srgb")[1]
     shown = _SRGB.linearize(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
-    tones = np.maximum.accumulate(shown @ luminance)
-    rising = np.concatenate([[True], np.diff(tones) > 0])  # of the inputs that clip, the least
-    made = np.maximum.accumulate(np.interp(shown, tones[rising], grey[rising]) @ luminance)
-    lights = np.interp(grey, made, grey)
+    tones = np.maximum.accumulate(shown.max(axis=1))
+    rising = np.diff(tones, prepend=0.0) > 0.0  # of the inputs that clip, the least
+    tones, gains = tones[rising], (grey / (shown @ luminance))[rising]
 
     def light(balanced: Array) -> Array:
         toned = _SRGB.linearize(np.clip(look.render(balanced), 0.0, 1.0))
-        inverse = np.interp(toned, tones[rising], lights[rising])
+        inverse = toned * np.interp(toned.max(axis=-1), tones, gains)[..., None]
         # A clipped JPEG channel no longer rises with the light; there the RAW channel takes its place.
         return np.asarray(np.where(toned >= tones[-1], np.maximum(inverse, balanced), inverse))
 

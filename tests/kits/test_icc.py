@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.colour.srgb import delta_e_2000, srgb_decode, srgb_encode, srgb_to_lab
-from lutforge.kits.icc import VARIANTS, fit_icc_profile, icc_lines, read_icc, write_icc
+from lutforge.kits.icc import VARIANTS, fit_icc_profile, icc_lines, read_icc, scene_linear, write_icc
 from lutforge.kits.kit import look_of
 from lutforge.luts.reading import read_lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, match
@@ -92,12 +92,18 @@ def test_colours_without_the_tone_curve_are_linear_in_greys(profile: CameraProfi
     light = np.repeat(np.linspace(0.02, 1.0, 200)[:, None], 3, axis=1)
     greys = np.repeat((srgb_decode(fitted(light)) @ luminance)[:, None], 3, axis=1)
     assert delta_e_2000(srgb_encode(greys), srgb_encode(light)).max() < 0.5
-    # What a colour is at its own lightness: hue and chroma, the cast of greys too, are those of the camera's picture.
+    # At the lightness of the camera's picture, a colour is the picture's, the cast of greys too.
     x = 0.18 * np.random.default_rng(2).uniform(0.5, 1.5, (200, 3))
-    fine = np.linspace(0, 1, 4001)
-    tones = srgb_decode(np.clip(look.render(np.repeat(fine[:, None], 3, axis=1)), 0.0, 1.0)) @ luminance
-    again = srgb_encode(np.interp(srgb_decode(fitted(x)), fine, tones))
-    assert delta_e_2000(again, np.clip(look.render(x), 0.0, 1.0)).mean() < 0.3
+    shown, wanted = srgb_decode(fitted(x)), np.clip(look.render(x), 0.0, 1.0)
+    again = shown * ((srgb_decode(wanted) @ luminance) / (shown @ luminance))[:, None]
+    assert delta_e_2000(np.clip(srgb_encode(again), 0.0, 1.0), wanted).mean() < 0.3
+
+
+def test_colours_without_the_tone_curve_do_not_jump_where_a_channel_clips(profile: CameraProfile) -> None:
+    direction = np.random.default_rng(4).uniform(0.1, 1.0, (100, 3))
+    light = scene_linear(look_of(profile, "standard"))
+    ramps = light(np.linspace(0.0, 1.0, 513)[:, None, None] * direction / direction.max(axis=1, keepdims=True))
+    assert np.abs(np.diff(srgb_encode(ramps), axis=0))[8:].max() < 12 / 255
 
 
 def test_a_profile_is_read_as_little_cms_reads_it(icc: Path) -> None:
