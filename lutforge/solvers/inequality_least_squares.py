@@ -1,10 +1,11 @@
 """Linear least squares with linear inequality constraints (Lawson & Hanson, "Solving Least Squares Problems", ch. 23).
 
-The problem LSI, min ‖A x − b‖ subject to G x ≥ h, becomes the least-distance problem LDP through the QR factors of A,
-and that becomes a non-negative least-squares problem in as many unknowns as there are constraints.
+The problem LSI, min x'N x − 2 r'x subject to G x ≥ h, becomes the least-distance problem LDP through the Cholesky
+factor of N, and that becomes a non-negative least-squares problem in as many unknowns as there are constraints.
 """
 
 import numpy as np
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.optimize import nnls
 
 from lutforge.arrays import Array
@@ -12,34 +13,33 @@ from lutforge.errors import CalibrationError
 from lutforge.solvers.solution import Solution, Status
 
 
-def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -> Array:
-    """x (k,) that minimizes ‖design x − target‖ subject to constraints x ≥ bounds.
+def solve_lsi(normal: Array, right: Array, constraints: Array, bounds: Array) -> Array:
+    """x (k,) that minimizes x' normal x − 2 right' x subject to constraints x ≥ bounds.
 
-    design: (m, k) of full column rank; constraints: (c, k); bounds: (c,).
-    Raises CalibrationError where the design does not determine x, no x satisfies the constraints, or the search for it
-    reaches its limit.
+    normal: (k, k); right: (k,); constraints: (c, k); bounds: (c,). Raises CalibrationError where the equations do not
+    determine x, no x satisfies the constraints, or the search for it reaches its limit.
     """
-    unknowns = design.shape[1]
-    factor = np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"))
-    upper, projected = factor[:unknowns, :unknowns], factor[:unknowns, -1]
-    diagonal = np.abs(np.diag(upper))
-    if len(diagonal) < unknowns or diagonal.min() <= 1e-12 * max(diagonal.max(), 1e-300):
-        raise CalibrationError("the samples do not determine the curve: they span too few tones")
-    solution: Array = np.linalg.solve(upper, projected)
-    turned = np.linalg.solve(upper.T, constraints.T).T  # G R⁻¹
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    try:
+        upper = cholesky(normal / np.outer(size, size) + 1e-13 * np.eye(len(right)))
+    except LinAlgError as error:
+        raise CalibrationError("the samples do not determine the response: they span too few tones") from error
+    constraints = constraints / size
+    turned = solve_triangular(upper, constraints.T, trans="T").T  # G R⁻¹, of R x
+    projected = solve_triangular(upper, right / size, trans="T")
+    solution, chosen = projected, np.zeros(len(bounds), dtype=np.bool_)
     slack = 1e-9 * np.maximum(np.linalg.norm(constraints, axis=1), 1e-300)
-    chosen = np.zeros(len(bounds), dtype=np.bool_)
     while True:  # few constraints ever bind: only those that were violated enter the problem
-        violated = (constraints @ solution < bounds - slack) & ~chosen
+        violated = (turned @ solution < bounds - slack) & ~chosen
         if not violated.any():  # what those that entered lack is rounding
-            return solution
+            return np.asarray(solve_triangular(upper, solution) / size)
         chosen |= violated
         distance = least_distance(turned[chosen], bounds[chosen] - turned[chosen] @ projected)
         if distance.status is Status.INFEASIBLE:
             raise CalibrationError("no rising curve fits the samples: the shots contradict each other")
         if not distance.converged:
             raise CalibrationError(f"the curve of the samples was not found: {distance.status.value}")
-        solution = np.linalg.solve(upper, distance.value + projected)
+        solution = distance.value + projected
 
 
 def least_distance(constraints: Array, bounds: Array) -> Solution:

@@ -15,14 +15,16 @@ def test_bounds_agree_with_scipy(seed: int) -> None:
     design, target = rng.normal(size=(40, 6)), rng.normal(size=40)
     low = rng.uniform(-0.3, 0.3, 6)
     expected = lsq_linear(design, target, bounds=(low, np.inf), tol=1e-14).x
-    np.testing.assert_allclose(solve_lsi(design, target, np.eye(6), low), expected, atol=1e-7)
+    np.testing.assert_allclose(solve_lsi(design.T @ design, design.T @ target, np.eye(6), low), expected, atol=1e-7)
 
 
 def test_without_binding_constraints_it_is_least_squares() -> None:
     rng = np.random.default_rng(0)
     design, target = rng.normal(size=(30, 4)), rng.normal(size=30)
     expected = np.linalg.lstsq(design, target, rcond=None)[0]
-    np.testing.assert_allclose(solve_lsi(design, target, np.eye(4), np.full(4, -100.0)), expected, atol=1e-10)
+    np.testing.assert_allclose(
+        solve_lsi(design.T @ design, design.T @ target, np.eye(4), np.full(4, -100.0)), expected, atol=1e-10
+    )
 
 
 def test_isotonic_regression() -> None:
@@ -36,7 +38,7 @@ def test_impossible_and_undetermined_problems_are_refused() -> None:
     with pytest.raises(CalibrationError, match="contradict"):
         solve_lsi(np.eye(2), np.zeros(2), np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 1.0]))
     with pytest.raises(CalibrationError, match="too few tones"):
-        solve_lsi(np.ones((5, 2)), np.ones(5), np.eye(2), np.zeros(2))
+        solve_lsi(np.array([[1.0, 2.0], [2.0, 1.0]]), np.ones(2), np.eye(2), np.zeros(2))
 
 
 def test_a_least_distance_that_there_is_not_is_said_so() -> None:

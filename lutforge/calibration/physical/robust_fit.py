@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
 from lutforge.arrays import Array
 from lutforge.calibration.physical.curve_basis import CurveBasis
-from lutforge.errors import CalibrationError
 from lutforge.solvers.inequality_least_squares import solve_lsi
 from lutforge.solvers.robust_weights import cauchy, weighted_median
 from lutforge.solvers.solution import Status
@@ -91,15 +89,7 @@ def _solve(problem: Problem, basis: CurveBasis, offset: Array, design: Array) ->
     rising = np.zeros((3 * steps, unknowns))
     for channel in range(3):
         rising[steps * channel : steps * (channel + 1), count * channel : count * (channel + 1)] = basis.rising
-    # u that minimizes u'Nu − 2 r'u under rising u ≥ least, from the Cholesky factor of N.
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    try:
-        factor = cholesky(normal / np.outer(size, size) + 1e-13 * np.eye(len(right)), lower=True)
-    except LinAlgError as error:
-        raise CalibrationError("the samples do not determine the response: they span too few tones") from error
-    projected = solve_triangular(factor, right / size, lower=True)
-    least = np.tile(basis.least, 3)
-    solution = np.asarray(solve_lsi(np.ascontiguousarray(factor.T), projected, rising / size, least) / size)
+    solution = solve_lsi(normal, right, rising, np.tile(basis.least, 3))
     curves = basis.offset[:, None] + basis.design @ solution[: 3 * count].reshape(3, count).T
     own = solution[3 * count : 3 * (count + free)].reshape(3, free)
     return np.maximum.accumulate(curves), own, solution[last]
