@@ -132,8 +132,11 @@ def _problems(
             if falls.any():
                 entry = f"entry {int(np.argmax(falls)) + 2} of {len(op.outputs)}"
                 problems.append(f"the {name} falls at {entry}: it cannot be undone there")
-            if np.any(np.ptp(op.outputs, axis=0) < 1e-6):
-                problems.append(f"the {name} is constant: all inputs become one")
+            constant = np.ptp(op.outputs, axis=0) < 1e-6
+            if constant.any():
+                which = [word for word, flat in zip(("red", "green", "blue"), constant, strict=True) if flat]
+                of = "" if constant.all() else f" of {' and '.join(which)}"
+                problems.append(f"the {name}{of} is constant: all inputs become one")
     if lut.cube is not None:
         values, share = lut.cube.values, np.linspace(0.0, 1.0, 257)[:, None]
         grey = lut((1.0 - share) * max(domain[0]) + share * min(domain[1]) + np.zeros(3))

@@ -67,6 +67,8 @@ def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
     path = tmp_path / "a.cube"
     path.write_text("LUT_1D_SIZE 3\n0 0 0\n1 .9 1\n.5 1 1\n")
     assert any("falls at entry 3" in problem for problem in check_lut(path).problems)
+    path.write_text("LUT_1D_SIZE 2\n0 0 0\n0 1 0\n")
+    assert "the curve of red and blue is constant: all inputs become one" in check_lut(path).problems
     path.write_text("LUT_3D_SIZE 2\nDOMAIN_MIN -1 -1 -1\nDOMAIN_MAX 2 2 2\n" + "0 0 0\n" * 7 + "1 1 1\n")
     report = check_lut(path)
     assert report.domain == ((-1.0,) * 3, (2.0,) * 3)
