@@ -13,7 +13,7 @@ from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.response import Response
 from lutforge.pipeline.response import open_bracket, response
-from tests.cases.brackets import CURVES, adapted, bracket, errors_of
+from tests.cases.brackets import CURVES, adapted, bracket, compressed, errors_of
 
 
 @pytest.fixture(scope="module")
@@ -95,11 +95,21 @@ def test_a_camera_that_adapts_to_the_scene_is_told() -> None:
         assert verdict.fixed == (kind is None)
 
 
-@pytest.mark.parametrize(("shots", "spacing"), [(7, 2.0), (3, 1.0)])
-def test_neighbouring_frames_agree(shots: int, spacing: float) -> None:
-    curve = CURVES["vivid"]
+@pytest.mark.parametrize(
+    ("name", "shots", "spacing", "stated_off"),
+    [
+        ("vivid", 7, 2.0, 0.0),
+        ("vivid", 3, 1.0, 0.0),
+        pytest.param("sRGB", 5, 2.0, 0.5, marks=pytest.mark.slow),
+    ],
+)
+def test_neighbouring_frames_agree(name: str, shots: int, spacing: float, stated_off: float) -> None:
+    """Frames from JPEG files, of which the middle one may state a time that is off, in stops."""
+    curve = CURVES[name]
     times, errors, images = bracket(curve, shots=shots, cells=28, spacing=spacing)
-    fit = fit_bracket(pairs_of_bracket([f"{time:g}" for time in times], images, times))
+    stated = [time * 2.0 ** (stated_off * (place == shots // 2)) for place, time in enumerate(times)]
+    images = [compressed(image) for image in images]
+    fit = fit_bracket(pairs_of_bracket([f"{time:g}" for time in times], images, stated))
     light, codes = np.linspace(0, 1, 10_001), np.linspace(0.15, 0.6, 20)
     true = np.interp(codes, curve(light), light)
     for ratio in np.diff(np.log2(np.multiply(times, errors))):

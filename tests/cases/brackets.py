@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 
 import numpy as np
+from PIL import Image
 
 from lutforge.calibration.physical.bracket import BracketFit
 from lutforge.colour.srgb import srgb_encode
@@ -29,6 +31,14 @@ def bracket(
         light = np.clip(grey + (light - grey) * (1 + 0.3 * np.maximum(chroma - 0.45, 0)), 0, 1)
         images.append(np.rint(255 * response(light)) / 255)
     return times, errors, images
+
+
+def compressed(image: np.ndarray, quality: int = 75) -> np.ndarray:
+    """An image of whole codes as a JPEG file keeps it, its colours at half the resolution."""
+    file = BytesIO()
+    codes = np.rint(255 * image).astype(np.uint8)
+    Image.fromarray(codes).save(file, "JPEG", quality=quality, subsampling="4:2:0")
+    return np.asarray(Image.open(file)) / 255
 
 
 def _filmic(x: np.ndarray) -> np.ndarray:
