@@ -147,12 +147,11 @@ def _is_over(process: int, folder: Path) -> bool:
     """True where the process has ended. Where os.kill cannot merely ask (not POSIX), where the folder is a day old."""
     if os.name != "posix":
         return time.time() - folder.stat().st_mtime > 24 * 3600
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return True
-    except PermissionError:
-        return False
+    with suppress(PermissionError):
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return True
     return False
 
 

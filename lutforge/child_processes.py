@@ -9,7 +9,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from threading import Lock, RLock, Timer
-from typing import IO, Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from lutforge.errors import LutForgeError
 
@@ -87,16 +87,15 @@ def guarded(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> 
 
     with _guarding:
         process = _guard_process()
-        timer = Timer(WAIT, process.kill)
+        timer, question, answer = Timer(WAIT, process.kill), process.stdin, process.stdout
         try:
             timer.start()
-            channel_in, channel_out = _channels(process)
-            pickle.dump((str(Path.cwd()), function, arguments, words), channel_in)
-            channel_in.flush()
-            value, error = pickle.load(channel_out)
+            pickle.dump((str(Path.cwd()), function, arguments, words), question)
+            question.flush()
+            value, error = pickle.load(answer)
         except BaseException as failure:
             _end(process)
-            for channel in _channels(process):
+            for channel in (question, answer):
                 with suppress(OSError):
                     channel.close()
             process.wait()
@@ -117,7 +116,7 @@ def prepare(module: str) -> None:
         _guard_process(module)
 
 
-def _guard_process(module: str = __name__) -> "subprocess.Popen[bytes]":
+def _guard_process(module: str = __name__) -> Any:  # a process with its channels
     global _guard
     if _guard is None or _guard.poll() is not None:
         paths = [str(Path(entry).absolute()) for entry in sys.path]
@@ -130,12 +129,6 @@ def _guard_process(module: str = __name__) -> "subprocess.Popen[bytes]":
             )  # fmt: skip
             _running.add(_guard)
     return _guard
-
-
-def _channels(process: "subprocess.Popen[bytes]") -> tuple[IO[bytes], IO[bytes]]:
-    assert process.stdin is not None
-    assert process.stdout is not None
-    return process.stdin, process.stdout
 
 
 def serve(module: str) -> None:

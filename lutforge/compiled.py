@@ -7,7 +7,7 @@ its own file has changed, and does not see that a kernel which it calls, of anot
 """
 
 from collections.abc import Callable
-from functools import update_wrapper
+from functools import partial, update_wrapper
 from threading import RLock
 from typing import Any, TypeVar, cast
 
@@ -66,8 +66,4 @@ def compiled(*, fastmath: bool | set[str] = False) -> Callable[[Function], Funct
 
     `fastmath` names the liberties that LLVM may take with floating-point arithmetic, as `numba.njit` takes them.
     """
-
-    def decorate(function: Function) -> Function:
-        return cast(Function, _Kernel(function, fastmath))
-
-    return decorate
+    return cast(Callable[[Function], Function], partial(_Kernel, fastmath=fastmath))

@@ -107,11 +107,10 @@ def setting_name(text: str) -> str:
 
 
 def parse_selector(text: str) -> Selector:
-    """Read "STYLE/WB".
+    """Read "STYLE/WB". Raises SettingsError on anything else.
 
     WB is a name, a temperature ("5200K") with a tint or none ("5200K+10"), or three multipliers "r,g,b" (scaled here so
     that green = 1).
-    Raises SettingsError on anything else.
     """
     if not isinstance(text, str):
         raise SettingsError(f'{text!r:.80} is not STYLE/WB, a text such as "standard/daylight"')

@@ -1,7 +1,6 @@
 """`lutforge apply`: grade images with a LUT, a profile or an OpenColorIO config."""
 
 import json
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -73,14 +72,23 @@ def apply(
         for name in grading.candidates(candidates):
             say(f"--from {name}")
         note(f"{candidates} shows the picture graded from each; grade it from the one that looks right")
-    elif print_commands:
-        _print_commands(grading)
+        return
+    failed = False
+    if print_commands:
+        for command in grading.commands():
+            if isinstance(command, str):
+                print(command)
+            else:
+                failed = True
+                complain(command.reason)
     else:
-        _run(grading, as_json)
+        failed = _run(grading, as_json)
+    if failed:
+        raise typer.Exit(1 if grading.asked > 1 else 2)
 
 
-def _run(grading: "Grading", as_json: bool) -> None:
-    """Grade, and say what became of the images. Exits 1 where one failed, 2 where that was the only one."""
+def _run(grading: "Grading", as_json: bool) -> bool:
+    """Grade, and say what became of the images. Returns whether one failed."""
     from lutforge.apply.batch import rate
 
     began = time.monotonic()
@@ -100,34 +108,13 @@ def _run(grading: "Grading", as_json: bool) -> None:
             | {"width": done.width, "height": done.height, "notes": done.notes}
             for done in result.done
         ]
-        document = {
-            "graded": graded,
-            "skipped": [str(path) for path in result.skipped],
-            "failed": [{"source": str(failure.source), "reason": failure.reason} for failure in result.failed],
-            "seconds": round(seconds, 3),
-        }
-        json.dump(document, sys.stdout, indent=1)
-        print()
+        failed = [{"source": str(failure.source), "reason": failure.reason} for failure in result.failed]
+        document = {"graded": graded, "skipped": list(map(str, result.skipped)), "failed": failed}
+        print(json.dumps({**document, "seconds": round(seconds, 3)}, indent=1))
     else:
-        for done in result.done:
-            say(str(done.target))
-    asked = len(grading.inputs.images) + len(grading.inputs.missing)
-    if asked > 1:
+        say(*(str(done.target) for done in result.done))
+    if grading.asked > 1:
         pixels = sum(done.width * done.height for done in result.done)
         counts = f"{len(result.done)} graded, {len(result.skipped)} skipped, {len(result.failed)} failed"
         note(f"{counts} in {seconds:.1f} s: {rate(len(result.done), pixels, seconds)}")
-    if result.failed:
-        raise typer.Exit(1 if asked > 1 else 2)
-
-
-def _print_commands(grading: "Grading") -> None:
-    asked, failed = 0, False
-    for command in grading.commands():
-        asked += 1
-        if isinstance(command, str):
-            print(command)
-        else:
-            failed = True
-            complain(command.reason)
-    if failed:
-        raise typer.Exit(1 if asked > 1 else 2)
+    return bool(result.failed)

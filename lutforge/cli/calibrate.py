@@ -1,7 +1,7 @@
 """`lutforge calibrate`: samples or RAW files → a camera profile."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from lutforge.cli.console import (
     DevelopedFolder,
@@ -39,13 +39,19 @@ def calibrate(
     from_space: Annotated[str, option("The colour space of the first folder of --pairs.", "--from-space")] = "srgb",
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
+    from lutforge.calibration.options import CalibrationOptions
     from lutforge.pipeline.calibration import calibrate as fit
-    from lutforge.pipeline.calibration import calibration_options
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output, named_or_new
     from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs
 
     output = check_output(named_or_new(output, "camera.npz"), PROFILE_SUFFIXES, sources or ())
-    options = calibration_options(model, preset, size, interpolation, not uniform)
+    words: dict[str, Any] = {
+        "model": model,
+        "preset": preset,
+        "interpolation": interpolation,
+        "nonuniform": not uniform,
+    }
+    options = CalibrationOptions(**words | ({} if size is None else {"size": size}))
     if pairs is not None and sources:
         raise SettingsError("give --pairs or shots, not both")
     with progress_bar("sampling") as progress:

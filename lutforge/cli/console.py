@@ -25,13 +25,9 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     columns = (
-        TextColumn("[bold]{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[what]}"),
-    )
+        TextColumn("[bold]{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[what]}"),
+    )  # fmt: skip
     bar = Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty())
     with bar as bars:
         task = bars.add_task(title, total=1.0, what="")
@@ -106,11 +102,10 @@ def print_tables(*tables: Table) -> None:
         if table.caption:
             print(f"{bold}{harmless(table.caption)}{plain}")
         for row, line in enumerate(lines):
-            space = [" " * (width - _columns(cell)) for cell, width in zip(line, widths, strict=True)]
-            cells = (
-                gap + cell if numeric else cell + gap
-                for cell, gap, numeric in zip(line, space, table.numeric, strict=True)
-            )
+            cells = []
+            for cell, width, numeric in zip(line, widths, table.numeric, strict=True):
+                gap = " " * (width - _columns(cell))
+                cells.append(gap + cell if numeric else cell + gap)
             if text := "  ".join(cells).rstrip():
                 print(text if row else f"{bold}{text}{plain}")
 

@@ -99,17 +99,13 @@ def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
     assert spoilt is not None
     (applied,) = apply(output / "luts" / "refinish.clf", spoilt, output / "graded").done
     before, after, wanted = (read_image(path).pixels[..., :3] for path in (spoilt, applied.target, shots.wanted))
-    titles = (
-        f"as shot: {shots.source}",
-        f"graded: {shots.target}, {shots.ev:+g} EV",
-        "as the camera would have made it",
-    )
+    graded = f"graded: {shots.target}, {shots.ev:+g} EV"
+    titles = (f"as shot: {shots.source}", graded, "as the camera would have made it")
     refinish_sheet(before, after, wanted, output / "refinish.png", titles)
     usable = ((before > 0) & (before < 1) & (wanted > 0) & (wanted < 1)).all(axis=-1)
     say(f"   {applied.target}; {100 * (1 - usable.mean()):.1f} % of its pixels are clipped and are not counted")
-    return _cells(
-        "graded JPEG, 8 bit", error_figures(after[usable].astype(float), wanted[usable].astype(float), display=True)
-    )
+    figures = error_figures(after[usable].astype(float), wanted[usable].astype(float), display=True)
+    return _cells("graded JPEG, 8 bit", figures)
 
 
 def _cells(what: str, figures: "ErrorFigures") -> tuple[str, ...]:

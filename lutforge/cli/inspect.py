@@ -43,14 +43,8 @@ def inspect(
     for_each("inspecting", [file for path in files for file in files_to_inspect(path)], show)
 
 
-def check(
-    luts: Annotated[list[Path], argument("LUT files of any origin.")],
-) -> None:
+def check(luts: Annotated[list[Path], argument("LUT files of any origin.")]) -> None:
     """Show what LUT files hold, which programs read them, and which misread them."""
+    from lutforge.pipeline.inspection import check as lines_of
 
-    def show(path: Path) -> None:
-        from lutforge.pipeline.inspection import check as lines_of
-
-        say(*lines_of(path))
-
-    for_each("checking", luts, show)
+    for_each("checking", luts, lambda path: say(*lines_of(path)))

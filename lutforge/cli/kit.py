@@ -41,13 +41,10 @@ def kit(
     with progress_bar("developing") as progress:
         checks, notes = check_kit(folder, [*check, *(more or [])], progress)
     note(*notes)
-    rows = [
-        (
-            each.shot, str(each.tiles), f"{each.mean:.2f}", f"{each.p95:.2f}", f"{each.maximum:.2f}",
-            "yes" if each.calibrated else "no",
-        )
-        for each in checks
-    ]  # fmt: skip
+    rows = []
+    for each in checks:
+        figures = (f"{value:.2f}" for value in (each.mean, each.p95, each.maximum))
+        rows.append((each.shot, str(each.tiles), *figures, "yes" if each.calibrated else "no"))
     header = ("shot", "tiles", "mean", "95 %", "max", "calibrated from")
     print_tables(Table("What the program shows against the camera's JPEG, ΔE00", header, rows))
     if any(each.calibrated for each in checks):

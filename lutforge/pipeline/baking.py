@@ -144,9 +144,8 @@ def bake(
     notes = [*purpose.notes, *notes]
     for file, _ in made:  # what it cannot hold: whole numbers, linear light; plain cubes, light far above white
         if kind == "linearize" and format_of(file.path).bits is not None:
-            notes.append(
-                f"{file.path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
-            )
+            lost = "whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
+            notes.append(f"{file.path}: {lost}")
         if kind == "render" and purpose.space != "raw" and file.error.max_de00 is not None and file.error.max_de00 > 1:
             light = float(rgb_space(purpose.space).linearize(np.array(file.error.worst)).max())
             if light > 1:  # where a difference that is seen is the largest
@@ -176,9 +175,8 @@ def bake_files(
 ) -> tuple[tuple[BakedFile, ...], tuple[str, ...]]:
     """Bake a transform of a profile to LUT files as `bake` does, and to ICC and DNG camera profiles.
 
-    Returned are the files, the most exact first, and what the user should know of them.
-    colours: of an ICC profile, the look without its tone curve, scene-linear. Raises ProfileError, and what `bake`
-    does.
+    Returned are the files, the most exact first, and what the user should know of them. colours: of an ICC profile, the
+    look without its tone curve, scene-linear. Raises ProfileError, and what `bake` does.
     """
     inputs = [path for path in (profile, wanted.look, *wanted.transfers) if isinstance(path, str | Path)]
     paths = [check_output(path, inputs=inputs) for path in outputs]
@@ -241,12 +239,10 @@ def _files(
     paths: Sequence[Path], program: str | None, title: str, stages: bool
 ) -> tuple[dict[Path, str | None], list[str]]:
     """Files to write, each once, and the program of each; without names, those that suit the program; and notes."""
-    named: dict[Path, str | None] = {}
+    named = {} if paths or program is None else files_for(program, title)
+    for path in named:
+        check_output(path)
     notes = []
-    if not paths and program is not None:
-        named = files_for(program, title)
-        for path in named:
-            check_output(path)
     for path in paths:
         if path.resolve() in {known.resolve() for known in named}:
             notes.append(f"{path}: named twice, written once")

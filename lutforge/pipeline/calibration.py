@@ -5,17 +5,16 @@ from __future__ import annotations  # so that help() shows the names of types
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import cast, get_args
+from typing import get_args
 
 from lutforge.calibration.calibrate import calibrate as fit_profile
 from lutforge.calibration.calibrate import calibrate_stages as fit_stages
-from lutforge.calibration.options import CalibrationOptions, Preset
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer, pair_samples
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import CalibrationError, SampleError
 from lutforge.evaluation.measured_profile import measured
-from lutforge.interpolation import Interpolation
-from lutforge.model.camera_profile import CameraProfile, ModelName, as_profile
+from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples, origin_of
@@ -73,22 +72,6 @@ def calibrate_stages(
         return fit_stages(samples, options, telling)
 
 
-def calibration_options(
-    model: str, preset: str, size: int | None, interpolation: str, nonuniform: bool
-) -> CalibrationOptions:
-    """Return the options that a command's words ask for. Raises CalibrationError on unknown or contradictory words."""
-    options = CalibrationOptions(
-        model=cast(ModelName, model),
-        preset=cast(Preset, preset),
-        interpolation=cast(Interpolation, interpolation),
-        nonuniform=nonuniform,
-    )
-    return options if size is None else replace(options, size=size)
-
-
-# --- Photographs of the same scenes by two cameras → the transfer of one's RAW to the other's ------------------------
-
-
 def write_transfer(
     source: Path,
     target: Path,
@@ -100,8 +83,7 @@ def write_transfer(
     """Fit the transfer from the RAW of one camera to another's, and write it (.json).
 
     source, target: samples, RAW files or folders of one camera each. Returned are the number of colours that both saw,
-    and the transfer of each form, of which `form` was written. Raises SampleError where one holds several
-    cameras, CalibrationError where the two did not see the same colours.
+    and the transfer of each form, of which `form` was written. Raises SampleError, CalibrationError.
     """
     check_output(output, (".json",), (source, target))
     both, names = [], []

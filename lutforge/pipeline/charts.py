@@ -20,11 +20,11 @@ from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
-from lutforge.pipeline.response import Bracket, FittedResponse, open_bracket
+from lutforge.pipeline.response import Bracket, FittedResponse, open_bracket, parse_times, response
 from lutforge.pipeline.sampling import CHART
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.chart import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
-from lutforge.samples.chart_kinds import ChartKind
+from lutforge.samples.chart_kinds import ChartKind, chart_kind, parse_corners
 from lutforge.samples.sample_set import SampleSet
 
 SPACE = "acescg"
@@ -44,9 +44,34 @@ class FittedChart(FittedResponse):
     found: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class ResponseRequest:
+    """The words of `lutforge response`, "" for what is not given. light, corners: of the chart."""
+
+    files: tuple[Path, ...]
+    times: str = ""
+    camera: str = ""
+    all_colours: bool = False
+    chart: str = ""
+    light: str = ""
+    corners: str = ""
+
+    def fit(self, output: Path | None, progress: Progress) -> FittedResponse:
+        """Fit the response, and with a chart the whole rendering, as the words say. Raises LutForgeError."""
+        files, times = list(self.files), parse_times(self.times) if self.times else None
+        if self.chart:
+            kind, corners = chart_kind(self.chart), parse_corners(self.corners) if self.corners else None
+            chart = (kind, self.light or "D50", corners, times)
+            return write_input_transform(files, output, *chart, camera=self.camera, progress=progress)
+        for name, value in (("--light", self.light), ("--corners", self.corners)):
+            if value:
+                raise CalibrationError(f"{name} is of a colour chart: name the chart, too, such as --chart classic")
+        return response(files, output, times, camera=self.camera, all_colours=self.all_colours, progress=progress)
+
+
 def write_input_transform(
     bracket: Sequence[Path],
-    output: Path,
+    output: Path | None,
     kind: ChartKind,
     light: str,
     corners: Array | None = None,
@@ -57,32 +82,24 @@ def write_input_transform(
 ) -> FittedChart:
     """Calibrate a camera without RAW on exposures of a chart under a light, and write the profile.
 
-    corners: (4, 2), where the chart is in all shots, in pixels; None where it is searched for. bracket, exposure_s,
-    camera: as for `response`. Raises CalibrationError, in one line with what to do, where
-    the chart is not found or the exposures do not determine a response; ImageError, ShotError, and LutForgeError where
-    nothing can be written.
+    corners: (4, 2), where the chart is in all shots, in pixels; None where it is searched for. The others: as for
+    `response`. Raises CalibrationError where the chart is not found, and what `response` raises.
     """
-    check_output(output, PROFILE_SUFFIXES, bracket)
+    if output is not None:
+        check_output(output, PROFILE_SUFFIXES, bracket)
     with open_bracket(bracket, exposure_s, camera) as opened:
         codes, found = _patches(opened, kind, light, corners, part(progress, 0.0, 0.2))
     names, times = opened.names, opened.exposure_s
     usable = np.asarray(np.isfinite(codes).all(axis=2))
     shot, patch = np.nonzero(usable)
     count = len(shot)
+    camera_column, developer = np.full(count, opened.camera), f"{CHART}{kind.name} under {light}"
     samples = SampleSet(
-        camera=np.full(count, opened.camera),
-        style=np.full(count, opened.style),
-        white_balance=np.full(count, opened.white_balance),
-        shot=np.array(names)[shot],
-        patch=np.char.mod("chart_%03d", patch + 1),
-        exposure_s=np.array(times, dtype=np.float64)[shot],
-        raw=np.zeros((count, 3)),
-        srgb=codes[usable],
-        wb=np.full((count, 3), np.nan),
-        raw_camera=np.full(count, opened.camera),
-        raw_space=np.full(count, SPACE),
-        developer=np.full(count, f"{CHART}{kind.name} under {light}"),
-    )
+        camera_column, np.full(count, opened.style), np.full(count, opened.white_balance), np.array(names)[shot],
+        np.char.mod("chart_%03d", patch + 1), np.array(times, dtype=np.float64)[shot], raw=np.zeros((count, 3)),
+        srgb=codes[usable], wb=np.full((count, 3), np.nan), raw_camera=camera_column,
+        raw_space=np.full(count, SPACE), developer=np.full(count, developer),
+    )  # fmt: skip
     try:
         fit = fit_bracket(pairs_of_samples(samples))
     except CalibrationError as error:
@@ -105,8 +122,9 @@ def write_input_transform(
     profile = calibrate(samples, progress=part(progress, 0.2, 1.0))
     level = dict(zip(names, (scale * true).tolist(), strict=True))
     told = f"1 is the camera's white; white beside the chart has {max(level.values()):.3g} in the brightest shot"
-    profile = replace(profile, notes=(f"of the {samples.developer[0]}: {kind.source}", told, *profile.notes))
-    profile.save(output)
+    profile = replace(profile, notes=(f"of the {developer}: {kind.source}", told, *profile.notes))
+    if output is not None:
+        profile.save(output)
     return FittedChart(profile, fit, dict(zip(names, times, strict=True)), samples, level, found)
 
 

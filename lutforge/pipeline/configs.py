@@ -16,7 +16,7 @@ from lutforge.ocio.check import Finding, check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
 from lutforge.pipeline.outputs import check_output
-from lutforge.pipeline.sampling import is_of_chart
+from lutforge.pipeline.sampling import CHART
 from lutforge.progress import Progress, silent, telling_of_compilation
 
 
@@ -70,7 +70,7 @@ def write_config(
     check_output(output if archive else output / CONFIG_NAME, inputs=inputs)
     loaded = as_profiles(profiles)
     for profile in loaded:
-        if profile.developer and not is_of_chart(profile):
+        if profile.developer and not profile.developer.startswith(CHART):
             raise ConfigError(
                 f"{profile.camera}: the profile is of {profile.developer}; a config needs one of RAW files, "
                 "lutforge calibrate SHOT… -o camera.npz"

@@ -62,9 +62,6 @@ def evaluate(
         return evaluate_profile(camera, with_setting_names(samples), telling, tables=tables, sizes=sizes)
 
 
-# --- What a camera did to shots beyond its profile's fixed rendering -------------------------------------------------
-
-
 def inspect_scene(
     profile: CameraProfile | str | Path, shots: Paths, progress: Progress = silent
 ) -> tuple[Table, tuple[str, ...]]:
@@ -92,9 +89,6 @@ def inspect_scene(
         rows.append((name, corners, *departures.get(name, ("–",) * 3)))
     header = ("shot", "corners", "exposure, EV", "contrast", "saturation")
     return Table(f"Beyond the rendering of {profile}", header, rows), gathered.left_out
-
-
-# --- What a profile makes of samples ---------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)

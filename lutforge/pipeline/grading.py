@@ -124,6 +124,11 @@ class Grading:
         """The images to grade. Raises ImageError or SettingsError."""
         return find_inputs(self.images, self.frames, self.recursive, [self.folder], raw=_is_profile(self.words[0]))
 
+    @property
+    def asked(self) -> int:
+        """The number of images that were named, there or not."""
+        return len(self.inputs.images) + len(self.inputs.missing)
+
     def candidates(self, sheet: Path) -> tuple[str, ...]:
         """Write a sheet of the one image under presumed white balances, and return these. Raises SettingsError."""
         from lutforge.apply.candidates import candidate_sheet
@@ -198,15 +203,7 @@ def apply(
     Raises:
         LutForgeError: nothing can be graded; then nothing is written.
     """
+    words, beside = (*several(grade), *several(images)), None if look is None else Path(look)
     return Grading(
-        (*several(grade), *several(images)),
-        Path(output),
-        source,
-        target,
-        ev,
-        None if look is None else Path(look),
-        suffix=suffix,
-        workers=workers,
-        space=space,
-        exposure=exposure,
+        words, Path(output), source, target, ev, beside, suffix=suffix, workers=workers, space=space, exposure=exposure
     ).run()

@@ -46,8 +46,7 @@ def files_to_inspect(path: str | Path) -> list[Path]:
         return [path]
     known = RAW_SUFFIXES | PICTURE_SUFFIXES | {*PROFILE_SUFFIXES, *TABLE_SUFFIXES}
     files = sorted(entry for entry in path.iterdir() if entry.suffix.lower() in known and entry.is_file())
-    found = [file for file in files if file.suffix.lower() not in PICTURE_SUFFIXES or raw_beside(file) is None]
-    return found or [path]
+    return [file for file in files if file.suffix.lower() not in PICTURE_SUFFIXES or raw_beside(file) is None] or [path]
 
 
 def inspect(path: str | Path) -> Inspection:
@@ -86,11 +85,8 @@ def _shot(path: Path) -> Rows:
     yield "exposure", _exposure(data)
     height, width = shot.jpeg.shape[:2]
     yield "JPEG", f"{width} × {height}, {shot.jpeg_source}"
-    yield (
-        "registration",
-        f"{place.scale:.4f} RAW pixels per JPEG pixel, offset {place.offset_x:.1f}, {place.offset_y:.1f}, "
-        f"correlation {place.correlation:.3f}",
-    )
+    offset = f"{place.offset_x:.1f}, {place.offset_y:.1f}, correlation {place.correlation:.3f}"
+    yield "registration", f"{place.scale:.4f} RAW pixels per JPEG pixel, offset {offset}"
     if shot.lens_note:
         yield "lens", shot.lens_note
     yield "use", "a RAW/JPEG pair: sample, calibrate, evaluate"
@@ -120,11 +116,8 @@ def _picture(path: Path) -> Rows:
 
 def _table(path: Path) -> Rows:
     samples = read_samples(path)
-    for name, values in (
-        ("camera", samples.camera),
-        ("style", samples.style),
-        ("white balance", samples.white_balance),
-    ):
+    columns = {"camera": samples.camera, "style": samples.style, "white balance": samples.white_balance}
+    for name, values in columns.items():
         for value, count in zip(*np.unique(values, return_counts=True), strict=True):
             yield name, f"{value}: {count} samples"
     yield "shots", str(len(np.unique(samples.shot)))
@@ -139,11 +132,8 @@ def _profile(profile: "CameraProfile") -> Rows:
         spread = f", varies by {balance.spread:.0%} from shot to shot" if balance.spread > 0.005 else ""
         yield "white balance", f"{name}: {_numbers(balance.multipliers)}{kelvin}{spread}"
     for name, style in profile.styles.items():
-        parts = [
-            f"{direction} lattice {' × '.join(map(str, lattice.size))}"
-            for direction, lattice in (("render", style.render), ("linearize", style.linearize))
-            if lattice is not None
-        ]
+        sizes = {direction: " × ".join(map(str, lattice.size)) for direction, lattice in style.lattices.items()}
+        parts = [f"{direction} lattice {size}" for direction, size in sizes.items()]
         parts += [f"physical model for {', '.join(model.white_balances)}" for model in style.physical]
         yield "style", f"{name}: {'; '.join(parts)}"
     for falloff in profile.falloffs:

@@ -4,6 +4,7 @@ from __future__ import annotations  # so that help() shows the names of types
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -39,8 +40,7 @@ class KitCheck:
     """How far a kit's program is from the camera's JPEG on one shot: ΔE00 (CIE 2000) of its flat tiles.
 
     tiles: how many were compared; p95: the 95th percentile; codes: the mean absolute difference of 8-bit values.
-    calibrated: the profile was calibrated from this shot,
-    which flatters it.
+    calibrated: the profile was calibrated from this shot, which flatters it.
     """
 
     shot: str
@@ -123,11 +123,9 @@ def kits_of(profile: CameraProfile, to: str) -> list[str]:
     """The programs that a kit of a look can be for. Raises SettingsError on an unknown look."""
     look, programs = look_of(profile, to), []
     for name, kit in KITS.items():
-        try:
+        with suppress(SettingsError):
             _require_source(kit, look)
-        except SettingsError:
-            continue
-        programs.append(name)
+            programs.append(name)
     return programs
 
 
@@ -192,10 +190,9 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
 
 def _manifest(folder: Path) -> dict[str, list[str]]:
     """What a folder's manifest lists by name; nothing of a folder without one."""
-    try:
+    data: object = None
+    with suppress(OSError, ValueError):
         data = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
     lists = data.items() if isinstance(data, dict) else ()
     return {name: [str(each) for each in values] for name, values in lists if isinstance(values, list)}
 

@@ -58,19 +58,16 @@ def report(
     camera = as_profile(profile)
     if sampled is not None:
         require_same_origin(camera, sampled.samples)
+    share = 0.3 if sampled is None else 0.7
     with telling_of_compilation(progress) as telling:
         if sampled is None:
-            page = build_report(camera, progress=part(telling, 0.0, 0.3))
+            page = build_report(camera, progress=part(telling, 0.0, share))
         else:
-            page = build_report(
-                camera,
-                with_setting_names(sampled.samples),
-                sampled.shots,
-                {} if camera.developer else sampled.files,  # the maps show camera RAW
-                part(telling, 0.0, 0.7),
-            )
+            files = {} if camera.developer else sampled.files  # the maps show camera RAW
+            named = with_setting_names(sampled.samples)
+            page = build_report(camera, named, sampled.shots, files, part(telling, 0.0, share))
     if output is not None:
-        write_page(page, output, part(progress, 0.3 if sampled is None else 0.7, 1.0))
+        write_page(page, output, part(progress, share, 1.0))
     if figures is not None:
         write_figures(page, figures)
     return page

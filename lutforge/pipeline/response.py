@@ -135,21 +135,18 @@ def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, ca
         times, of_files = exposure_s, [read_picture_settings(file) for file in files]
         if times is None:
             times = [settings.exposure for settings in of_files]
-            unknown = [file.name for file, time in zip(files, times, strict=True) if not time > 0]
-            if unknown:
-                why = "the file states no exposure time; give those of the bracket (--times)"
-                raise CalibrationError(f"{unknown[0]}: {why}")
+            for file, time in zip(files, times, strict=True):
+                if not time > 0:
+                    raise CalibrationError(
+                        f"{file.name}: the file states no exposure time; give those of the bracket (--times)"
+                    )
         check_exposures(files, times)
         settings, cameras = of_files[0], sorted({each.camera for each in of_files if each.camera})
         if len(cameras) > 1:
             raise CalibrationError(f"pictures of {len(cameras)} cameras ({', '.join(cameras[:4])}): give those of one")
-        yield Bracket(
-            tuple(files),
-            tuple(times),
-            camera or settings.camera or "camera",
-            "standard" if settings.style == UNKNOWN else settings.style,
-            "auto" if settings.white_balance == UNKNOWN else settings.white_balance,
-        )
+        style = "standard" if settings.style == UNKNOWN else settings.style
+        balance = "auto" if settings.white_balance == UNKNOWN else settings.white_balance
+        yield Bracket(tuple(files), tuple(times), camera or settings.camera or "camera", style, balance)
 
 
 def _pairs(files: Sequence[Path], times: Sequence[float], progress: Progress) -> ExposurePairs:

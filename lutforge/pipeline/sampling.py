@@ -15,6 +15,7 @@ from lutforge.errors import CalibrationError, LutForgeError, SampleError, Settin
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet, concatenate
+from lutforge.samples.table import read_samples
 from lutforge.threads import cores
 
 if TYPE_CHECKING:  # tables are read without what decodes RAW files
@@ -68,8 +69,6 @@ def sample_shots(paths: Paths, progress: Progress = silent, substitute: RawSubst
     """Sample RAW files, or folders of them. A shot that cannot be used is left out, with its reason.
 
     substitute: gives the picture that is sampled in the place of a RAW file's own pixels, where a program developed it.
-
-    Raises ShotError where no shot is left.
     """
     from lutforge.shots.discover import discover
     from lutforge.shots.read import read_shot
@@ -104,8 +103,7 @@ def sample_each(
     """
     from lutforge.samples.extract import ShotSamples, extract
 
-    accounts: list[ShotSamples] = []
-    left_out: list[str] = []
+    accounts, left_out = list[ShotSamples](), list[str]()
 
     def sampled(name: str, file: Path) -> ShotSamples | LutForgeError:
         try:
@@ -178,19 +176,13 @@ def _names(files: Sequence[Path]) -> list[str]:
 def gather_samples(paths: Paths, progress: Progress = silent, substitute: RawSubstitute | None = None) -> SampledShots:
     """Read sample tables, and sample RAW files and folders of them, in any mixture; what is given twice counts once.
 
-    substitute: as for `sample_shots`. Raises SampleError where nothing is given or a table is malformed, ShotError
-    where no shot is usable.
+    substitute: as for `sample_shots`. Raises SampleError, ShotError.
     """
     given = list({path.resolve(): path for path in several(paths)}.values())
     if not given:
         raise SampleError("nothing given: name sample tables (.csv, .npz) or RAW files")
-    tables = [path for path in given if path.suffix.lower() in TABLE_SUFFIXES]
-    others = [path for path in given if path not in tables]
-    parts = []
-    if tables:
-        from lutforge.samples.table import read_samples
-
-        parts = [read_samples(path) for path in tables]
+    parts = [read_samples(path) for path in given if path.suffix.lower() in TABLE_SUFFIXES]
+    others = [path for path in given if path.suffix.lower() not in TABLE_SUFFIXES]
     if not others:
         return SampledShots(concatenate(parts))
     sampled = sample_shots(others, progress, substitute)
@@ -225,11 +217,6 @@ def origin_of(samples: SampleSet) -> dict[str, str]:
     return {"raw_space": space, "developer": developer} if space else {}
 
 
-def is_of_chart(profile: CameraProfile) -> bool:
-    """True where the known colours of a chart stood in the place of RAW: an input transform of a camera without RAW."""
-    return profile.developer.startswith(CHART)
-
-
 def require_same_origin(profile: CameraProfile, samples: SampleSet) -> None:
     """Raise CalibrationError, with what helps, where samples are not of what a profile was calibrated on."""
     given = origin_of(samples)
@@ -252,13 +239,12 @@ PAIRED_SUFFIXES = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 def raw_substitute(developed: str | Path | None, developed_space: str | None) -> RawSubstitute | None:
     """Return the function that gives the picture to use instead of a RAW file; None where the RAW itself is used.
 
-    developed: a folder of pictures, one a shot with its stem, encoded in developed_space. Raises SettingsError where
-    one is given without the other.
+    developed: a folder of pictures, one a shot with its stem, encoded in developed_space; neither goes alone.
     """
-    if developed is None and developed_space is None:
-        return None
     if developed is None:
-        raise SettingsError("--developed-space names the space of the pictures in --developed: give both")
+        if developed_space is not None:
+            raise SettingsError("--developed-space names the space of the pictures in --developed: give both")
+        return None
     if developed_space is None:
         raise SettingsError("--developed needs --developed-space, the space that its pictures are encoded in")
     from lutforge.images.development import read_developed
@@ -280,8 +266,7 @@ def sample_pairs(
 ) -> SampledShots:
     """Sample two renderings of the same frames: pictures of the same stem in two folders.
 
-    from_space: the space that the pictures of the first folder are encoded in; those of the second are sRGB. Raises
-    ShotError where no pair is usable, SettingsError on an unknown space.
+    from_space: the space that the pictures of the first folder are encoded in; those of the second are sRGB.
     """
     from lutforge.images.development import read_developed
     from lutforge.shots.read import read_pair
@@ -291,12 +276,11 @@ def sample_pairs(
     stems = sorted(first.keys() & second.keys())
     if not stems:
         raise ShotError(f"{from_folder}, {to_folder}: no picture of one has the name of a picture of the other")
-    files = {stem: first[stem] for stem in stems}
 
     def read(stem: str, file: Path) -> Shot:
         return read_pair(second[stem], read_developed(file, space))
 
-    return sample_each(files, read, progress, cores())
+    return sample_each({stem: first[stem] for stem in stems}, read, progress, cores())
 
 
 def _pictures(folder: Path) -> dict[str, Path]:

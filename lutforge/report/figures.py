@@ -37,9 +37,6 @@ LUMINANCE = SRGB_TO_XYZ[1]
 """Weights of linear sRGB's channels in Y."""
 
 
-# --- Samples and errors ----------------------------------------------------------------------------------------------
-
-
 def chromaticity_outlines() -> tuple[Array, Array]:
     """The spectrum locus and sRGB's triangle in CIE 1931 xy, both closed, (m, 2)."""
     import colour  # imported here: it takes a second, and most commands never need it
@@ -60,13 +57,8 @@ def chromaticity_figure(encoded: Array) -> Drawing:
         Dots(chromaticities(srgb_decode(chosen)), chosen, size=3),
     )
     chroma = np.column_stack([np.hypot(lab[:, 1], lab[:, 2]), lab[:, 0]])
-    return Drawing(
-        ((
-            Panel("chromaticity", diagram, "x", "y", equal=True),
-            Panel("lightness and chroma", (Dots(chroma, chosen, size=3),), "C*", "L*", y_range=(0, 100)),
-        ),),
-        3.8,
-    )  # fmt: skip
+    lightness = Panel("lightness and chroma", (Dots(chroma, chosen, size=3),), "C*", "L*", y_range=(0, 100))
+    return Drawing(((Panel("chromaticity", diagram, "x", "y", equal=True), lightness),), 3.8)
 
 
 def error_by_colour_figure(encoded: Array, error: Array) -> Drawing:
@@ -100,10 +92,8 @@ def error_boxes(directions: Sequence[tuple[str, Sequence[tuple[str, ErrorFigures
             Dots(means, "#000000", marker="diamond", size=5),
             Labels(means + np.array([0, 0.33]), [f"{mean:.4f}" for mean, _ in means]),
         ]
-        heights = (-0.6, len(methods) - 0.2)
-        panels.append(
-            Panel(title, tuple(marks), "RGB error, 1 = full scale", y_range=heights, log=True, rows=tuple(names))
-        )
+        heights, x = (-0.6, len(methods) - 0.2), "RGB error, 1 = full scale"
+        panels.append(Panel(title, tuple(marks), x, y_range=heights, log=True, rows=tuple(names)))
     return Drawing((tuple(panels),), 1.0 + 0.36 * max(len(methods) for _, methods in directions))
 
 
@@ -144,20 +134,16 @@ def response_figure(style: PictureStyle) -> Drawing:
     """f per channel over the linear value and over stops below saturation, with EMoR's mean and sRGB's curve."""
     linear = np.concatenate([np.linspace(0, 1, 513)[1:], 2.0 ** np.linspace(-8, 0, 257)])
     linear.sort()
-    curves, mean, what = style.tones(linear), mean_response(linear), "The grey axis of the lattice"
+    curves, mean = style.tones(linear), mean_response(linear)
+    what = "The response f" if style.physical else "The grey axis of the lattice"
     panels = []
     for x, label, reach in (
         (linear, "linear value, 1 = saturation", (0.0, 1.0)),
         (np.log2(linear), "stops below saturation", (-8.0, 0.0)),
     ):
-        usual = (
-            Line(x, mean, GREY, "dotted", 1.0, "mean of 201 responses (EMoR)"),
-            Line(x, srgb_encode(linear), label="sRGB", width=1.0),
-        )
-        marks = (*usual, *_of_channels(x, curves))
-        panels.append(
-            Panel("The response f" if style.physical else what, marks, label, "JPEG value", reach, (0.0, 1.02))
-        )
+        usual = Line(x, mean, GREY, "dotted", 1.0, "mean of 201 responses (EMoR)")
+        marks = (usual, Line(x, srgb_encode(linear), label="sRGB", width=1.0), *_of_channels(x, curves))
+        panels.append(Panel(what, marks, label, "JPEG value", reach, (0.0, 1.02)))
     return Drawing((tuple(panels),))
 
 
@@ -172,9 +158,6 @@ def bracket_figure(fit: BracketFit) -> Drawing:
 
 def _of_channels(x: Array, curves: Array, width: float = 2.0) -> list[Line]:
     return [Line(x, curves[:, c], colour, dash, width, name) for c, (name, colour, dash) in enumerate(CHANNELS)]
-
-
-# --- The gamut map ---------------------------------------------------------------------------------------------------
 
 
 def cube_edges() -> Array:
@@ -238,9 +221,6 @@ def _on_plane(colours: Array) -> Array:
     return np.asarray(colours[:, [0, 2]] - (colours @ LUMINANCE)[:, None])
 
 
-# --- The lattice -----------------------------------------------------------------------------------------------------
-
-
 def lattice_figure(style: PictureStyle, directions: Sequence[Direction]) -> Drawing:
     """Node levels, grey axis and coverage of a style's lattices, a row for each direction.
 
@@ -255,10 +235,8 @@ def lattice_figure(style: PictureStyle, directions: Sequence[Direction]) -> Draw
             Line(np.linspace(0, 1, len(nodes)), nodes, colour, dash, label=name)
             for nodes, (name, colour, dash) in zip(lattice.levels, CHANNELS, strict=True)
         ]
-        row = [
-            Panel("node levels", tuple(levels), "cube coordinate", source),
-            Panel("grey axis", tuple(curves), source, target),
-        ]
+        row = [Panel("node levels", tuple(levels), "cube coordinate", source)]
+        row.append(Panel("grey axis", tuple(curves), source, target))
         covered = style.coverage.get(direction)
         if covered is not None:
             seen = np.log10(1 + covered.sum(axis=2)).T[::-1]

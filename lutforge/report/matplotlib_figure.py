@@ -142,15 +142,14 @@ def refinish_sheet(
     height, width = before.shape[:2]
     error = np.linalg.norm(after.astype(np.float64) - wanted, axis=-1)
     told = f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}"
-    panels = [
+    first, second, third = (
         Panel(title, (Raster(np.asarray(image, dtype=np.float64)),), bare=True, equal=True)
         for title, image in zip(titles, (before, after, wanted), strict=True)
-    ]
-    panels.append(
-        Panel(told, (Raster(error),), bare=True, equal=True, scale=(0.0, ERROR_SCALE), scale_name="norm of RGB")
     )
-    rows = (tuple(panels[:2]), tuple(panels[2:]))
-    save_png(figure_of(Drawing(rows, 6 * height / width + 0.4, 12.0)), path)
+    scale = (0.0, ERROR_SCALE)
+    errors = Panel(told, (Raster(error),), bare=True, equal=True, scale=scale, scale_name="norm of RGB")
+    drawing = Drawing(((first, second), (third, errors)), 6 * height / width + 0.4, 12.0)
+    save_png(figure_of(drawing), path)
 
 
 def calibration_sheet(profile: CameraProfile, style: str, path: str | Path) -> None:

@@ -34,20 +34,9 @@ from lutforge.model.coverage import linearizing_error
 from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
 from lutforge.progress import Progress, part, silent
+from lutforge.report import figures
 from lutforge.report.drawing import Drawing, Line, Panel, Raster
 from lutforge.report.error_maps import maps_of_shot, own_method
-from lutforge.report.figures import (
-    ENDS,
-    brightness_transfer_figure,
-    chromaticity_figure,
-    error_boxes,
-    error_by_colour_figure,
-    gamut_figure,
-    lattice_figure,
-    levels_on_errors,
-    plane_figure,
-    response_figure,
-)
 from lutforge.report.matplotlib_figure import figure_of, save_png, to_svg
 from lutforge.report.tables import TITLES, Table, balance_table, error_table, matrix_table, more_tables
 from lutforge.samples.extract import ShotSamples
@@ -79,7 +68,6 @@ class Picture:
 
 Block = str | tuple[str, ...] | Picture | Table
 """A paragraph, sentences one below the other, a figure, a table."""
-
 
 Sections = Mapping[str, tuple[Block, ...]]
 """Headings and what stands below each."""
@@ -114,38 +102,30 @@ def build_report(
     accounts: of the shots that the samples are from; files: the RAW file of each shot by name, for error maps.
     Raises CalibrationError where the samples hold none of the profile's styles.
     """
-    notes, own = profile.notes, LATTICE
-    evaluation = None
-    judged: dict[str, tuple[Block, ...]] = {}
-    shown: dict[str, tuple[Block, ...]] = {}
-    lens = list(falloff_blocks(profile.falloffs))
+    evaluation, own, lens = None, LATTICE, list(falloff_blocks(profile.falloffs))
+    sections: dict[str, tuple[Block, ...]] = {"Notes": (profile.notes,) if profile.notes else ()}
     data: dict[str, StyleData] = {}
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
         own = own_method(profile, evaluation)
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
-        notes = tuple(dict.fromkeys((*notes, *evaluation.notes)))
+        notes = tuple(dict.fromkeys((*profile.notes, *evaluation.notes)))
         progress("error maps", 0.8)
-        judged["Errors"] = (*error_tables(own, evaluation), *error_pictures(own, evaluation))
-        judged["Errors on real shots"] = tuple(error_map_pictures(profile, own, evaluation, files or {}))
-        shown["Samples"] = tuple(sample_blocks(samples, accounts))
-        shown["Exposures"] = tuple(exposure_blocks(data))
+        sections["Notes"] = (notes,) if notes else ()
+        sections["Errors"] = (*error_tables(own, evaluation), *error_pictures(own, evaluation))
+        sections["Errors on real shots"] = tuple(error_map_pictures(profile, own, evaluation, files or {}))
         if evaluation.departures:
             title = "Shots that depart from the fixed rendering, with standard errors"
             rows = [(each.shot, *each.cells) for each in evaluation.departures]
             lens.append(Table(title, ("shot", "exposure, EV", "contrast", "saturation"), rows))
     progress("models", 0.9)
-    sections: Sections = {
-        "Notes": (notes,) if notes else (),
-        **judged,
-        "Lens and scene": tuple(lens),
-        "White balances and matrix": (balance_table(profile), matrix_table(profile)),
-        **{
-            f"Style {name}": tuple(style_pictures(profile, name, style, data.get(name)))
-            for name, style in profile.styles.items()
-        },
-        **shown,
-    }
+    sections["Lens and scene"] = tuple(lens)
+    sections["White balances and matrix"] = balance_table(profile), matrix_table(profile)
+    for name, style in profile.styles.items():
+        sections[f"Style {name}"] = tuple(style_pictures(profile, name, style, data.get(name)))
+    if samples is not None:
+        sections["Samples"] = tuple(sample_blocks(samples, accounts))
+        sections["Exposures"] = tuple(exposure_blocks(data))
     progress("done", 1.0)
     options = options_from_json(profile.options)
     model = {"lattice": f"lattices of {options.size}³ nodes", "rbf": "the physical model and lattices"}[options.model]
@@ -170,7 +150,6 @@ FIT = {
 }
 """By what `visibility` says of an error: whether a profile is fit for a use."""
 
-
 Errors = tuple[float, float | None, float | None, bool]
 """A style's mean error RAW → JPEG, its mean ΔE00, its mean error JPEG → RAW, and whether shots were held out."""
 
@@ -182,23 +161,20 @@ def answers(profile: CameraProfile, own: str, evaluation: Evaluation | None, dat
     prints, too.
     """
     errors: dict[str, Errors] = {}
-    if evaluation is None:
-        for name, style in profile.styles.items():
-            if "render_mean" in style.errors:
-                seen, back = style.errors.get("render_de00_mean"), style.errors.get("linearize_mean")
-                errors[name] = style.errors["render_mean"], seen, back, True
-    else:
-        rows = {(row.style, row.direction): row for row in evaluation.rows if row.method == own and row.shot == "all"}
-        for (name, direction), row in rows.items():
-            if direction == "render":
-                backward = rows.get((name, "linearize"))
-                back = None if backward is None else backward.figures.mean
-                errors[name] = row.figures.mean, row.figures.de00_mean, back, row.held_out
+    for name, style in profile.styles.items() if evaluation is None else ():
+        if "render_mean" in style.errors:
+            seen, back = style.errors.get("render_de00_mean"), style.errors.get("linearize_mean")
+            errors[name] = style.errors["render_mean"], seen, back, True
+    whole = [row for row in (evaluation.rows if evaluation else ()) if row.method == own and row.shot == "all"]
+    backward = {row.style: row.figures.mean for row in whole if row.direction == "linearize"}
+    for row in whole:
+        if row.direction == "render":
+            errors[row.style] = row.figures.mean, row.figures.de00_mean, backward.get(row.style), row.held_out
     strangers = sorted({str(style.samples.camera[0]) for style in data.values()} - {profile.camera})
     good = (
         *map(str, profile.diagnoses),
         *(f"The samples are of {name}, not of {profile.camera}: so are the errors." for name in strangers),
-        *(_how_good(name, *figures) for name, figures in errors.items()),
+        *(_how_good(name, *known) for name, known in errors.items()),
         *(profile.notes if is_response_alone(profile) else ()),
     )
     uses = Table("", ("job", "fit for it?", "why", "command"), tuple(_uses(own, evaluation, errors)))
@@ -207,8 +183,7 @@ def answers(profile: CameraProfile, own: str, evaluation: Evaluation | None, dat
     if not data:
         gaps.append("Give the shots or their samples to the report, too: it then names the colours that they lack.")
     for name, of_style in data.items():
-        colours = colour_gaps(of_style.encoded, linearizing_error(profile.styles[name]))
-        if colours:
+        if colours := colour_gaps(of_style.encoded, linearizing_error(profile.styles[name])):
             gaps.append(f"{name}: of the colours that real surfaces have, these are known least:")
             gaps.append(tuple(map(str, colours[:4])))
         else:
@@ -222,15 +197,15 @@ def answers(profile: CameraProfile, own: str, evaluation: Evaluation | None, dat
 
 def _how_good(style: str, mean: float, de00: float | None, backward: float | None, held_out: bool) -> str:
     seen = "" if de00 is None else f", ΔE00 {de00:.2f}"
-    figures = f"the JPEG predicted from RAW is {mean:.4f} of full scale off in the mean{seen}"
+    off = f"the JPEG predicted from RAW is {mean:.4f} of full scale off in the mean{seen}"
     if not held_out:
         return (
-            f"{style}: on these shots, to which it was fitted in part or in whole, {figures}. How well it predicts "
+            f"{style}: on these shots, to which it was fitted in part or in whole, {off}. How well it predicts "
             "others is not known: calibrate from two shots or more."
         )
     judged = "" if de00 is None else f": {visibility(de00)}"
     back = "" if backward is None else f" RAW recovered from the JPEG is {backward:.4f} of full scale off."
-    return f"{style}: on shots that it had not seen, {figures}{judged}.{back}"
+    return f"{style}: on shots that it had not seen, {off}{judged}.{back}"
 
 
 def _uses(own: str, evaluation: Evaluation | None, errors: Mapping[str, Errors]) -> Iterator[tuple[str, ...]]:
@@ -253,19 +228,16 @@ def _uses(own: str, evaluation: Evaluation | None, errors: Mapping[str, Errors])
         reason = f"{linear[worst]:.4f} of full scale off in the mean{named}; what the JPEG clipped is lost"
         yield light[0], FIT[visibility(rendered[worst])] if worst in rendered else YES, reason, light[1]
     pairs = [row for row in (evaluation.refinish if evaluation else ()) if row.method == own and row.figures.de00_mean]
-    if pairs:
-        pair = max(pairs, key=lambda row: row.figures.de00_mean or 0.0)
-        de00 = pair.figures.de00_mean or 0.0
-        yield other[0], FIT[visibility(de00)], _said(de00, f"{pair.source} → {pair.target}", len(pairs)), other[1]
-    else:
+    if not pairs:
         yield other[0], "not measured", "no two of the shots show one scene under two settings", other[1]
+        return
+    pair = max(pairs, key=lambda row: row.figures.de00_mean or 0.0)
+    de00 = pair.figures.de00_mean or 0.0
+    yield other[0], FIT[visibility(de00)], _said(de00, f"{pair.source} → {pair.target}", len(pairs)), other[1]
 
 
 def _said(de00: float, name: str, count: int) -> str:
     return f"ΔE00 {de00:.2f} in the mean{f', at worst ({name})' if count > 1 else ''}: {visibility(de00)}"
-
-
-# --- Errors, maps of real shots, samples, and the models of a style --------------------------------------------------
 
 
 MAPS_TEXT = (
@@ -283,12 +255,8 @@ def error_tables(own: str, evaluation: Evaluation) -> Iterator[Table]:
         if rows:
             held = "held out by shot" if all(row.held_out for row in rows) else "NOT all held out"
             yield error_table(f"{title}, all shots, {held}", rows, own)
-    shots = [
-        row
-        for row in evaluation.rows
-        if row.direction == "render" and row.method == own and not row.shot.startswith("all")
-    ]
-    if shots:
+    rendered = [row for row in evaluation.rows if row.direction == "render" and row.method == own]
+    if shots := [row for row in rendered if not row.shot.startswith("all")]:
         yield error_table("RAW → JPEG by shot", shots)
     distances = []  # how the error grows away from the samples, in encoded RGB
     for style, found in evaluation.predictions.items():
@@ -311,21 +279,15 @@ def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Picture]:
             if methods:
                 directions.append((title, methods))
         if directions:
-            yield Picture(
-                f"errors_{style}",
-                error_boxes(directions, own),
-                f"{style}: box from the first to the third quartile, line to the maximum, white the median, diamond "
-                "the mean. Logarithmic.",
-            )
+            words = "box from the first to the third quartile, line to the maximum, white the median, diamond the mean"
+            yield Picture(f"errors_{style}", figures.error_boxes(directions, own), f"{style}: {words}. Logarithmic.")
     for style, predictions in evaluation.predictions.items():
         error = np.linalg.norm(np.clip(predictions.predicted.render[own], 0, 1) - predictions.data.encoded, axis=1)
-        said = np.isfinite(error)
-        held = "held out by shot" if predictions.held_out[said].all() else "NOT all held out"
-        yield Picture(
-            f"error_by_colour_{style}",
-            error_by_colour_figure(predictions.data.encoded[said], error[said]),
-            f"{style}: which colours are predicted badly, RAW → JPEG, {held}.",
-        )
+        known = np.isfinite(error)
+        held = "held out by shot" if predictions.held_out[known].all() else "NOT all held out"
+        drawing = figures.error_by_colour_figure(predictions.data.encoded[known], error[known])
+        caption = f"{style}: which colours are predicted badly, RAW → JPEG, {held}."
+        yield Picture(f"error_by_colour_{style}", drawing, caption)
 
 
 def error_map_pictures(
@@ -346,17 +308,13 @@ def error_map_pictures(
 
 def sample_blocks(samples: SampleSet, accounts: Sequence[ShotSamples]) -> Iterator[Block]:
     """Show the samples and the shots that they are from."""
-    yield Picture("samples", chromaticity_figure(samples.srgb), "The JPEG colours of all samples.")
-    by_name = {account.shot: account for account in accounts}
+    yield Picture("samples", figures.chromaticity_figure(samples.srgb), "The JPEG colours of all samples.")
+    lost = {each.shot: (str(sum(each.clipped.values())), str(sum(each.rejected.values()))) for each in accounts}
     rows = []
     for name, taken in samples.by_shot():
-        setting = f"{taken.style[0]}/{taken.white_balance[0]}"
-        time = taken.exposure_s[0]
+        setting, time = f"{taken.style[0]}/{taken.white_balance[0]}", taken.exposure_s[0]
         exposure = "–" if not np.isfinite(time) else f"{time:g} s" if time >= 0.3 else f"1/{1 / time:.0f} s"
-        account = by_name.get(name)
-        clipped = "–" if account is None else str(sum(account.clipped.values()))
-        rejected = "–" if account is None else str(sum(account.rejected.values()))
-        rows.append((name, setting, exposure, str(len(taken)), clipped, rejected))
+        rows.append((name, setting, exposure, str(len(taken)), *lost.get(name, ("–", "–"))))
     yield Table("Shots", ("shot", "setting", "exposure", "samples", "areas clipped", "areas rejected"), tuple(rows))
 
 
@@ -388,13 +346,13 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
             f"{name}: JPEG values of one exposure against another's, with f(k f⁻¹(I)); crosses leave it. Dashed: an f "
             "that is fitted to all colours, outliers too."
         )
-        yield Picture(f"brightness_transfer_{name}", brightness_transfer_figure(functions), caption)
+        yield Picture(f"brightness_transfer_{name}", figures.brightness_transfer_figure(functions), caption)
 
 
 def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data: StyleData | None) -> Iterator[Block]:
     """Draw the models of a style."""
     what = "the tone response" if style.physical else "the grey axis of the lattice"
-    yield Picture(f"response_{name}", response_figure(style), f"{name}: {what}, per channel.")
+    yield Picture(f"response_{name}", figures.response_figure(style), f"{name}: {what}, per channel.")
     maps = {f"{name}, rendering": model.gamut_map for model in style.physical[:1]}
     if maps:
         maps[f"{name}, linearizing"] = style.physical[0].inverse_gamut_map
@@ -402,21 +360,18 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
             "The gamut map at constant luminance Y in linear sRGB: arrows lead from the colour before it to the colour "
             "after; dots are control points."
         )
-        yield Picture(f"gamut_map_{name}", gamut_figure(maps), text)
+        yield Picture(f"gamut_map_{name}", figures.gamut_figure(maps), text)
     for direction, lattice in style.lattices.items():
-        source, target = ENDS[direction]
+        source, target = figures.ENDS[direction]
         caption = f"{direction}: nodes lie densely where the function bends; those without samples continue the model."
-        yield Picture(f"lattice_{direction}_{name}", lattice_figure(style, [direction]), caption)
+        yield Picture(f"lattice_{direction}_{name}", figures.lattice_figure(style, [direction]), caption)
         if data is not None:
             options = options_from_json(profile.options)
             histograms = uniform_lattice_errors(data, options, direction)
             caption = f"{direction}: node levels (ticks) follow the error that a uniform lattice makes."
-            yield Picture(f"levels_{direction}_{name}", levels_on_errors(lattice, histograms, source), caption)
-        yield Picture(
-            f"planes_{direction}_{name}",
-            plane_figure(lattice, target, dict.fromkeys(range(3), 0.4)),
-            f"{direction}: where three planes of nodes go.",
-        )
+            yield Picture(f"levels_{direction}_{name}", figures.levels_on_errors(lattice, histograms, source), caption)
+        planes = figures.plane_figure(lattice, target, dict.fromkeys(range(3), 0.4))
+        yield Picture(f"planes_{direction}_{name}", planes, f"{direction}: where three planes of nodes go.")
 
 
 def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
@@ -436,12 +391,11 @@ def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
         for index, falloff in enumerate(falloffs)
     )
     panel = Panel("", lines, "distance from the centre, half the diagonal = 1", "EV")
-    yield Picture(
-        "falloff",
-        Drawing(((panel,),), 3.4, 6.0),
+    caption = (
         "How much brighter than the RAW the JPEGs are, against the distance from the middle. The profile renders the "
-        "middle; RAW is brightened by this first. Centres: in per cent of half the diagonal.",
+        "middle; RAW is brightened by this first. Centres: in per cent of half the diagonal."
     )
+    yield Picture("falloff", Drawing(((panel,),), 3.4, 6.0), caption)
 
 
 # --- Two cameras, or two styles of one, side by side: what each makes of the same light ------------------------------
@@ -512,24 +466,16 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
     )
 
 
-# --- Writing ----------------------------------------------------------------------------------------------------------
-
-
 def write_page(report: Report, path: str | Path, progress: Progress = silent) -> None:
     """One self-contained HTML file: no script, nothing from a network; names are escaped."""
     from lutforge import __version__
 
-    environment = Environment(
-        loader=PackageLoader("lutforge.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    loader = PackageLoader("lutforge.report")
+    jinja = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     for index, picture in enumerate(report.pictures):
         progress(f"drawing {picture.name}", index / len(report.pictures))
         _ = picture.svg
-    html = environment.get_template("report.html").render(report=report, version=__version__)
+    html = jinja.get_template("report.html").render(report=report, version=__version__)
     with atomic_path(path) as temporary:
         temporary.write_text(html, encoding="utf-8")
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
 """The directions of a profile's models, for captions."""
 
+YES = {True: "yes", False: "no"}
+
 
 @dataclass(frozen=True)
 class Table:
@@ -30,10 +32,8 @@ class Table:
     def numeric(self) -> tuple[bool, ...]:
         """Per column: whether it holds numbers only, which are set right."""
         number = re.compile(r"[-−+±]?[\d.]+(e[-+]?\d+)?( K| %| EV)?|–|")
-        return tuple(
-            bool(self.rows) and all(number.fullmatch(row[column]) for row in self.rows)
-            for column in range(len(self.header))
-        )
+        columns = zip(*self.rows, strict=True) if self.rows else ["text" for _ in self.header]
+        return tuple(all(map(number.fullmatch, column)) for column in columns)
 
 
 def held_out_table(profile: CameraProfile) -> Table:
@@ -61,10 +61,8 @@ def balance_table(profile: CameraProfile) -> Table:
 
 def matrix_table(profile: CameraProfile) -> Table:
     """Tabulate the matrix of a profile."""
-    rows = [
-        (f"linear {channel}", *(f"{value:.4f}".replace("-", "−") for value in row))
-        for channel, row in zip("RGB", profile.matrix, strict=True)
-    ]
+    numbers = [[f"{value:.4f}".replace("-", "−") for value in row] for row in profile.matrix]
+    rows = [(f"linear {channel}", *row) for channel, row in zip("RGB", numbers, strict=True)]
     header = ("", "camera R", "camera G", "camera B")
     return Table("Matrix: white-balanced camera RGB → linear sRGB", header, rows)
 
@@ -84,7 +82,7 @@ def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> T
     def cells(row: EvaluationRow) -> tuple[str, ...]:
         seconds = (row.fit_seconds, row.seconds_per_megapixel) if timed else ()
         taken = ("–" if value is None else f"{value:.3g}" for value in seconds)
-        return (row.style, row.shot, row.method, _yes(row.held_out), *row.figures.cells, *taken)
+        return (row.style, row.shot, row.method, YES[row.held_out], *row.figures.cells, *taken)
 
     header = ("style", "shot", "method", "held out", *FIGURES, *(("fit, s", "s/Mpixel") if timed else ()))
     return _by_method(caption, header, rows, cells, own)
@@ -110,16 +108,14 @@ def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
 
             def cells(row: MethodError, digits: int = digits) -> tuple[str, ...]:
                 numbers = (f"{value:.{digits}f}" for value in row.values.values())
-                return (row.style, row.method, _yes(row.held_out), str(row.count), *numbers)
+                return (row.style, row.method, YES[row.held_out], str(row.count), *numbers)
 
             yield _by_method(caption, ("style", "method", "held out", counted, *rows[0].values), rows, cells, own)
     if evaluation.refinish:
         yield _by_method(
             "JPEGs changed to another setting, against the camera's own JPEG of the same scene (1 = full scale)",
             ("from", "to", "method", "held out", "pairs", *FIGURES), evaluation.refinish,
-            lambda row: (
-                row.source, row.target, row.method, _yes(row.held_out), str(row.shots), *row.figures.cells,
-            ),
+            lambda row: (row.source, row.target, row.method, YES[row.held_out], str(row.shots), *row.figures.cells),
             own,
         )  # fmt: skip
 
@@ -130,7 +126,3 @@ def _by_method(
     """Tabulate records; those of the method `own` are set bold."""
     bold = frozenset(index for index, row in enumerate(rows) if row.method == own)
     return Table(caption, header, [cells(row) for row in rows], bold)
-
-
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"
