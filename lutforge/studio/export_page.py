@@ -1,7 +1,9 @@
 """Export: profile, LUTs, kits, config, report: use cases of the command line, each with the words that do the same."""
 
 import re
-from collections.abc import Callable, Mapping
+import shlex
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -21,11 +23,9 @@ from lutforge.pipeline.kits import SCRIPT, check_kit, kits_of, write_kit
 from lutforge.pipeline.reports import report
 from lutforge.pipeline.transforms import TransformRequest
 from lutforge.progress import Progress
-from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.studio import ui
 from lutforge.studio.model_page import held_out_error
-from lutforge.studio.opening import command
 from lutforge.studio.session import Session, Written
 from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
 
@@ -100,8 +100,6 @@ class ExportPage:
             card.append(pn.Row(ui.text(ui.html("<code>{}</code>", made.command)), copy, sizing_mode="stretch_width"))
         return card
 
-    # --- where files go, and what there is to tell of them -----------------------------------------------------------
-
     def _paths(self, *suffixes: str) -> list[Path]:
         """Return where files, and folders (a suffix without a dot), go, under one name.
 
@@ -128,10 +126,7 @@ class ExportPage:
         return paths
 
     def _with_profile(self, *suffixes: str) -> list[Path]:
-        """Return the profile's file and where others go.
-
-        The profile is saved where it was made in this visit; one that was opened is where it was.
-        """
+        """Return the profile's file, which is saved unless it was opened and is there, and where others go."""
         profile, opened = self.session.require_profile(), self.session.opened
         if profile is opened.profile and opened.profile_source is not None and opened.profile_source.is_file():
             return [opened.profile_source, *self._paths(*suffixes)]
@@ -147,17 +142,10 @@ class ExportPage:
         session.say(f"{what}: written, {path.name}")
         session.on_change()
 
-    def _run(
-        self, what: str, words: tuple[object, ...], options: Mapping[str, object], write: Callable[..., Any], *call: Any
-    ) -> None:
-        """Write a file or folder in another process: the second argument of `write`, which gives lines to tell."""
-
-        def done(lines: tuple[str, ...]) -> None:
-            self._tell(what, call[1], lines, command(words, options, call[1]))
-
-        self.session.start(f"lutforge {words[0]}", done, write, *call)
-
-    # --- what can be written -----------------------------------------------------------------------------------------
+    def _run(self, what: str, words: tuple[Any, ...], output: Path, options: Mapping[str, Any], given: Any) -> None:
+        """Write a file or folder in another process. words: a command and its files, of which the profile is first."""
+        told = partial(self._tell, what, output, words=command(words, options, output))
+        self.session.start(f"lutforge {words[0]}", told, export, *words[:2], output, given)
 
     def _workspace(self) -> None:
         workspace = self.session.require_workspace()
@@ -172,7 +160,11 @@ class ExportPage:
         if workspace is None or task is None:
             (path,) = self._paths(".npz")
             profile.save(path)
-            words = "" if response is None or response[1].profile is not profile else response[0].command(path)
+            words = ""
+            if response is not None and response[1].profile is profile:
+                names, asked = ("times", "chart", "light", "corners", "all_colours"), response[0]
+                options = {f"--{name.replace('_', '-')}": getattr(asked, name) for name in names}
+                words = command(("response", *asked.files), options, path)
             self._tell("profile", path, (f"profile of {profile.camera}", *profile.notes), words)
             return
         stages = None if task.stages is None else task.stages.task
@@ -193,20 +185,13 @@ class ExportPage:
             source = f"{next(iter(profile.styles))}/{next(iter(profile.white_balances))}"
         if kind != "render" and not source:
             raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
+        given, target = source if kind != "render" else None, look.target if kind != "linearize" else None
         exposed = kind == "refinish" or (kind == "render" and space != "raw")
-        wanted = TransformRequest(
-            kind,
-            source if kind != "render" else None,
-            look.target if kind != "linearize" else None,
-            look.ev if exposed else 0.0,
-            space,
-        )
+        wanted = TransformRequest(kind, given, target, look.ev if exposed else 0.0, space)
         path, output = self._with_profile(f"_{kind}{self.suffix.value}")
-        options = {
-            "--from": wanted.source, "--to": wanted.target, "--ev": f"{wanted.ev:g}" if wanted.ev else None,
-            "--space": space if space != "raw" else None,
-        }  # fmt: skip
-        self._run(f"LUT, {kind}", ("bake", path, kind), options, _bake_lut, path, output, wanted)
+        options = {"--from": given, "--to": target, "--ev": f"{wanted.ev:g}" if wanted.ev else None}
+        options["--space"] = space if space != "raw" else None
+        self._run(f"LUT, {kind}", ("bake", path, kind), output, options, wanted)
 
     def _kit(self) -> None:
         target, program = self.session.look.target, self.program.value
@@ -215,18 +200,16 @@ class ExportPage:
         profile, output = self._with_profile(f"_{program}_kit")
         shots = tuple(self.session.opened.files.values()) if self.check.value else ()
         words = ("kit", profile, *(word for shot in shots for word in ("--check", shot)))
-        options = {"--to": target, "--for": program}
-        self._run(f"kit for {program}", words, options, write_checked_kit, profile, output, target, program, shots)
+        self._run(f"kit for {program}", words, output, {"--to": target, "--for": program}, (target, program, shots))
 
     def _config(self) -> None:
         profile, output = self._with_profile(".ocioz")
-        self._run("config", ("config", profile), {}, _write_config, profile, output)
+        self._run("config", ("config", profile), output, {}, None)
 
     def _parameters(self) -> None:
         style = next(iter(self.session.require_profile().styles))
         profile, output = self._with_profile("_parameters")
-        words, options = ("export-nus", profile), {"--style": style}
-        self._run("parameters", words, options, _write_parameters, profile, output, style)
+        self._run("parameters", ("export-nus", profile), output, {"--style": style}, style)
 
     def _report(self) -> None:
         """The report, with the samples in the fit where there are any."""
@@ -236,7 +219,13 @@ class ExportPage:
         samples = None if workspace is None or not tables else workspace.samples.select(workspace.fitted_rows)
         if samples is not None:
             write_samples(tables[0], samples)
-        self._run("report", ("report", profile, *tables), {}, _write_report, profile, output, samples)
+        self._run("report", ("report", profile, *tables), output, {}, samples)
+
+
+def command(words: Iterable[object], options: Mapping[str, object], output: Path) -> str:
+    """A command as one types it. An option without a value is left out; True is an option that takes none."""
+    given = [(name,) if value is True else (name, value) for name, value in options.items() if value]
+    return shlex.join(map(str, ("lutforge", *words, *(word for pair in given for word in pair), "-o", output)))
 
 
 def calibration_command(task: FitTask, table: Path, inliers: list[Path], profile: Path) -> str:
@@ -249,33 +238,36 @@ def calibration_command(task: FitTask, table: Path, inliers: list[Path], profile
         return ""
     if inliers or options.physical != usual.physical:
         given = f", stages=calibrate_stages({str(inliers[0])!r}, options)" if inliers else ""
-        return "\n".join(
-            (
-                "from lutforge.calibration.options import CalibrationOptions, PhysicalOptions",
-                "from lutforge.pipeline.calibration import calibrate, calibrate_stages",
-                f"options = {options!r}",
-                f"calibrate({str(table)!r}, options{given}).save({str(profile)!r})",
-            )
+        return (
+            "from lutforge.calibration.options import CalibrationOptions, PhysicalOptions\n"
+            "from lutforge.pipeline.calibration import calibrate, calibrate_stages\n"
+            f"options = {options!r}\ncalibrate({str(table)!r}, options{given}).save({str(profile)!r})"
         )
     names = ("model", "preset", "size", "interpolation")
     moved = {f"--{name}": getattr(options, name) for name in names if getattr(options, name) != getattr(usual, name)}
     return command(("calibrate", table), {**moved, "--uniform": not options.nonuniform}, profile)
 
 
-# --- Use cases in another process: each tells in lines what it wrote -------------------------------------------------
+def export(kind: str, profile: Path, output: Path, given: Any, progress: Progress) -> tuple[str, ...]:
+    """Write what the command of a kind writes, in another process, and tell in lines what that is.
 
-
-def _bake_lut(profile: Path, output: Path, wanted: TransformRequest, progress: Progress) -> tuple[str, ...]:
-    files, notes = bake_files(profile, wanted, [output], progress=progress)
-    return (*(f"{file.summary}; read back, against the model: {file.error}" for file in files), *notes)
-
-
-def write_checked_kit(
-    profile: Path, output: Path, target: str, program: str, shots: tuple[Path, ...], progress: Progress
-) -> tuple[str, ...]:
-    """Write a kit, and check it with RAW files where there are any. Raises LutForgeError."""
-    progress("kit", 0.0)
-    folder = write_kit(as_profile(profile), target, output, program)
+    given: of a LUT the transform, of parameters the style, of a report the samples, of a kit look, program and shots.
+    Raises LutForgeError.
+    """
+    progress(kind, 0.0)
+    if kind == "bake":
+        files, told = bake_files(profile, given, [output], progress=progress)
+        return (*(f"{file.summary}; read back, against the model: {file.error}" for file in files), *told)
+    if kind == "config":
+        made = write_config([profile], output, progress=progress)
+        checked = "; ".join(map(str, made.findings)) or "sound"
+        return (f"{len(made.spaces)} input colour spaces, {len(made.looks)} looks; checked: {checked}",)
+    if kind == "export-nus":
+        return tuple(map(str, export_published(as_profile(profile), given, output)))
+    if kind == "report":
+        return (f"{len(report(profile, given, output, progress=progress).pictures)} figures",)
+    target, program, shots = given
+    folder = write_kit(profile, target, output, program)
     lines = [f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first"]
     if shots and not (folder / SCRIPT).is_file():
         lines.append(f"not checked: {program} is not run from the command line; compare a shot there by eye")
@@ -288,18 +280,3 @@ def write_checked_kit(
         lines += [f"{each.shot}: {errors} {each.mean:.2f}, 95 % {each.p95:.2f}" for each in checks]
         lines += notes
     return tuple(lines)
-
-
-def _write_config(profile: Path, output: Path, progress: Progress) -> tuple[str, ...]:
-    made = write_config([profile], output, progress=progress)
-    checked = "; ".join(map(str, made.findings)) or "sound"
-    return (f"{len(made.spaces)} input colour spaces, {len(made.looks)} looks; checked: {checked}",)
-
-
-def _write_parameters(profile: Path, output: Path, style: str, progress: Progress) -> tuple[str, ...]:
-    progress("parameters", 0.0)
-    return tuple(map(str, export_published(as_profile(profile), style, output)))
-
-
-def _write_report(profile: Path, output: Path, samples: SampleSet | None, progress: Progress) -> tuple[str, ...]:
-    return (f"{len(report(profile, samples, output, progress=progress).pictures)} figures",)

@@ -20,10 +20,9 @@ from lutforge.errors import LutForgeError, one_line
 @cache
 def _context() -> Any:
     """How processes are started: from a server that has loaded the fits already, where the system can fork."""
-    if os.name != "posix":
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["lutforge.studio.opening"])
+    context: Any = multiprocessing.get_context("forkserver" if os.name == "posix" else "spawn")
+    if os.name == "posix":
+        context.set_forkserver_preload(["lutforge.studio.opening"])
     return context
 
 

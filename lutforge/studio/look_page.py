@@ -4,6 +4,7 @@ The browser grades the picture: Python sends LUTs, and no pixels while sliders m
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from hashlib import blake2b
@@ -56,25 +57,16 @@ class SettingControl:
         self.layout = pn.Column(*self.widgets, **ui.TOGETHER)
 
     def offer(self, profile: CameraProfile) -> None:
-        """Offer the settings of a profile; what is chosen stays where it has that.
-
-        A control that does not ask begins at the camera's usual setting.
-        """
-        self.profile = profile
-        try:
+        """Offer the settings of a profile; what is chosen stays where it has that, else it is the usual setting."""
+        self.profile, kelvins = profile, None
+        with suppress(SettingsError):
             kelvins = None if profile.raw_camera else temperature_range(profile.white_balances)
-        except SettingsError:
-            kelvins = None
         self.has_tint = kelvins is not None
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
-        offered = (
-            sorted(profile.styles, key=lambda name: name.lower() != "standard"),
-            [*profile.white_balances, *others],
-        )
-        for widget, values, usual in zip(
-            (self.style, self.balance), offered, usual_setting(profile).split("/"), strict=True
-        ):
-            chosen = widget.value if widget.value in values else "" if self.unknown else usual
+        styles, usual = sorted(profile.styles, key=lambda name: name.lower() != "standard"), usual_setting(profile)
+        offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
+        for (widget, values), one in zip(offered.items(), usual.split("/"), strict=True):
+            chosen = widget.value if widget.value in values else "" if self.unknown else one
             widget.options, widget.value = {**self.unknown, **{value: value for value in values}}, chosen
         if kelvins is not None:
             low, high = round(kelvins[0] + 50, -2), round(kelvins[1] - 50, -2)
@@ -131,7 +123,8 @@ class LookPage:
         )  # fmt: skip
         self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as", asks=True)
         self.ev = ui.slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
-        session.watch(self._choose_look, self.ev, *self.wanted.widgets)
+        wanted = (self.ev, *self.wanted.widgets)
+        session.watch(self._change, *wanted, take=lambda value: setattr(session, "look_chosen", True))
         session.watch(self._change, *self.source.widgets)
         self.words = ui.text()
         self.main = self.view = LookView(raw_name="RAW, by the model")
@@ -181,10 +174,6 @@ class LookPage:
         self.session.say("; ".join([news, *photograph.notes]))
         self._change()
 
-    def _choose_look(self) -> None:
-        self.session.look_chosen = True
-        self._change()
-
     def _change(self) -> None:
         for control in (self.wanted, self.source):
             control.enable()
@@ -232,7 +221,8 @@ class LookPage:
         if (inspected := None if given is None else (profile, given)) != self._known:
             self._known = inspected
             raw_of = None if given is None or profile.raw_camera else profile.linearize(given)
-            self.view.inspect(None if given is None else coverage_lut(profile, given.style), raw_of)
+            covered = None if given is None else Lut(lattice_ops(confidence(profile.styles[given.style])))
+            self.view.inspect(covered, raw_of)
         if self.shown is not None and known:
             self.sources[self.shown.path] = look.source, [widget.value for widget in self.source.widgets]
         self.session.chosen = look
@@ -242,9 +232,6 @@ class LookPage:
         for step, lut in zip(steps, luts, strict=True):
             grades_of(profile).add(step, lut)
         self._grade()
-
-
-# --- The LUTs of looks, as `apply` bakes them -------------------------------------------------------------------------
 
 
 @lru_cache(4)
@@ -266,18 +253,9 @@ def slow_steps(profile: CameraProfile, look: ChosenLook) -> tuple[Transform, ...
 def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
     """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
     change = change_of(profile, look)
-    if not look.ev and str(change.given) == str(change.wanted):
-        return None
-    return grades_of(profile).refinish(change)
+    same = not look.ev and str(change.given) == str(change.wanted)
+    return None if same else grades_of(profile).refinish(change)
 
-
-@lru_cache(8)
-def coverage_lut(profile: CameraProfile, style: str) -> Lut:
-    """Encoded colours of a style → (confidence, unclipped, covered), as of `confidence`, without a wanted look."""
-    return Lut(lattice_ops(confidence(profile.styles[style])))
-
-
-# --- The picture in the page ------------------------------------------------------------------------------------------
 
 HERE = Path(__file__).parent
 

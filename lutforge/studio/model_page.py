@@ -54,7 +54,7 @@ class ModelPage:
             "centres": ui.slider("Centres, at most", 4000, 50, 5000, 50),
             "rho": ui.select("ρ, smoothness", SMOOTHNESS),
         }
-        self.pairs = ui.ticks("Brightness-transfer pairs, with their ratios")
+        self.pairs = pmui.CheckBoxGroup(label="Brightness-transfer pairs, with their ratios", options=[], **ui.WIDE)
         self.bound = [
             session.bind(self.used, lambda now: now.model, lambda now, name: replace(now, model=name)),
             session.bind(self.own_stages, lambda now: now.own_stages, lambda now, on: replace(now, own_stages=on)),
@@ -140,15 +140,14 @@ class ModelPage:
 
 def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:
     """The pairs of shots by a label with the exposure ratio and the number of samples."""
-    pairs = workspace.pairs
+    pairs, listed = workspace.pairs, dict[str, tuple[str, str]]()
     if pairs is None:
-        return {}
-    listed = {}
+        return listed
     for place in np.unique(pairs.of_shots):
         rows = pairs.of_shots == place
-        names = pairs.shots[place // len(pairs.shots)], pairs.shots[place % len(pairs.shots)]
+        first, second = (pairs.shots[number] for number in divmod(place, len(pairs.shots)))
         ratio = float(np.exp(pairs.log_ratio[rows][0]))
-        listed[f"× {ratio:.2f}, {int(rows.sum())} samples: {names[0]} – {names[1]}"] = names
+        listed[f"× {ratio:.2f}, {int(rows.sum())} samples: {first} – {second}"] = first, second
     return listed
 
 
@@ -246,7 +245,7 @@ class GamutView(View):
         maps, level = dict[str, GamutMap](), self.luminance.value
         if workspace is not None and "rbf" in workspace.models:
             profile = workspace.models["rbf"].profile
-        for name, style in {} if profile is None else profile.styles.items():
+        for name, style in () if profile is None else profile.styles.items():
             for model in style.physical[:1]:
                 one = model.gamut_map if self.direction.value == "render" else model.inverse_gamut_map
                 if len(one.centres) > 1:  # one centre: it changes nothing
@@ -292,15 +291,20 @@ class LatticeView(View):
         self.channel = ui.select("Plane of", channels, value=2, **ui.NARROW)
         self.level = ui.slider("at its level", 0.4, 0.0, 1.0, **ui.NARROW)
         super().__init__(session, self.direction, self.style, self.channel, self.level)
-        self.gaps, self.gaps_of = ui.text(), lru_cache(1)(gaps_of)  # kept while controls move
+        self.gaps = ui.text()
+        self.gaps_of: Workspace | None = None  # the words stay while controls move
         self.layout.insert(1, self.gaps)
 
     def draw(self) -> None:
         """Everything, from the session's workspace and profile."""
         direction, channel = self.direction.value, int(self.channel.value)
         profile, workspace = self.session.profile, self.session.workspace
-        if workspace is not None:
-            self.gaps.object = ui.paragraphs(self.gaps_of(workspace))
+        if workspace is not None and workspace is not self.gaps_of:
+            self.gaps_of = workspace
+            gaps = colour_gaps(workspace.samples.srgb[workspace.fitting_rows("lattice")])
+            known = "; ".join(f"{gap.colour} ({gap.unknown:.0%} unseen)" for gap in gaps)
+            words = f"Colours to shoot next: {known or 'none, the samples come near most real colours'}."
+            self.gaps.object = ui.paragraphs(words)
         ui.offer(self.style, () if profile is None else profile.styles)
         style = None if profile is None else profile.styles[self.style.value]
         lattice = None if style is None else style.lattices.get(direction)
@@ -314,13 +318,6 @@ class LatticeView(View):
         if histograms is not None:
             below += figures.levels_on_errors(lattice, histograms, source).panels[channel : channel + 1]
         self.figures.show(Drawing((*figures.lattice_figure(style, [direction]).rows, below)))
-
-
-def gaps_of(workspace: Workspace) -> str:
-    """The colours to shoot next, in words."""
-    gaps = colour_gaps(workspace.samples.srgb[workspace.fitting_rows("lattice")])
-    known = "; ".join(f"{gap.colour} ({gap.unknown:.0%} unseen)" for gap in gaps)
-    return f"Colours to shoot next: {known or 'none, the samples come near most real colours'}."
 
 
 class ComparisonView(View):
@@ -382,10 +379,8 @@ class ErrorMapView(View):
 
     def _done(self, maps: ErrorMaps) -> None:
         self.figures.show(maps.drawing)
-        seen = "no model has seen it" if maps.held_out else "the models have seen it"
+        seen = f"{maps.shot}, {maps.setting}: {'no model has' if maps.held_out else 'the models have'} seen it."
         scales = ", ".join(f"{direction} {scale:g}" for direction, scale in DIRECTIONS)
-        words = (
-            f"{maps.shot}, {maps.setting}: {seen}. Norm of RGB; brightest: {scales}; grey: clipped, or outside the RAW."
-        )
-        self.words.object = ui.paragraphs(words)
+        scale = f"Norm of RGB; brightest: {scales}; grey: clipped, or outside the RAW."
+        self.words.object = ui.paragraphs(f"{seen} {scale}")
         self.session.say(f"{maps.shot}: errors drawn")

@@ -1,6 +1,5 @@
 """What a visitor opens: paths inside the studio's folders; samples, shots, profiles, brackets; photographs."""
 
-import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -13,20 +12,17 @@ from PIL import Image, ImageOps
 
 from lutforge.apply.candidates import read_small
 from lutforge.apply.source_settings import choose_camera, source_selector
-from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading
 from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile
 from lutforge.images.read import ImageReader
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.pipeline.charts import write_input_transform
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
-from lutforge.pipeline.response import Bracket, FittedResponse, bracket_samples, parse_times, response
+from lutforge.pipeline.response import Bracket, bracket_samples
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress
-from lutforge.samples.chart_kinds import chart_kind, parse_corners
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.table import is_table
 from lutforge.settings import Selector
@@ -36,9 +32,6 @@ from lutforge.studio.workspace import SUFFIX, Workspace, find_pairs, open_worksp
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES)
 OPENED_SUFFIXES = (*TABLE_SUFFIXES, SUFFIX)
-
-
-# --- Folders ---------------------------------------------------------------------------------------------------------
 
 
 class FolderError(LutForgeError):
@@ -90,18 +83,13 @@ class Folders:
 
     def with_shots(self) -> list[str]:
         """The folders that hold RAW files, or at least two JPEGs of which none has any, as a visitor may name them."""
-        raw, jpeg = (
-            [(self.roots[0] / name).parent for name in self.files(kind)] for kind in (RAW_SUFFIXES, JPEG_SUFFIXES)
-        )
-        brackets = {folder for folder in jpeg if jpeg.count(folder) > 1}
-        return sorted(self.name(folder) for folder in {*raw, *brackets})
+        kinds = (RAW_SUFFIXES, JPEG_SUFFIXES)
+        raw, jpeg = ([(self.roots[0] / name).parent for name in self.files(kind)] for kind in kinds)
+        return sorted(self.name(folder) for folder in {*raw, *(one for one in jpeg if jpeg.count(one) > 1)})
 
     def name(self, path: Path) -> str:
         """A path as a visitor would name it: relative to the first folder where it lies there."""
         return str(path.relative_to(self.roots[0])) if path.is_relative_to(self.roots[0]) else str(path)
-
-
-# --- Photographs ------------------------------------------------------------------------------------------------------
 
 
 def picture_bytes(path: Path) -> bytes:
@@ -160,15 +148,10 @@ def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> P
         small = thumbnail(picture)
     notes: tuple[str, ...] = ()
     selector, style = None, settings.style if settings.style in profile.styles else ""
-    try:
+    with suppress(SettingsError):
         choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
         selector, notes = source_selector(path, settings, profile)
-    except SettingsError:
-        pass
     return Photograph(path, picture, small, selector, style, (*settings.notes, *notes))
-
-
-# --- Brackets ---------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +174,7 @@ class Opened:
 
 
 def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
-    """Return the pictures that files and folders hold; None where there is anything else, such as RAW files, or one.
-
-    Raises ImageError.
-    """
+    """Return the pictures that files and folders hold; None where there is anything else, such as RAW files, or one."""
     folders = [path for path in sources if path.is_dir()]
     with suppress(ShotError):
         if folders and discover(folders):
@@ -218,52 +198,8 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
     return Opened(workspace, bracket=Bracket(tuple(files), times, camera), small=tuple(small))
 
 
-@dataclass(frozen=True)
-class BracketRequest:
-    """What `lutforge response` is asked for. times, chart, light, corners: as typed there, "" where not."""
-
-    files: tuple[Path, ...]
-    times: str = ""
-    all_colours: bool = False
-    chart: str = ""
-    light: str = ""
-    corners: str = ""
-
-    def command(self, profile: Path) -> str:
-        """The command that makes the same profile."""
-        options = {
-            "--times": self.times, "--chart": self.chart, "--light": self.chart and self.light,
-            "--corners": self.chart and self.corners, "--all-colours": self.all_colours and not self.chart,
-        }  # fmt: skip
-        return command(("response", *self.files), options, profile)
-
-
-def command(words: Iterable[object], options: Mapping[str, object], output: Path) -> str:
-    """A command as one types it. An option without a value is left out; True is an option that takes none."""
-    given = [(name,) if value is True else (name, value) for name, value in options.items() if value]
-    return shlex.join(map(str, ("lutforge", *words, *(word for pair in given for word in pair), "-o", output)))
-
-
-def fit_request(request: BracketRequest, progress: Progress) -> FittedResponse:
-    """Fit the response of a bracket, and with a chart the whole rendering. Raises LutForgeError."""
-    times = parse_times(request.times) if request.times else None
-    with scratch_folder() as folder:
-        output, files = folder / "camera.npz", list(request.files)
-        if not request.chart:
-            return response(files, output, times, all_colours=request.all_colours, progress=progress)
-        corners = parse_corners(request.corners) if request.corners else None
-        kind, light = chart_kind(request.chart), request.light or "D50"
-        return write_input_transform(files, output, kind, light, corners, times, progress=progress)
-
-
-# --- Samples and profiles ---------------------------------------------------------------------------------------------
-
-
 def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
-    """A workspace; or samples, shots and folders together; or profiles, with samples beside them.
-
-    Raises LutForgeError in one line.
-    """
+    """A workspace; or samples, shots and folders together; or profiles, with samples beside them."""
     if len(paths) == 1 and paths[0].suffix.lower() == SUFFIX:
         progress("reading", 0.0)
         workspace = open_workspace(paths[0])

@@ -31,7 +31,7 @@ class Page:
         self.pages: dict[str, Any] = {}
         self.shown = STEPS[0]
         self._stale = set(STEPS)
-        self.session.on_change, self.session.on_look = self._changed, self._tell
+        self.session.on_change, self.session.on_look = lambda: self._refresh(*STEPS), self._tell
         self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12))
         self.session.watch(lambda: self.show(STEPS[self.steps.active]), self.steps, of="active")
         on_dark = {"variant": "text", "sx": {"&.Mui-disabled": {"color": "#8f8f8f"}}}  # the bar is dark in both themes
@@ -73,11 +73,9 @@ class Page:
         if "Look" in self.pages:
             self.pages["Look"].view.theme = "dark" if self.layout.dark_theme else "light"
 
-    def _changed(self) -> None:
-        self._stale = set(STEPS)
-        self._refresh()
-
-    def _refresh(self) -> None:
+    def _refresh(self, *stale: str) -> None:
+        """Draw what is shown, if it has changed since, and note the steps that have."""
+        self._stale.update(stale)
         self._tell()
         if self.shown in self._stale or self.shown == "Export":
             self._stale.discard(self.shown)
@@ -144,51 +142,37 @@ def states_of(session: Session) -> dict[str, tuple[State, str]]:
 
 
 def _theme(ink: str, quiet: str, faint: str, back: str, paper: str, error: str) -> dict[str, Any]:
+    def root(**style: Any) -> dict[str, Any]:
+        return {"styleOverrides": {"root": style}}
+
+    # On the border of its field at any size of letters; the toolkit's own 9 px are for letters of 16.
+    outlined = {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem) scale(0.75)"}}
+    white = {"color": "#e6e6e6 !important"}
+    bar = {"boxShadow": "none", "borderBottom": "1px solid #4a4a4a", "backgroundImage": "none"}
+    components = {
+        "MuiButton": {**root(textTransform="none", transition="none"), "defaultProps": {"disableElevation": True}},
+        "MuiToggleButton": root(textTransform="none", color="inherit", whiteSpace="nowrap"),
+        "MuiInputLabel": {"styleOverrides": {"root": {"transition": "none", "color": "inherit"}, "outlined": outlined}},
+        # Inherited from the page, which changes its theme at once, where each control takes its own time.
+        "MuiTypography": root(color="inherit"),
+        "MuiInputBase": root(color="inherit"),
+        "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
+        "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
+        "MuiAppBar": root(backgroundColor="#1c1c1c", color="#e6e6e6", **bar),
+        "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
+        "MuiStepLabel": {"styleOverrides": {"label": white, "iconContainer": {"& .MuiIcon-root": white}}},
+    }
     return {
         "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
         "shape": {"borderRadius": 4},
-        "components": {
-            "MuiButton": {
-                "styleOverrides": {"root": {"textTransform": "none", "transition": "none"}},
-                "defaultProps": {"disableElevation": True},
-            },
-            "MuiToggleButton": {
-                "styleOverrides": {"root": {"textTransform": "none", "color": "inherit", "whiteSpace": "nowrap"}},
-            },
-            "MuiInputLabel": {
-                "styleOverrides": {
-                    "root": {"transition": "none", "color": "inherit"},
-                    # On the border of its field at any size of letters; the toolkit's own 9 px are for letters of 16.
-                    "outlined": {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem) scale(0.75)"}},
-                },
-            },
-            # Inherited from the page, which changes its theme at once, where each control takes its own time.
-            **{name: {"styleOverrides": {"root": {"color": "inherit"}}} for name in ("MuiTypography", "MuiInputBase")},
-            "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
-            "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
-            "MuiAppBar": {
-                "styleOverrides": {
-                    "root": {
-                        "backgroundColor": "#1c1c1c", "backgroundImage": "none", "color": "#e6e6e6",
-                        "boxShadow": "none", "borderBottom": "1px solid #4a4a4a",
-                    },
-                },
-            },
-            "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
-            "MuiStepLabel": {
-                "styleOverrides": {
-                    "label": {"color": "#e6e6e6 !important"},
-                    "iconContainer": {"& .MuiIcon-root": {"color": "#e6e6e6 !important"}},
-                },
-            },
-        },
+        "components": components,
         "palette": {
             "primary": {"main": ink, "contrastText": back},
             "text": {"primary": ink, "secondary": quiet, "disabled": faint},
             "background": {"default": back, "paper": paper},
             "error": {"main": error},
         },
-    }  # fmt: skip
+    }
 
 
 THEME = {
@@ -261,17 +245,11 @@ class ContentSecurityPolicy(OutputTransform):
             chunk = chunk.replace(b"<script", f'<script nonce="{number}"'.encode())
             if "Content-Length" in headers:
                 headers["Content-Length"] = str(len(chunk))
-        headers["Content-Security-Policy"] = "; ".join(
-            (
-                "default-src 'self'",
-                f"script-src 'self' 'unsafe-eval' blob: 'nonce-{number}'",
-                "style-src 'self' 'unsafe-inline'",
-                "img-src 'self' data: blob:",
-                "font-src 'self' data:",
-                f"connect-src 'self' ws://{self.host} blob: data:",
-                "worker-src 'self' blob:",
-                "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-            )
+        headers["Content-Security-Policy"] = (
+            f"default-src 'self'; script-src 'self' 'unsafe-eval' blob: 'nonce-{number}'; "
+            "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+            f"connect-src 'self' ws://{self.host} blob: data:; worker-src 'self' blob:; "
+            "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
         )
         return status_code, headers, chunk
 

@@ -65,7 +65,8 @@ class SamplesPage:
         self.counts = ui.text()
         self.words = ui.entry("Select row, shot or patch")
         session.watch(self._find, self.words)
-        self.group, self.groups = ui.entry("Outlier group", placeholder="name"), ui.ticks("Groups in effect")
+        self.group = ui.entry("Outlier group", placeholder="name")
+        self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.WIDE)
         self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
         limits = []
         for name, column in COLUMNS.items():
@@ -73,13 +74,10 @@ class SamplesPage:
             limits.append(pmui.RangeSlider(label=column.title, value=column.reach, **reach, size="small", **ui.WIDE))
             read, put = partial(Workspace.limits_of, name=name), partial(Workspace.with_limits, name=name)
             self.bound.append(session.bind(limits[-1], read, put))
-        small = {"sizing_mode": "stretch_width", "margin": 2}
+        small: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 2}
         marks = {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)}
-        named = {"Save group": self._save_group, "Delete group": self._delete}
-        rows = [
-            pn.Row(*(session.button(label, action, **small) for label, action in buttons.items()), **ui.WIDE)
-            for buttons in (marks, named)
-        ]
+        named = {"Save group": self._save_group, "Delete group": self._delete_group}
+        rows = [pn.Row(*(session.button(*each, **small) for each in row.items()), **ui.WIDE) for row in (marks, named)]
         self.controls = [
             pn.Column(*views, **ui.TOGETHER),
             pn.Column(*limits, self.counts, **ui.TOGETHER),
@@ -90,18 +88,13 @@ class SamplesPage:
         self.chromaticity = BrushedPlot(session, "CIE xy: inliers ●, outliers ×", **ranges)
         for outline in chromaticity_outlines():
             self.chromaticity.figure.line(*outline.T, color=GREY, width=1.0)
-        self.space, self.picture, self.selection = (
-            ui.Space(),
-            ui.Figures(),
-            ui.text(styles={"overflow": "auto"}, height=110),
-        )
+        self.space, self.picture = ui.Space(), ui.Figures()
+        self.selection = ui.text(styles={"overflow": "auto"}, height=110)
         chosen = pn.Column(self.picture.layout, self.selection, **ui.FILL)
         self.main = pn.Column(
             pn.Row(self.left.figure, self.right.figure, **ui.FILL),
             pn.Row(self.chromaticity.figure, self.space.layout, chosen, **ui.FILL), **ui.FILL,
         )  # fmt: skip
-
-    # --- what is shown -----------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
         """Everything, from the session's workspace."""
@@ -120,9 +113,7 @@ class SamplesPage:
         self.groups.options = list(workspace.groups)
         for show in self.bound:
             show(workspace)
-        outside = ", ".join(
-            f"{COLUMNS[name].title.lower()} {rows.sum():,}" for name, rows in workspace.filtered.items()
-        )
+        outside = ", ".join(f"{COLUMNS[name].title.lower()} {out.sum():,}" for name, out in workspace.filtered.items())
         self.counts.object = ui.paragraphs(
             f"{int((~workspace.outliers).sum()):,} of {len(workspace.samples):,} samples are inliers. Outside the "
             f"limits of {outside}; by hand, groups and shots {int(workspace.removed.sum()):,}."
@@ -142,8 +133,8 @@ class SamplesPage:
         chosen = thinned(len(row), MOST_DRAWN)
         xyz, row = tristimulus(linear[chosen]), row[chosen]
         out = workspace.outliers[row]
-        traces = [ui.lines_in_space(tristimulus(cube_edges()))]
-        traces.append(ui.dots_in_space(xyz[~out], ui.hex_colours(workspace.samples.srgb[row[~out]])))
+        inside = ui.dots_in_space(xyz[~out], ui.hex_colours(workspace.samples.srgb[row[~out]]))
+        traces = [ui.lines_in_space(tristimulus(cube_edges())), inside]
         traces += [] if self.inliers.value else [ui.dots_in_space(xyz[out], "#e0503c", symbol="x")]
         self.space.show("CIE XYZ: outliers red", traces, ("X", "Z", "Y"))
         self.mark()
@@ -172,8 +163,6 @@ class SamplesPage:
         title = f"{chosen}: outliers orange, selected blue"
         self.picture.show(Drawing(((Panel(title, (Raster(picture), *frames), bare=True, equal=True),),)))
 
-    # --- what is done ------------------------------------------------------------------------------------------------
-
     def _mark(self, mark: int) -> None:
         workspace, rows = self.session.require_workspace(), self.session.selected
         if not workspace.has_raw:
@@ -189,7 +178,7 @@ class SamplesPage:
         news = f"outlier group {name}: {int(rows.sum()):,} samples, in effect"
         self.session.change(workspace.with_group(name, rows), news)
 
-    def _delete(self) -> None:
+    def _delete_group(self) -> None:
         name = ui.written(self.group)
         self.session.change(self.session.require_workspace().without_group(name), f"outlier group {name} deleted")
 
@@ -228,9 +217,6 @@ def find_rows(samples: SampleSet, words: str) -> Mask:
     if not rows.any():
         raise WorkspaceError(f"{words[:60] or 'nothing'}: no such row, shot or patch; rows count from 0 to {count - 1}")
     return rows
-
-
-# --- What each plot shows ---------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -352,9 +338,6 @@ def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> 
     return [PALETTE[index % len(PALETTE)] if index >= 0 else GREY for index in number.tolist()]
 
 
-# --- What is selected -------------------------------------------------------------------------------------------------
-
-
 class BrushedPlot:
     """A scatter plot of samples whose points can be selected; the session hears of it, and tells all others."""
 
@@ -409,7 +392,7 @@ class BrushedPlot:
 
     def mark(self) -> None:
         """Show the session's selection in this plot."""
-        if self.points is not None and len(self.points):
+        if self.points is not None:
             selected = self.session.selected[self.points.row] | self.session.selected[self.points.partner]
             self.source.selected.indices = np.flatnonzero(selected[self.chosen]).tolist()
 

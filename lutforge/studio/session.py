@@ -18,12 +18,13 @@ from lutforge.arrays import Mask
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import NAMED_KELVIN
+from lutforge.pipeline.charts import ResponseRequest
 from lutforge.pipeline.evaluation import predict
 from lutforge.pipeline.response import FittedResponse
 from lutforge.progress import silent
 from lutforge.studio import ui
 from lutforge.studio.jobs import Job
-from lutforge.studio.opening import BracketRequest, Folders, Opened, open_paths
+from lutforge.studio.opening import Folders, Opened, open_paths
 from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
 
 
@@ -77,7 +78,7 @@ class Session:
         self.chosen: ChosenLook | None = None
         self.look_chosen = False
         self.pictures_out: tuple[str, ...] = ()
-        self.response: tuple[BracketRequest, FittedResponse] | None = None
+        self.response: tuple[ResponseRequest, FittedResponse] | None = None
         self.written: dict[str, Written] = {}
         self.on_change: Callable[[], None] = lambda: None
         self.on_look: Callable[[], None] = lambda: None
@@ -89,8 +90,6 @@ class Session:
         self.status = ui.text(margin=(2, 12), height=22)
         self.progress = ui.text(visible=False, sizing_mode="fixed", width=200, height=24, margin=(4, 8))
         self.cancel = self.button("Cancel", self._cancel, visible=False)
-
-    # --- state -------------------------------------------------------------------------------------------------------
 
     @property
     def workspace(self) -> Workspace | None:
@@ -165,8 +164,6 @@ class Session:
         self.selected = rows
         self.on_select()
 
-    # --- opening and fitting -----------------------------------------------------------------------------------------
-
     def open(self, paths: tuple[Path, ...]) -> None:
         """Open files or folders, in another process."""
         names = ", ".join(path.name for path in paths)
@@ -175,19 +172,19 @@ class Session:
     def take_opened(self, opened: Opened, names: str) -> None:
         """Take over what was opened from files of these names."""
         workspace, profile = self.workspace, opened.profile
+        news: object = opened.bracket
         if opened.bracket is None and opened.workspace is None and profile is not None:  # beside the samples
             if workspace is not None and str(workspace.samples.camera[0]) == profile.camera:
                 self.put(with_profile(workspace, profile))
-            self.say(f"{names}: profile of {profile.camera}")
+            news = f"profile of {profile.camera}"
             self.opened = replace(self.opened, profile=profile, profile_source=opened.profile_source, bracket=None)
         else:
             self.pictures_out, self.response, self.chosen, self.look_chosen, self.opened = (), None, None, False, opened
             self.begin(opened.workspace)
-            if opened.bracket is not None:
-                self.say(f"{names}: {opened.bracket}")
-            elif opened.workspace is not None:
+            if opened.bracket is None and opened.workspace is not None:
                 samples = opened.workspace.samples
-                self.say(f"{names}: {len(samples):,} samples of {len(np.unique(samples.shot))} shots")
+                news = f"{len(samples):,} samples of {len(np.unique(samples.shot))} shots"
+        self.say(f"{names}: {news}")
         self.on_change()
 
     def fit(self, *kinds: str) -> None:
@@ -209,7 +206,7 @@ class Session:
 
         self.start(MODELS[kind], done, fit_model, task, workspace.samples)
 
-    def take_response(self, request: BracketRequest, fitted: FittedResponse) -> None:
+    def take_response(self, request: ResponseRequest, fitted: FittedResponse) -> None:
         """Take over what was fitted to a bracket."""
         self.response = request, fitted
         self.opened = replace(self.opened, profile=fitted.profile, profile_source=None)
@@ -218,8 +215,6 @@ class Session:
             self.put(self.workspace.with_model("matrix", model))
         self.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
         self.on_change()
-
-    # --- news and callbacks ------------------------------------------------------------------------------------------
 
     def say(self, message: str, wrong: bool = False) -> None:
         """One line for the visitor, as text whatever it holds."""
@@ -351,8 +346,6 @@ class Session:
 
         return later
 
-    # --- work --------------------------------------------------------------------------------------------------------
-
     def start(
         self,
         title: str,
@@ -425,9 +418,7 @@ class Session:
 
     def close(self) -> None:
         """The visitor has gone."""
-        for work in self._works:
-            if work.job is not None:
-                work.job.cancel()
+        self._end(self._works)
 
 
 def usual_setting(profile: CameraProfile) -> str:

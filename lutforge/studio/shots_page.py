@@ -16,7 +16,7 @@ from PIL import Image, ImageColor, ImageDraw
 from lutforge.arrays import Array, Mask
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
-from lutforge.pipeline.charts import FittedChart
+from lutforge.pipeline.charts import FittedChart, ResponseRequest
 from lutforge.pipeline.response import Bracket, FittedResponse
 from lutforge.pipeline.sampling import file_notes
 from lutforge.report.figures import bracket_figure
@@ -25,7 +25,7 @@ from lutforge.samples.chart_kinds import chart_names
 from lutforge.samples.extract import OUTCOMES, ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
-from lutforge.studio.opening import OPENED_SUFFIXES, BracketRequest, fit_request, jpeg_of
+from lutforge.studio.opening import OPENED_SUFFIXES, jpeg_of
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace, WorkspaceError
 
@@ -85,10 +85,8 @@ class ShotsPage:
 
     def _open(self) -> None:
         named = ui.written(self.path) or self.listed.value
-        if not named and self._dropped is not None:
-            self.session.open((Path(self._dropped.name),))
-        else:
-            self.session.open((self.session.folders.inside(named),))
+        dropped = None if named or self._dropped is None else Path(self._dropped.name)
+        self.session.open((dropped or self.session.folders.inside(named),))
 
     def _take(self) -> None:
         """Keep what was dropped in a folder of this visit, and sample it."""
@@ -106,8 +104,6 @@ class ShotsPage:
         self.path.value = self.listed.value = ""
         self.session.open((Path(self._dropped.name),))
 
-    # --- brackets ----------------------------------------------------------------------------------------------------
-
     def _enable(self) -> None:
         self.light.disabled = self.corners.disabled = not self.chart.value
         self.all_colours.disabled = bool(self.chart.value)
@@ -116,18 +112,17 @@ class ShotsPage:
         bracket = self.session.opened.bracket
         assert bracket is not None
         files = tuple(file for file in bracket.files if file.name not in self.session.pictures_out)
-        times, light, corners = map(ui.written, (self.times, self.light, self.corners))
-        request = BracketRequest(files, times, self.all_colours.value, self.chart.value, light, corners)
-        if len(request.files) < 2:
+        chart, times = self.chart.value, ui.written(self.times)
+        light, corners = (ui.written(line) if chart else "" for line in (self.light, self.corners))
+        request = ResponseRequest(files, times, "", not chart and self.all_colours.value, chart, light, corners)
+        if len(files) < 2:
             raise WorkspaceError("a response needs two pictures or more: take some in again")
 
         def done(fitted: FittedResponse) -> None:
             if self.session.opened.bracket is bracket:
                 self.session.take_response(request, fitted)
 
-        self.session.start("response", done, fit_request, request)
-
-    # --- what is shown -----------------------------------------------------------------------------------------------
+        self.session.start("response", done, ResponseRequest.fit, request, None)
 
     def refresh(self) -> None:
         """Everything, from what the session has opened."""
@@ -152,15 +147,15 @@ class ShotsPage:
             with session.setting():
                 paper[0].value = name not in left_out
         unused = (f"not used: {line}" for line in session.opened.left_out[:20])
-        failed = ui.paragraphs(*file_notes(session.opened.accounts), *unused)
         untick = "Untick a shot to leave it out. " if self.papers else ""
         known = "" if profile is not None or workspace is None else "The falloff is known once a model is computed."
-        self.notes.object = ui.html("{}{}", ui.paragraphs(untick + known if bracket is None else f"{bracket}."), failed)
-        legend = zip(("kept: in its own colour", *OUTCOMES[1:]), OUTCOME_COLOURS, strict=True)
-        marks = [
-            ui.html("<i class=colour style='background:{}'></i>{} &emsp; ", colour, what) for what, colour in legend
-        ]
-        self.legend.object = ui.Html("".join(marks)) if self.shown.value == "tiles" and session.opened.accounts else ""
+        said = untick + known if bracket is None else f"{bracket}."
+        self.notes.object = ui.paragraphs(said, *file_notes(session.opened.accounts), *unused)
+        mark, legend = "<i class=colour style='background:{}'></i>{} &emsp; ", ui.Html()
+        if self.shown.value == "tiles" and session.opened.accounts:
+            kinds = zip(OUTCOME_COLOURS, ("kept: in its own colour", *OUTCOMES[1:]), strict=True)
+            legend = ui.Html("".join(ui.html(mark, colour, what) for colour, what in kinds))
+        self.legend.object = legend
 
     def _draw(self, cards: dict[str, ui.Html]) -> None:
         """A card a shot: a box to take it in or leave it out, its pictures, and what is known of it.

@@ -112,13 +112,6 @@ def offer(choice: pmui.Select, names: Iterable[str]) -> None:
         choice.value = known[0] if known else ""
 
 
-def ticks(label: str) -> pmui.CheckBoxGroup:
-    """A list of which any can be ticked."""
-    return pmui.CheckBoxGroup(label=label, options=[], **WIDE)
-
-
-# --- Figures ----------------------------------------------------------------------------------------------------------
-
 _SAVE_SVG = """
 const view = Bokeh.index.find_one_by_id(drawing.id);
 view.export("svg").to_blob().then((blob) => {
@@ -154,7 +147,7 @@ class Figures:
     def __init__(self) -> None:
         self.layout = pn.Column(**FILL)
         self._kinds: object = None
-        self._panels: list[_BokehPanel] = []
+        self._panels: list[list[_BokehPanel]] = []
 
     def show(self, drawing: Drawing | None, missing: str = "") -> None:
         """Show a drawing; None: a sentence in its place."""
@@ -162,13 +155,13 @@ class Figures:
         kinds = [[(panel.log, panel.rows, [_glyph(mark)[1:] for mark in panel.marks]) for panel in row] for row in rows]
         if kinds != self._kinds or not rows:
             together: dict[str, Any] = {}  # pictures beside each other are moved and zoomed as one
-            made = [[_BokehPanel(panel, together) for panel in row] for row in rows]
-            self._kinds, self._panels = kinds, [panel for row in made for panel in row]
-            self.layout[:] = [pn.Row(*(panel.figure for panel in row), **FILL) for row in made]
+            self._kinds, self._panels = kinds, [[_BokehPanel(panel, together) for panel in row] for row in rows]
+            self.layout[:] = [pn.Row(*(panel.figure for panel in row), **FILL) for row in self._panels]
         if not rows and missing:
             self.layout[:] = [text(paragraphs(missing))]
-        for held, panel in zip(self._panels, [panel for row in rows for panel in row], strict=True):
-            held.show(panel)
+        for held, panels in zip(self._panels, rows, strict=True):
+            for shown, panel in zip(held, panels, strict=True):
+                shown.show(panel)
 
 
 class _BokehPanel:
@@ -270,15 +263,13 @@ class Space:
 
     def show(self, title: str, traces: list[dict[str, Any]], axes: tuple[str, str, str]) -> None:
         """Show plotly's traces; the axes' names are of x, y, z, of which z is up."""
-        named = zip(("xaxis", "yaxis", "zaxis"), axes, strict=True)
-        scene = {
-            key: {"title": {"text": name}, "color": GREY, "gridcolor": GREY, "zeroline": False} for key, name in named
-        }
-        camera = {"eye": {"x": 1.6, "y": -1.6, "z": 0.9}}
+        scene: dict[str, Any] = {"aspectmode": "cube", "camera": {"eye": {"x": 1.6, "y": -1.6, "z": 0.9}}}
+        for axis, name in zip("xyz", axes, strict=True):
+            scene[f"{axis}axis"] = {"title": {"text": name}, "color": GREY, "gridcolor": GREY, "zeroline": False}
         self.plot.layout = {
             "title": {"text": title, "font": {"size": 14}}, "font": {"color": GREY}, "showlegend": False,
             "paper_bgcolor": "rgba(0,0,0,0)", "margin": {"l": 0, "r": 0, "t": 30, "b": 0}, "uirevision": "kept",
-            "scene": {**scene, "aspectmode": "cube", "camera": camera},
+            "scene": scene,
         }  # fmt: skip
         self.plot.data_sources = [ColumnDataSource() for _ in traces]
         self.plot.data = [{"hoverinfo": "skip", **trace} for trace in traces]
@@ -292,8 +283,8 @@ def lines_in_space(ends: Array, colour: str = GREY, width: float = 1.0) -> dict[
     return {"type": "scatter3d", "mode": "lines", "x": x, "y": y, "z": z, "line": {"color": colour, "width": width}}
 
 
-def dots_in_space(points: Array, colour: str | list[str], size: float = 2.0, symbol: str = "circle") -> dict[str, Any]:
+def dots_in_space(points: Array, colour: str | list[str], symbol: str = "circle") -> dict[str, Any]:
     """A trace of points (n, 3) in the order of the axes."""
     x, y, z = points.T.tolist()
-    marker = {"color": colour, "size": size, "symbol": symbol}
+    marker = {"color": colour, "size": 2.0, "symbol": symbol}
     return {"type": "scatter3d", "mode": "markers", "x": x, "y": y, "z": z, "marker": marker}

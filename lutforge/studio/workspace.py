@@ -7,6 +7,7 @@ import json
 import shutil
 import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -156,14 +157,9 @@ class Workspace:
     @cached_property
     def columns(self) -> dict[str, Array]:
         """(n,) by name: the columns of the table that samples are filtered by."""
-        codes = 255 * self.samples.srgb
-        return {
-            "saturation": saturation(self.samples.srgb),
-            "darkest": codes.min(axis=1),
-            "brightest": codes.max(axis=1),
-            "raw": self.samples.raw.max(axis=1),
-            "residual": 255 * self.residual,
-        }
+        codes, raw = 255 * self.samples.srgb, self.samples.raw.max(axis=1)
+        known = (saturation(self.samples.srgb), codes.min(axis=1), codes.max(axis=1), raw, 255 * self.residual)
+        return dict(zip(COLUMNS, known, strict=True))
 
     @cached_property
     def filtered(self) -> dict[str, Mask]:
@@ -293,9 +289,6 @@ def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedMo
     return FittedModel(profile, predict(profile, samples), errors)
 
 
-# --- The file --------------------------------------------------------------------------------------------------------
-
-
 def save_workspace(workspace: Workspace, path: str | Path) -> None:
     """Write a workspace, atomically. Raises WorkspaceError on another suffix than .workspace."""
     path = Path(path)
@@ -303,35 +296,26 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
         raise WorkspaceError(f"{path}: a workspace file ends in {SUFFIX}")
     if not workspace.has_raw:
         raise WorkspaceError("a bracket has no workspace: save its profile, and open the pictures again")
+    groups = [{"name": name, "active": name not in workspace.idle} for name in workspace.groups]
     document = {
-        "format": "lutforge-workspace",
-        "version": 4,
-        "limits": workspace.limits,
-        "groups": [{"name": name, "active": name not in workspace.idle} for name in workspace.groups],
-        "models": list(workspace.models),
-        "model": workspace.model,
-        "options": workspace.options.as_json(),
-        "out": sorted(workspace.out),
-        "unticked": sorted(workspace.unticked),
-        "own_stages": workspace.own_stages,
-    }
+        "format": "lutforge-workspace", "version": 4, "limits": workspace.limits, "groups": groups,
+        "models": list(workspace.models), "model": workspace.model, "options": workspace.options.as_json(),
+        "out": sorted(workspace.out), "unticked": sorted(workspace.unticked), "own_stages": workspace.own_stages,
+    }  # fmt: skip
     # A column for the marks of the hand, one for each group, and one for the rows that each model was fitted to.
     every = np.ones(len(workspace.samples), dtype=np.bool_)
     masks = [*workspace.groups.values()]
     masks += [every if model.task is None else model.task.rows for model in workspace.models.values()]
     marks = np.stack([workspace.hand, *(mask.astype(np.int8) for mask in masks)], axis=1)
-    with (
-        scratch_folder() as folder,
-        atomic_path(path) as temporary,
-        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
-    ):
-        archive.writestr(DOCUMENT, json.dumps(document, indent=1, ensure_ascii=False))
+    with scratch_folder() as folder, atomic_path(path) as temporary:
+        (folder / DOCUMENT).write_text(json.dumps(document, indent=1, ensure_ascii=False), encoding="utf-8")
         write_samples(folder / SAMPLES, workspace.samples)
         np.save(folder / MARKS, marks, allow_pickle=False)
         for name, model in workspace.models.items():
             model.profile.save(folder / f"{name}.npz")
-        for name in (SAMPLES, MARKS, *(f"{name}.npz" for name in workspace.models)):
-            archive.write(folder / name, name)
+        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+            for file in sorted(folder.iterdir()):
+                archive.write(file, file.name)
 
 
 def open_workspace(path: str | Path) -> Workspace:
@@ -339,9 +323,8 @@ def open_workspace(path: str | Path) -> Workspace:
     path = Path(path)
     with reading(path.name, "a LutForge workspace", WorkspaceError):
         with zipfile.ZipFile(path) as archive, scratch_folder() as folder:
-            if DOCUMENT not in archive.namelist() or archive.getinfo(DOCUMENT).file_size > 1 << 20:
-                raise WorkspaceError("not a LutForge workspace")
-            document = json.loads(archive.read(DOCUMENT))
+            small = DOCUMENT in archive.namelist() and archive.getinfo(DOCUMENT).file_size <= 1 << 20
+            document = json.loads(archive.read(DOCUMENT)) if small else None
             if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
                 raise WorkspaceError("not a LutForge workspace")
             if document.get("version") != 4:
@@ -388,7 +371,6 @@ def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:
 
 def find_pairs(samples: SampleSet) -> ExposurePairs | None:
     """The exposure pairs, None where there are none."""
-    try:
+    with suppress(CalibrationError):
         return pairs_of_samples(with_setting_names(samples))
-    except CalibrationError:
-        return None
+    return None

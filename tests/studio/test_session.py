@@ -235,7 +235,7 @@ def test_what_is_clicked_while_a_job_ends_is_done(served: tuple[Page, Document])
     """A click whose callback is due after the news of a job, which draw all controls anew, is not undone by them."""
     page, document = served
     name, paper = next(iter(page.pages["Shots"].papers.items()))
-    page.session.guarded(page._changed)()  # as a job does that has ended
+    page.session.guarded(page.session.on_change)()  # as a job does that has ended
     (news,) = document.session_callbacks
     paper[0].value = False
     (click,) = set(document.session_callbacks) - {news}
@@ -286,10 +286,10 @@ def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path)
     assert {"darktable", "rawtherapee"} <= set(view.program.options)
     view._save_profile()
     card = view.main[0]
-    page._changed()
+    page.session.on_change()
     assert view.main[0] is card
     page.session.chosen = ChosenLook("", "vivid/tungsten")
-    page._changed()
+    page.session.on_change()
     assert "(stale)" in view.main[0][0].object
 
 
