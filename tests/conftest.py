@@ -20,6 +20,12 @@ class CommandLine(Protocol):
     def __call__(self, *words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]: ...
 
 
+class Refused(Protocol):
+    """What the fixture `refused` gives."""
+
+    def __call__(self, folder: Path, *words: object) -> str: ...
+
+
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep each file in one process, and all tests that use the demo, so that it runs once; they count as slow."""
@@ -83,5 +89,22 @@ def lutforge(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str])
         printed = capfd.readouterr()
         assert isinstance(ended.value.code, int)
         return subprocess.CompletedProcess(arguments, ended.value.code, printed.out, printed.err)
+
+    return run
+
+
+@pytest.fixture
+def refused(lutforge: CommandLine) -> Refused:
+    """Runs a command; expects status 2, one line, no traceback, and no new file in the folder. Returns the line."""
+
+    def run(folder: Path, *words: object) -> str:
+        before = sorted(folder.rglob("*"))
+        result = lutforge(*words, cwd=folder)
+        assert result.returncode == 2, (result.returncode, result.stdout, result.stderr)
+        lines = result.stderr.strip().splitlines()
+        assert len(lines) == 1, result.stderr
+        assert lines[0].startswith("lutforge: ")
+        assert sorted(folder.rglob("*")) == before
+        return lines[0]
 
     return run

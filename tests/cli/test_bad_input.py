@@ -7,7 +7,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol, get_args
+from typing import get_args
 
 import numpy as np
 import OpenImageIO
@@ -25,33 +25,10 @@ from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dng import write_dng
 from tests.cases.pictures import write_picture
 from tests.cases.samples import chart_140, made_samples, photograph_patches, spread_over_picture, with_gamma
-from tests.conftest import CommandLine
+from tests.conftest import CommandLine, Refused
 
 HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b\n"
 ROW = "Test Cam,standard,daylight,a,p,0.01,{r},0.2,0.3,0.4,0.5,0.6\n"
-
-
-class Refused(Protocol):
-    """What the fixture `refused` gives."""
-
-    def __call__(self, folder: Path, *words: object) -> str: ...
-
-
-@pytest.fixture
-def refused(lutforge: CommandLine) -> Refused:
-    """Runs a command; expects status 2, one line, no traceback, and no new file in the folder. Returns the line."""
-
-    def run(folder: Path, *words: object) -> str:
-        before = sorted(folder.rglob("*"))
-        result = lutforge(*words, cwd=folder)
-        assert result.returncode == 2, (result.returncode, result.stdout, result.stderr)
-        lines = result.stderr.strip().splitlines()
-        assert len(lines) == 1, result.stderr
-        assert lines[0].startswith("lutforge: ")
-        assert sorted(folder.rglob("*")) == before
-        return lines[0]
-
-    return run
 
 
 def test_raw_files_that_are_none(refused: Refused, tmp_path: Path) -> None:

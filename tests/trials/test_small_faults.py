@@ -23,7 +23,7 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from tests.cases.pictures import write_picture
 from tests.cases.profiles import small_profile
-from tests.conftest import CommandLine
+from tests.conftest import CommandLine, Refused
 from tests.model.test_published_model import write_small
 
 
@@ -38,14 +38,6 @@ def picture(path: Path) -> Path:
     path.parent.mkdir(exist_ok=True)
     PIL.Image.fromarray(np.random.default_rng(0).integers(0, 256, (64, 96, 3), dtype=np.uint8)).save(path)
     return path
-
-
-def failed(run: "subprocess.CompletedProcess[str]", status: int = 2) -> str:
-    """The one line of a failure."""
-    assert run.returncode == status, (run.returncode, run.stdout, run.stderr)
-    lines = run.stderr.strip().splitlines()
-    assert len(lines) == 1, run.stderr
-    return lines[0]
 
 
 @pytest.fixture
@@ -128,18 +120,16 @@ REFUSALS: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("case", REFUSALS)
-def test_what_is_wrong_is_one_line_and_leaves_nothing(lutforge: CommandLine, folder: Path, case: str) -> None:
+def test_what_is_wrong_is_one_line_and_leaves_nothing(refused: Refused, folder: Path, case: str) -> None:
     words, says = REFUSALS[case]
-    before = sorted(folder.rglob("*"))
-    line = failed(lutforge(*words, cwd=folder))
+    line = refused(folder, *words)
     assert all(part in line for part in says), line
-    assert sorted(folder.rglob("*")) == before
 
 
 @pytest.mark.skipif(not Path("/sys/kernel").is_dir(), reason="no folder in which nobody can make a file")
 @pytest.mark.parametrize("words", [("demo", "-o", "/sys/kernel/out"), ("sample", ".", "-o", "/sys/kernel/a.csv")])
-def test_outputs_are_tried_before_the_work(lutforge: CommandLine, words: tuple[str, ...], tmp_path: Path) -> None:
-    assert "cannot be written to" in failed(lutforge(*words, cwd=tmp_path))
+def test_outputs_are_tried_before_the_work(refused: Refused, words: tuple[str, ...], tmp_path: Path) -> None:
+    assert "cannot be written to" in refused(tmp_path, *words)
 
 
 def test_a_reason_that_pictures_share_is_printed_once(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
@@ -150,11 +140,11 @@ def test_a_reason_that_pictures_share_is_printed_once(lutforge: CommandLine, pro
     assert result.returncode == 1 and lines == [f"lutforge: {second}: as {first}"]
 
 
-def test_a_picture_that_is_cut_short_is_not_usable(lutforge: CommandLine, tmp_path: Path) -> None:
+def test_a_picture_that_is_cut_short_is_not_usable(lutforge: CommandLine, refused: Refused, tmp_path: Path) -> None:
     whole, half, empty = picture(tmp_path / "a.jpg"), tmp_path / "b.jpg", tmp_path / "empty"
     half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     empty.mkdir()
-    assert "damaged or cut short" in failed(lutforge("inspect", half))
+    assert "damaged or cut short" in refused(tmp_path, "inspect", half)
     both = lutforge("inspect", empty, half, whole)
     assert both.returncode == 2 and "96 × 64" in both.stdout and len(both.stderr.strip().splitlines()) == 2
 
