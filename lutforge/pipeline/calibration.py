@@ -63,10 +63,7 @@ def calibrate(
 def calibrate_stages(
     samples: SampleSet | Paths, options: CalibrationOptions | None = None, progress: Progress = silent
 ) -> CameraProfile:
-    """Fit responses, matrix and white balances alone, as to the inliers of the samples that `calibrate` then gets.
-
-    Returns a profile whose gamut maps change nothing. Raises CalibrationError where the samples do not determine them.
-    """
+    """Fit responses, matrix and white balances alone, for `calibrate` to build on; the gamut maps change nothing."""
     samples = with_setting_names(as_samples(samples))
     with telling_of_compilation(progress) as telling:
         return fit_stages(samples, options, telling)

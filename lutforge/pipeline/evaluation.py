@@ -69,7 +69,6 @@ def inspect_scene(
 
     shots: RAW files, folders, or sample tables. Departures that chance explains are not told. Returned are a table
     with a row a shot, and a line for each shot that was left out.
-    Raises CalibrationError where the shots hold none of the profile's styles.
     """
     camera = as_profile(profile)
     gathered = gather_samples(shots, progress)
@@ -152,10 +151,7 @@ def without_a_model(samples: SampleSet) -> Array:
 def node_level_errors(
     profile: CameraProfile, samples: SampleSet
 ) -> dict[tuple[str, Direction], tuple[Array, Array, Array]]:
-    """By style and direction, per axis the histogram of the squared error of a uniform lattice (thesis, Fig. 5.4).
-
-    Raises CalibrationError where the samples do not determine the lattices.
-    """
+    """By style and direction, per axis the histogram of the squared error of a uniform lattice (thesis, Fig. 5.4)."""
     samples = with_setting_names(samples)
     data, _ = style_data(samples, complete_multipliers(samples)[0])
     options = options_from_json(profile.options)

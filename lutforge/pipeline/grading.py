@@ -151,10 +151,7 @@ class Grading:
         yield from self.inputs.missing
 
     def run(self, progress: Progress = silent) -> BatchResult:
-        """Grade the images; one that fails is told of in the result, and the others go on. progress: tells the rate.
-
-        Raises LutForgeError where nothing can be graded; then nothing is written.
-        """
+        """Grade the images; one that fails is told of in the result, and the others go on. progress: tells the rate."""
         suffix = self.suffix if self.space is None else ".exr"
         result = apply_batch(
             self.recipe, self.inputs.images, self.folder, suffix, self.workers, progress,

@@ -83,8 +83,7 @@ def compare(
 ) -> Report:
     """Write a page that shows two cameras, or two styles of one, side by side: a chart, a picture, ΔE00.
 
-    one, other: STYLE/WB of each; without, the first style under daylight, or what there is. Raises ProfileError,
-    SettingsError, and LutForgeError where nothing can be written.
+    one, other: STYLE/WB of each; without, the first style under daylight, or what there is.
     """
     check_report_output(output, None, [each for each in (first, second) if not isinstance(each, CameraProfile)])
     a, b = as_profile(first), as_profile(second)
@@ -98,10 +97,7 @@ def compare(
 def compare_methods(
     profile: CameraProfile, samples: SampleSet, size: int, progress: Progress = silent
 ) -> tuple[dict[str, Drawing], tuple[Table, ...]]:
-    """Return figures by style and tables of the errors of all methods on shots left out, as a report shows them.
-
-    size: nodes per axis of the lattices. Raises CalibrationError where no shot can be left out.
-    """
+    """Return figures by style and tables of the errors of all methods, with lattices of a size, on shots left out."""
     evaluation = evaluate(profile, samples, progress, tables=True, sizes=(size,))
     own, drawings = own_method(profile, evaluation), {}
     for style, predictions in evaluation.predictions.items():
@@ -114,10 +110,7 @@ def compare_methods(
 def maps_of_file(
     profile: CameraProfile, samples: SampleSet, shot: str, raw_file: Path, progress: Progress = silent
 ) -> ErrorMaps:
-    """Leave shots of one style out in turn, and draw the errors of one of them; see `maps_of_shot`.
-
-    Raises CalibrationError where the samples do not determine the fits.
-    """
+    """Leave shots of one style out in turn, and draw the errors of one of them; see `maps_of_shot`."""
     style = samples.style[samples.shot == shot][0]
     evaluation = evaluate(profile, samples.select(samples.style == style), progress)
     progress("error maps", 0.9)

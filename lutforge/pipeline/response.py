@@ -167,10 +167,7 @@ def _pairs(files: Sequence[Path], times: Sequence[float], progress: Progress) ->
 def bracket_samples(
     files: Sequence[Path], exposure_s: Sequence[float], camera: str, progress: Progress = silent
 ) -> tuple[SampleSet, ExposurePairs]:
-    """The colours that two exposures of a bracket share, each once by shot, without RAW (NaN), and their pairs.
-
-    Raises CalibrationError where the exposures are not stated, or share nothing flat and unclipped; ImageError.
-    """
+    """The colours that two exposures of a bracket share, each once by shot, without RAW (NaN), and their pairs."""
     pairs = _pairs(files, exposure_s, progress)
     cells = int(max(pairs.first_row.max(), pairs.second_row.max())) + 1
     place = np.concatenate([pairs.first_shot * cells + pairs.first_row, pairs.second_shot * cells + pairs.second_row])

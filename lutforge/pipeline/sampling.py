@@ -97,10 +97,7 @@ def sample_shots(paths: Paths, progress: Progress = silent, substitute: RawSubst
 def sample_each(
     files: Mapping[str, Path], read: Callable[[str, Path], Shot], progress: Progress, threads: int
 ) -> SampledShots:
-    """Sample the shots that `read` makes of names and files; one that cannot be used is left out, with its reason.
-
-    Raises ShotError where no shot is left, and what is wrong with an only one.
-    """
+    """Sample the shots that `read` makes of names and files; one that cannot be used is left out, with its reason."""
     from lutforge.samples.extract import ShotSamples, extract
 
     accounts, left_out = list[ShotSamples](), list[str]()
@@ -174,10 +171,7 @@ def _names(files: Sequence[Path]) -> list[str]:
 
 
 def gather_samples(paths: Paths, progress: Progress = silent, substitute: RawSubstitute | None = None) -> SampledShots:
-    """Read sample tables, and sample RAW files and folders of them, in any mixture; what is given twice counts once.
-
-    substitute: as for `sample_shots`. Raises SampleError, ShotError.
-    """
+    """Read sample tables, and sample RAW files and folders of them, in any mixture; what is given twice counts once."""
     given = list({path.resolve(): path for path in several(paths)}.values())
     if not given:
         raise SampleError("nothing given: name sample tables (.csv, .npz) or RAW files")
@@ -205,10 +199,7 @@ CHART = "chart "
 
 
 def origin_of(samples: SampleSet) -> dict[str, str]:
-    """Name the space and the program of pictures that stand in the place of RAW; empty for RAW.
-
-    Raises CalibrationError where samples of several spaces or programs are mixed.
-    """
+    """Name the space and the program of pictures that stand in the place of RAW; empty for RAW."""
     pairs = sorted(set(zip(samples.raw_space.tolist(), samples.developer.tolist(), strict=True)))
     if len(pairs) > 1:
         kinds = ", ".join(f"{developer} ({space})" if space else "RAW" for space, developer in pairs[:4])

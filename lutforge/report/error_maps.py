@@ -66,8 +66,7 @@ def own_method(profile: CameraProfile, evaluation: Evaluation) -> str:
 def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, name: str, raw_file: Path) -> ErrorMaps:
     """Predict a shot of an evaluation by the profile's own model, a uniform lattice, RBFs and a polynomial.
 
-    The RAW is brightened away from the middle by the profile's falloffs, as that of the samples was. Raises
-    CalibrationError where the evaluation holds no sample of the shot.
+    The RAW is brightened away from the middle by the profile's falloffs, as that of the samples was.
     """
     held = [(style, each) for style, each in evaluation.predictions.items() if (each.data.shot == name).any()]
     if not held:

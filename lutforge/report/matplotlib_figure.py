@@ -135,10 +135,7 @@ def to_svg(figure: Figure) -> str:
 def refinish_sheet(
     before: Pixels, after: Pixels, wanted: Pixels, path: str | Path, titles: tuple[str, str, str]
 ) -> None:
-    """The photograph, the graded one, what it should be, and the error between the last two, as one PNG.
-
-    Pixels: (h, w, 3), encoded, the same size.
-    """
+    """The photograph, the graded one, what it should be, each (h, w, 3), and the error of the graded, as one PNG."""
     height, width = before.shape[:2]
     error = np.linalg.norm(after.astype(np.float64) - wanted, axis=-1)
     told = f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}"

@@ -261,10 +261,7 @@ HERE = Path(__file__).parent
 
 
 def packed(lut: Lut) -> tuple[list[dict[str, Any]], dict[str, dict[str, Any]]]:
-    """The operations of a LUT as the page takes them, and their tables, float32, by a key of their content.
-
-    Raises LutError on curves at free knots.
-    """
+    """The operations of a LUT as the page takes them, and their tables, float32, by a key of their content."""
     ops, tables = zip(*map(_packed, lut.ops), strict=True)
     return list(ops), {table["key"]: table for table in tables if table}
 
@@ -347,10 +344,7 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         self._grade_here()
 
     def grade(self, lut: Lut | None, name: str = "") -> None:
-        """Set the look, a LUT of the picture's encoded RGB, or none.
-
-        Raises LutError on curves at free knots.
-        """
+        """Set the look, a LUT of the picture's encoded RGB, or none. Raises LutError on curves at free knots."""
         self._set("a", lut, number=self.number + 1, a_name=name)
 
     def inspect(self, coverage: Lut | None, raw_of: Callable[[Array], Array] | None = None) -> None:

@@ -39,10 +39,7 @@ class FolderError(LutForgeError):
 
 
 class Folders:
-    """Folders by name, resolved: symbolic links are followed before a path is judged.
-
-    Raises FolderError where one is none.
-    """
+    """Folders by name, resolved: symbolic links are followed before a path is judged."""
 
     def __init__(self, paths: Iterable[str | Path]) -> None:
         self.roots = tuple(dict.fromkeys(Path(path).resolve() for path in paths))
@@ -51,10 +48,7 @@ class Folders:
                 raise FolderError(f"{path}: not a folder; name a folder that exists")
 
     def inside(self, text: str) -> Path:
-        """The resolved path that a visitor names, relative to the first folder.
-
-        Raises FolderError where it lies outside of all.
-        """
+        """The resolved path that a visitor names, relative to the first folder. Raises FolderError outside of all."""
         shown = " ".join(text.split())[:200]
         if not shown:
             raise FolderError("no file named: write its path, or choose one from the list")

@@ -262,11 +262,9 @@ def serve(
     show: bool,
     ready: Callable[[str], None] = lambda url: None,
 ) -> None:
-    """Serve until interrupted.
+    """Serve until interrupted. Raises LutForgeError where the address or port cannot be had.
 
     inputs: opened in each new session; port: 0 for any that is free; ready: is told the address of the page.
-
-    Raises LutForgeError where the address or port cannot be had.
     """
     pn.extension(raw_css=[CSS], notifications=False, theme="dark")
 

@@ -272,10 +272,7 @@ class Workspace:
 
 
 def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedModel:
-    """Fit a model to some samples, and let it predict all.
-
-    Raises CalibrationError where they do not determine the model.
-    """
+    """Fit a model to some samples, and let it predict all. Raises CalibrationError where they do not determine it."""
     if task.rows.sum() < 10:
         raise CalibrationError(f"{int(task.rows.sum())} samples are left to fit; at least 10 are needed: filter less")
     chosen = samples.select(task.rows)
