@@ -47,7 +47,7 @@ class SettingControl:
 
     def __init__(self, title: str, asks: bool = False) -> None:
         self.profile: CameraProfile
-        self.has_tint, self.unknown = False, {UNKNOWN: ""} if asks else {}
+        self.unknown = {UNKNOWN: ""} if asks else {}
         self.style = ui.select(f"{title}: style", self.unknown or ui.NOTHING)
         self.balance = ui.select(f"{title}: white balance", self.unknown or ui.NOTHING)
         self.kelvin = ui.slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
@@ -61,7 +61,7 @@ class SettingControl:
         self.profile, kelvins = profile, None
         with suppress(SettingsError):
             kelvins = None if profile.raw_camera else temperature_range(profile.white_balances)
-        self.has_tint = kelvins is not None
+        self.tint.disabled = kelvins is None
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
         styles, usual = sorted(profile.styles, key=lambda name: name.lower() != "standard"), usual_setting(profile)
         offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
@@ -77,7 +77,6 @@ class SettingControl:
         """Enable the controls that set the white balance, and disable the others; the layout stays as it is."""
         self.kelvin.disabled = self.balance.value != BY_TEMPERATURE
         self.multipliers.disabled = self.balance.value != BY_MULTIPLIERS
-        self.tint.disabled = not self.has_tint
         if self.balance.value == BY_MULTIPLIERS and not ui.written(self.multipliers):
             gains = self.profile.multipliers(usual_setting(self.profile))
             begin = ",".join(f"{gain:.4g}" for gain in gains / gains[1])
