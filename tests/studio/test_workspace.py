@@ -18,14 +18,7 @@ from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.pipeline.evaluation import predict
 from lutforge.progress import silent
 from lutforge.samples.sample_set import SampleSet
-from lutforge.studio.workspace import (
-    Workspace,
-    WorkspaceError,
-    find_pairs,
-    fit_model,
-    open_workspace,
-    save_workspace,
-)
+from lutforge.studio.workspace import Workspace, WorkspaceError, find_pairs, fit_model, open_workspace, save_workspace
 
 
 @pytest.fixture(scope="module")
