@@ -1,7 +1,7 @@
 """From samples to a camera profile: the stages of the calibration in order."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,36 +24,18 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.threads import each, one_blas_thread
 
 
-@dataclass(frozen=True, eq=False)
-class CalibratedStyle:
-    """The data of one style, and the style as the profile has it, without held-out errors."""
-
-    data: StyleData
-    picture: PictureStyle
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """A fitted profile without held-out errors, and the data that these are measured with.
-
-    styles: by style name.
-    """
-
-    profile: CameraProfile
-    styles: Mapping[str, CalibratedStyle] = field(default_factory=dict)
-
-
 @one_blas_thread
 def calibrate(
     samples: SampleSet,
     options: CalibrationOptions | None = None,
     progress: Progress = silent,
     stages: CameraProfile | None = None,
-) -> Calibration:
+) -> tuple[CameraProfile, dict[str, StyleData]]:
     """Fit the white balances, the matrix and, per style, the camera model and the lattices that are its fast form.
 
-    stages: a profile whose responses, matrix and white balances are taken as they are (`calibrate_stages`). Raises
-    CalibrationError, in one line with what to do, where the samples do not determine the models.
+    stages: a profile whose responses, matrix and white balances are taken as they are (`calibrate_stages`). Returns a
+    profile without held-out errors, and by style the data that these are measured with. Raises CalibrationError, in one
+    line with what to do, where the samples do not determine the models.
     """
     options = options or CalibrationOptions()
     progress("checking white balances and shots", 0.0)
@@ -72,34 +54,40 @@ def calibrate(
             physical = fitted.maps(samples, options)
             matrix = fitted.matrix if matrix is None else matrix
     data, clipped = style_data(samples, multipliers)
-    data = {name: replace(style, most_centres=options.physical.centres) for name, style in data.items()}
-    if stages is not None:
-        data = {name: replace(style, given=base_of(stages, name)) for name, style in data.items()}
-    styles = _fit_styles(data, physical, options, progress)
+    for name, of_style in data.items():
+        given = None if stages is None else _given(stages, name)
+        data[name] = replace(of_style, most_centres=options.physical.centres, given=given)
+
+    def fitted_style(name: str) -> PictureStyle:
+        style = data[name]
+        lattices = fit_lattices(style, options)
+        coverage = {direction: node_coverage(one, style.both[direction][0]) for direction, one in lattices.items()}
+        own = () if style.monochrome or options.preset == "thesis" else (style.model,)
+        models = (physical[name],) if name in physical else own
+        return PictureStyle(lattices.render, lattices.linearize, models, coverage=coverage)
+
+    progress(f"fitting {', '.join(data)}", 0.0)
+    styles = {}
+    for name, style in zip(data, each(fitted_style, list(data)), strict=True):
+        styles[name] = style
+        progress(f"{name}: fitted", len(styles) / len(data))
     progress("done", 1.0)
     if matrix is None:
         # Ts of the style with most samples; the identity where all styles are black and white.
-        coloured = [style.data for style in styles.values() if not style.data.monochrome]
+        coloured = [style for style in data.values() if not style.monochrome]
         matrix = max(coloured, key=lambda one: len(one.shot)).unsaturated.matrix if coloured else np.eye(3)
     if stages is None:
         matrix = matrix / matrix.sum(axis=1, keepdims=True)
     balances = named_white_balances(samples, multipliers, matrix)
-    notes = [*thin_settings(samples)]
+    notes = thin_settings(samples)
     if clipped:
         notes.append(f"{clipped} of {len(samples)} samples are clipped and take no part in the fit")
-    for name, style in data.items():
-        notes += thin_colours(style.encoded, name, monochrome=style.monochrome)
+    for name, of_style in data.items():
+        notes += thin_colours(of_style.encoded, name, monochrome=of_style.monochrome)
     if presets := [name for name in balances if name not in samples.white_balance]:
         computed = "are computed by the camera's matrix: no shot was taken with them"
         notes.append(f"white balances {', '.join(presets)} {computed}")
-    profile = prepared.profile(
-        matrix,
-        balances,
-        {name: style.picture for name, style in styles.items()},
-        options,
-        tuple(notes),
-    )
-    return Calibration(profile, styles)
+    return prepared.profile(matrix, balances, styles, options, notes), data
 
 
 @one_blas_thread
@@ -121,31 +109,7 @@ def calibrate_stages(
     return prepared.profile(matrix, balances, stages.styles(tuple(balances)), options)
 
 
-def _fit_styles(
-    data: Mapping[str, StyleData],
-    physical: Mapping[str, PhysicalModel],
-    options: CalibrationOptions,
-    progress: Progress,
-) -> dict[str, CalibratedStyle]:
-    """Fit several styles beside each other. physical: models of styles that are fitted already."""
-
-    def fitted(name: str) -> CalibratedStyle:
-        style = data[name]
-        lattices = fit_lattices(style, options)
-        coverage = {direction: node_coverage(one, style.both[direction][0]) for direction, one in lattices.items()}
-        own = () if style.monochrome or options.preset == "thesis" else (style.model,)
-        models = (physical[name],) if name in physical else own
-        return CalibratedStyle(style, PictureStyle(lattices.render, lattices.linearize, models, coverage=coverage))
-
-    progress(f"fitting {', '.join(data)}", 0.0)
-    styles = {}
-    for name, style in zip(data, each(fitted, list(data)), strict=True):
-        styles[name] = style
-        progress(f"{name}: fitted", len(styles) / len(data))
-    return styles
-
-
-def thin_settings(samples: SampleSet) -> tuple[str, ...]:
+def thin_settings(samples: SampleSet) -> list[str]:
     """Return notes on white balances with a single shot, and on styles with a single exposure."""
     notes = []
     for name in np.unique(samples.white_balance):
@@ -161,10 +125,10 @@ def thin_settings(samples: SampleSet) -> tuple[str, ...]:
             notes.append(
                 f'style "{name}": one exposure only: shoot the same at −2 and +1 EV, too, for dark and light tones'
             )
-    return tuple(notes)
+    return notes
 
 
-def thin_colours(encoded: Array, style: str, *, monochrome: bool = False) -> tuple[str, ...]:
+def thin_colours(encoded: Array, style: str, *, monochrome: bool) -> list[str]:
     """Notes on the colours that a style's unclipped samples (n, 3) lack; monochrome: the style is black and white."""
     notes = []
     if (saturation(encoded) < BETA).sum() < LEAST_UNSATURATED:
@@ -180,7 +144,7 @@ def thin_colours(encoded: Array, style: str, *, monochrome: bool = False) -> tup
             "and the errors do not show it: expose more"
         )
     if monochrome:
-        return (*notes, monochrome_note(style))
+        return [*notes, monochrome_note(style)]
     shares = encoded / encoded.sum(axis=1, keepdims=True)
     spread = np.linalg.svd(shares - shares.mean(axis=0), compute_uv=False)
     # Shares of red, green and blue that spread less than this in their second direction are of one hue, or grey
@@ -189,7 +153,7 @@ def thin_colours(encoded: Array, style: str, *, monochrome: bool = False) -> tup
             f'style "{style}": all colours are grey or of one hue, so all others are guessed: '
             "shoot a colour chart or a scene of many colours"
         )
-    return tuple(notes)
+    return notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,11 +199,10 @@ def fit_camera_stages(samples: SampleSet, multipliers: Array, options: Calibrati
     stages = fit_stages(inside, multipliers[usable], known[usable], options.preset, options.physical)
     completed = multipliers.copy()
     completed[usable] = stages.multipliers
-    automatic = np.where(samples.white_balance == "auto", np.char.add("auto\x00", samples.shot), samples.white_balance)
-    for setting in np.unique(automatic[~known]):
-        fitted = ~known & (automatic == setting) & usable
-        if fitted.any():
-            completed[~known & (automatic == setting)] = completed[fitted][0]
+    for setting in np.unique(samples.settings[~known]):
+        rows = ~known & (samples.settings == setting)
+        if (rows & usable).any():
+            completed[rows] = completed[rows & usable][0]
     return Stages(stages.matrix, completed, stages.responses, usable)
 
 
@@ -256,9 +219,7 @@ def stages_of(profile: CameraProfile, samples: SampleSet, multipliers: Array) ->
     return Stages(next(iter(models.values())).matrix, multipliers, responses, usable)
 
 
-def base_of(profile: CameraProfile, style: str) -> MatrixAndResponse | None:
-    """Return the matrix and response of a style as what a lattice follows; None where the profile has none."""
+def _given(profile: CameraProfile, style: str) -> MatrixAndResponse | None:
+    """The matrix and response of a style as what a lattice follows; None where the profile has none."""
     physical = profile.styles[style].physical if style in profile.styles else ()
-    if not physical:
-        return None
-    return MatrixAndResponse(physical[0].matrix, physical[0].response)
+    return MatrixAndResponse(physical[0].matrix, physical[0].response) if physical else None

@@ -87,17 +87,9 @@ class CalibrationOptions:
 
     def as_json(self) -> dict[str, object]:
         """The options as plain values, for the profile; of the physical ones, those that are not the default."""
-        usual = asdict(PhysicalOptions())
-        physical = {name: value for name, value in asdict(self.physical).items() if value != usual[name]}
-        return {
-            "model": self.model,
-            "preset": self.preset,
-            "size": self.size,
-            "interpolation": self.interpolation,
-            "nonuniform": self.nonuniform,
-            "shaper_size": self.shaper_size,
-            **({"physical": physical} if physical else {}),
-        }
+        values, usual = asdict(self), asdict(PhysicalOptions())
+        physical = {name: value for name, value in values.pop("physical").items() if value != usual[name]}
+        return values | ({"physical": physical} if physical else {})
 
 
 def options_from_json(values: Mapping[str, object]) -> CalibrationOptions:

@@ -1,6 +1,6 @@
 """Prepares samples for the fits: the camera's own RAW, complete white balances, no shots that depart from others."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from lutforge.calibration.physical.white_balance import (
     with_known_balances,
 )
 from lutforge.calibration.plausibility import NOT_ONE_CAMERA, implausible
-from lutforge.calibration.style import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
+from lutforge.calibration.style import LEAST_SAMPLES, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import Falloff
@@ -49,7 +49,7 @@ class PreparedSamples:
         white_balances: Mapping[str, WhiteBalance],
         styles: Mapping[str, PictureStyle],
         options: CalibrationOptions,
-        notes: tuple[str, ...] = (),
+        notes: Sequence[str] = (),
     ) -> CameraProfile:
         """The profile of what was fitted to these samples. notes: what the fits add."""
         return CameraProfile(
@@ -112,12 +112,6 @@ def prepare(samples: SampleSet, options: CalibrationOptions, stages: CameraProfi
     notes += [*of_balances, *left_out, *([] if stages is None else [given])]
     notes += [*(falloff.note for falloff in falloffs), *departure_notes(departures)]
     return PreparedSamples(samples, multipliers, raw_camera, transfer, falloffs, diagnoses, tuple(notes))
-
-
-def data_by_style(samples: SampleSet) -> dict[str, StyleData]:
-    """The fitting samples of each style of one camera. Raises CalibrationError."""
-    prepared = prepare(samples, CalibrationOptions())
-    return style_data(prepared.samples, prepared.multipliers)[0]
 
 
 def _check_one_camera(samples: SampleSet) -> None:

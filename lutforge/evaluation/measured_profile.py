@@ -9,10 +9,10 @@ from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array
-from lutforge.calibration.calibrate import CalibratedStyle, Calibration
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.kriging import OFFSET, posterior_deviation
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, encoding_slope
+from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.held_out import Predictions, predict
@@ -27,12 +27,13 @@ from lutforge.threads import one_blas_thread
 
 
 @one_blas_thread
-def measured(calibration: Calibration, options: CalibrationOptions, progress: Progress) -> CameraProfile:
-    """Return the calibrated profile with its errors on shots left out, and notes on what makes them weak."""
-    profile = calibration.profile
+def measured(
+    profile: CameraProfile, data: Mapping[str, StyleData], options: CalibrationOptions, progress: Progress
+) -> CameraProfile:
+    """Return a profile with its errors on shots of its data, by style, left out, and notes on what makes them weak."""
     styles, notes = dict(profile.styles), list(profile.notes)
-    for index, (name, style) in enumerate(calibration.styles.items()):
-        within = part(progress, index / len(calibration.styles), (index + 1) / len(calibration.styles), name)
+    for index, (name, style) in enumerate(data.items()):
+        within = part(progress, index / len(data), (index + 1) / len(data), name)
         styles[name], weak = _measured(name, profile.styles[name], style, options, within)
         notes.extend(f"{name}: {note}" for note in weak)
     progress("done", 1.0)
@@ -40,10 +41,10 @@ def measured(calibration: Calibration, options: CalibrationOptions, progress: Pr
 
 
 def _measured(
-    name: str, model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions, progress: Progress
+    name: str, model: PictureStyle, data: StyleData, options: CalibrationOptions, progress: Progress
 ) -> tuple[PictureStyle, list[str]]:
     """One style with its errors, and what makes its calibration weak."""
-    data, weak = style.data, []
+    weak = []
     shots = tuple(str(shot) for shot in np.unique(data.shot))
     refitted = partial(progress, "held-out error")
     refitted(0.0)

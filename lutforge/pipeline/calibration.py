@@ -52,8 +52,8 @@ def calibrate(
     origin = origin_of(samples)
     with telling_of_compilation(progress) as telling:
         given = None if stages is None else as_profile(stages)
-        fitted = fit_profile(samples, options, part(telling, 0.0, 0.5), given)
-        profile = measured(fitted, options, part(telling, 0.5, 1.0))
+        fitted, data = fit_profile(samples, options, part(telling, 0.0, 0.5), given)
+        profile = measured(fitted, data, options, part(telling, 0.5, 1.0))
     if not origin:
         return profile
     exact = matrix_between(origin["raw_space"], "linear-srgb")  # of what a program developed nothing is to be fitted

@@ -270,6 +270,11 @@ class SampleSet:
 
         write_samples(path, self)
 
+    @property
+    def settings(self) -> Text:
+        """White balances (n,), where "auto" is one of each shot: the camera may change it from shot to shot."""
+        return np.where(self.white_balance == "auto", np.char.add("auto of ", self.shot), self.white_balance)
+
     def select(self, rows: Mask | NDArray[np.intp]) -> "SampleSet":
         """The rows of a mask or an index array."""
         return SampleSet(*(getattr(self, column.name)[rows] for column in fields(self)))

@@ -80,7 +80,7 @@ def profiles_and_gains(samples: SampleSet) -> dict[str, tuple[CameraProfile, dic
             plain = own.select(unclipped_colours(own.srgb, own.raw))
             stops = np.log2(carried.samples.raw.sum(axis=1) / (plain.raw @ carried.transfer.T).sum(axis=1))
             gains |= {str(shot): float(np.median(stops[plain.shot == shot])) for shot in np.unique(plain.shot)}
-        found[name] = (calibrate(own, CalibrationOptions()).profile, gains)
+        found[name] = (calibrate(own, CalibrationOptions())[0], gains)
     return found
 
 

@@ -17,7 +17,8 @@ import numpy as np
 
 import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.preparation import data_by_style
+from lutforge.calibration.preparation import prepare
+from lutforge.calibration.style import style_data
 from lutforge.evaluation.methods import fit_baselines, fits_of_profile
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
@@ -62,8 +63,8 @@ def draws(count: int, size: int, first: int) -> Iterator[tuple[str, str, Ratios]
 def ratios(samples: SampleSet, shots: list[str], size: int) -> Ratios:
     """Calibrate from some of the shots, and compare what is predicted of the others."""
     few = np.isin(samples.shot, shots)
-    (train,) = data_by_style(samples.select(few)).values()
-    (others,) = data_by_style(samples.select(~few)).values()
+    prepared = (prepare(samples.select(rows), CalibrationOptions()) for rows in (few, ~few))
+    train, others = (next(iter(style_data(one.samples, one.multipliers)[0].values())) for one in prepared)
     (style,) = lf.calibrate(samples.select(few), CalibrationOptions(size=size)).styles.values()
     (profile,) = fits_of_profile(style, None).values()
     baselines, raw, jpeg = fit_baselines(train).values(), others.balanced, others.encoded

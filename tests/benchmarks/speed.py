@@ -300,7 +300,7 @@ def jpeg_lines(folder: Path, lut: Path) -> Figures:
 def light_lines(folder: Path) -> Figures:
     """JPEGs to scene-linear light, in half floats with a channel of what is clipped."""
     camera, setting, profile, lut = nikon_d5100(), "standard/daylight", folder / "light.npz", folder / "light.clf"
-    calibrate(samples_of_settings(camera, 1, ("standard",), ("daylight",))).profile.save(profile)
+    calibrate(samples_of_settings(camera, 1, ("standard",), ("daylight",)))[0].save(profile)
     bake(load_profile(profile).linearize(setting, "acescg"), lut)
     settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s)
     first = photograph(camera, SCENES["still-life"](4000, 6000, 0), settings, folder, "lit").jpeg
@@ -484,7 +484,7 @@ def parts(folder: Path) -> Parts:
     """The parts of the table, by the words that ask for them."""
     lut, table, profile = write_cube(folder / "look.cube"), folder / "samples.csv", folder / "camera.npz"
     write_samples(table, samples_of_the_d40(5000))
-    calibrate(read_samples(table)).profile.save(profile)
+    calibrate(read_samples(table))[0].save(profile)
     return {
         "start": lambda: start_lines(folder, lut, profile),
         "calibrate config": lambda: fit_lines(folder, table, profile),

@@ -11,4 +11,4 @@ from lutforge.samples.sample_set import SampleSet
 @pytest.fixture(scope="session")
 def profile(s40_samples: SampleSet) -> CameraProfile:
     """Calibrated from RAW files."""
-    return calibrate(s40_samples, CalibrationOptions(size=17)).profile
+    return calibrate(s40_samples, CalibrationOptions(size=17))[0]

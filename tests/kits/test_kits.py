@@ -35,11 +35,11 @@ SETTING = "standard/auto"
 @pytest.fixture(scope="module")
 def developed_profile(s40_samples: SampleSet) -> CameraProfile:
     """As if a program had developed the RAW files: by the camera's matrix, to linear Rec. 2020."""
-    matrix = calibrate(s40_samples, CalibrationOptions(size=9)).profile.matrix
+    matrix = calibrate(s40_samples, CalibrationOptions(size=9))[0].matrix
     balanced = s40_samples.raw * s40_samples.wb
     developed = np.clip(balanced @ (matrix_between("linear-srgb", "linear-rec2020") @ matrix).T, 0.0, 1.0)
     samples = replace(s40_samples, raw=developed, wb=np.ones_like(s40_samples.wb))
-    profile = calibrate(samples, CalibrationOptions(size=17)).profile
+    profile = calibrate(samples, CalibrationOptions(size=17))[0]
     left = {"raw_space": "linear-rec2020", "developer": "darktable 4.2.1"}
     return replace(profile, options={**profile.options, **left})
 

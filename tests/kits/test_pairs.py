@@ -67,7 +67,7 @@ def test_raw_is_not_taken_for_what_a_program_developed(
     s40_samples: SampleSet, shared_data: Path, tmp_path: Path, lutforge: CommandLine
 ) -> None:
     """A profile of developed pictures, and RAW or its samples: each step says so."""
-    profile = calibrate(s40_samples, CalibrationOptions(size=9)).profile
+    profile = calibrate(s40_samples, CalibrationOptions(size=9))[0]
     origin = {"raw_space": "linear-prophoto", "developer": "pictures in prophoto"}
     replace(profile, options={**profile.options, **origin}).save(tmp_path / "developed.npz")
     write_samples(tmp_path / "samples.csv", s40_samples)

@@ -56,7 +56,7 @@ def truth() -> Truth:
     """Calibrated from a chart; the surfaces are others, at four exposures, where no channel is clipped."""
     camera = nikon_d5100()
     options = CalibrationOptions(size=17)
-    profile = calibrate(photograph_patches(camera, chart_140(), stops=(-3, -2, -1, 0)), options).profile
+    profile = calibrate(photograph_patches(camera, chart_140(), stops=(-3, -2, -1, 0)), options)[0]
     times = camera.nominal_exposure_s * 2.0 ** np.array([-4.0, -2.5, -1.0, 0.0])
     raw = np.concatenate([camera.expose(surface_reflectances(), "daylight", time) for time in times])
     balanced = raw * camera.multipliers("daylight")

@@ -89,13 +89,14 @@ def emor_basis(count: int = 15) -> CurveBasis:
     )
 
 
-def spline_basis(like: Array, knots: int = 33) -> CurveBasis:
+def spline_basis(like: Array) -> CurveBasis:
     """Make f⁻¹ piecewise linear between even knots; θ: its value at black, then its steps.
 
     like: (k,) f⁻¹ at even encoded values, which the prior follows. At each knot its value is that of `like`, with the
     weight of a hundredth of a sample. The relative change of its slope is that of `like`, with a standard deviation of
     3 % and half of that change, because `like` is least certain where f⁻¹ becomes steep near white.
     """
+    knots = 33
     shape = np.interp(np.linspace(0.0, 1.0, knots), np.linspace(0.0, 1.0, len(like)), like)
     rate = np.maximum(np.gradient(shape, 1.0 / (knots - 1)), SLOWEST)
     steps = np.diff(shape)
@@ -138,11 +139,12 @@ def log_emor_basis(count: int = 15) -> CurveBasis:
 
 
 @cache
-def log_spline_basis(knots: int = 24) -> CurveBasis:
+def log_spline_basis() -> CurveBasis:
     """log f⁻¹ piecewise linear between even knots, after Debevec & Malik (SIGGRAPH 1997); θ: its values there.
 
     f⁻¹ is straight from black to the first knot. The prior is the bend of sRGB's curve from knot to knot.
     """
+    knots = 24
     codes, places = np.linspace(0.0, 1.0, 1024), np.linspace(0.0, 1.0, knots + 1)[1:]
     position = np.clip(codes * knots - 1.0, 0.0, knots - 1.0)
     design = np.maximum(1.0 - np.abs(position[:, None] - np.arange(knots)), 0.0)

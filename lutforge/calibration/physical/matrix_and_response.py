@@ -64,24 +64,19 @@ class MatrixAndResponseFit(MatrixAndResponse):
     """A matrix and response that were fitted to samples.
 
     trust: (n,) odds in [0, 1] that the gamut map leaves a sample's colour alone, by its saturation only; status: how
-    the rounds ended; logs: (p,) what the columns of changes were found to count.
+    the rounds ended.
     """
 
     trust: Array
     status: Status
-    logs: Array
 
 
 @one_blas_thread
-def fit_matrix_and_response(
-    x: Array, encoded: Array, options: PhysicalOptions | None = None, changes: Array | None = None
-) -> MatrixAndResponseFit:
+def fit_matrix_and_response(x: Array, encoded: Array, options: PhysicalOptions | None = None) -> MatrixAndResponseFit:
     """Fit Ts and f to white-balanced RAW x (n, 3) and JPEG values encoded (n, 3) in [0, 1], neither clipped.
 
-    changes: (n, p) columns, such as one for each setting with 1 where a sample is of it; x is multiplied by the
-    exponential of changes · s, and s is fitted, too. f⁻¹ is made of EMoR's curves first, whose shape beyond the samples
-    is that of real cameras, then twice a spline around the mean of the channels, which follows what EMoR cannot. Raises
-    CalibrationError below 10 samples.
+    f⁻¹ is made of EMoR's curves first, whose shape beyond the samples is that of real cameras, then twice a spline
+    around the mean of the channels, which follows what EMoR cannot. Raises CalibrationError below 10 samples.
     """
     options = options or PhysicalOptions()
     if len(x) < 10:
@@ -93,13 +88,12 @@ def fit_matrix_and_response(
         rows = np.random.default_rng(0).choice(rows, MOST_SAMPLES, replace=False, shuffle=False)
     odds = untouched_odds(chroma[rows], beta)
     weights = ToneWeights(encoded[rows].mean(axis=1), odds**SELECTION, options.weighting)
-    columns = None if changes is None else changes[rows, None, :]
-    problem = JointFit(x[rows], encoded[rows], weights, neutral_rows, columns)
+    problem = JointFit(x[rows], encoded[rows], weights, neutral_rows)
     status = robust_fit(problem, emor_basis(options.curves))
     for _ in range(2):
         status = robust_fit(problem, spline_basis(problem.response.inverse.mean(axis=1)))
-    trust = untouched_odds(chroma, beta)
-    return MatrixAndResponseFit(matrix_of_rows(problem.coefficients), problem.response, trust, status, problem.logs)
+    matrix = matrix_of_rows(problem.coefficients)
+    return MatrixAndResponseFit(matrix, problem.response, untouched_odds(chroma, beta), status)
 
 
 def neutral_rows(x: Array) -> tuple[Array, Array]:
@@ -120,10 +114,11 @@ class JointFit:
     """The problem f⁻¹(I) = known + columns · m of RAW x, whose channels are multiplied by exp(changes · s).
 
     x: (n, 3); encoded: (n, 3); weights: of the samples, by their residuals in JPEG values; columns: of RAW, which is
-    linear in it; changes: (n, 3, p), or (n, 1, p) of gains; alike: f is the same for all channels, and 1 at 1.
+    linear in it; changes: (n, p), such as one for each shot with 1 where a sample is of it; alike: f is the same for
+    all channels, and 1 at 1.
 
     After the rounds: response: f; coefficients: m (3, q); logs: s (p,), the sum of all rounds; gain: exp(changes · s)
-    (n, 3); light: known + columns · m (n, 3); weight: (n,).
+    (n, 1); weight: (n,).
     """
 
     before: Array | None = None
@@ -133,9 +128,9 @@ class JointFit:
         response: Response | None = None, *, alike: bool = False,
     ) -> None:  # fmt: skip
         self.x, self.encoded, self.weights, self.columns, self.alike = x, encoded, weights, columns, alike
-        self.changes = np.zeros((len(x), 1, 0)) if changes is None else changes
+        self.changes = np.zeros((len(x), 0)) if changes is None else changes
         self.weight, self.response = weights.prior, response or Response(np.array([[0.0] * 3, [1.0] * 3]))
-        self.logs, self.gain = np.zeros(self.changes.shape[2]), np.ones((len(x), 1))
+        self.logs, self.gain = np.zeros(self.changes.shape[1]), np.ones((len(x), 1))
         self.coefficients = np.zeros((3, 0))
 
     def light(self) -> Light:
@@ -143,7 +138,7 @@ class JointFit:
         known, own = self.columns(self.gain * self.x)
         shared = np.zeros((len(known), 3, len(self.logs)))
         for place in range(len(self.logs) if self.coefficients.size else 0):
-            shared[..., place] = self._light(self.changes[..., place] * self.gain * self.x)
+            shared[..., place] = self._light(self.changes[:, [place]] * self.gain * self.x)
         return Light(known, own, shared)
 
     def precision(self) -> Array:
@@ -161,7 +156,7 @@ class JointFit:
         self.response, self.coefficients = Response(curves), own
         step = np.clip(shared, -0.5, 0.5)  # a first one may be far too long
         self.logs = self.logs + step
-        self.gain = self.gain * np.exp(self.changes @ step)
+        self.gain = self.gain * np.exp(self.changes @ step)[:, None]
         residual = self.response.encode(self._light(self.gain * self.x)) - self.encoded
         before, self.weight = self.weight, self.weights(np.asarray(np.linalg.norm(residual, axis=1)))
         return float(np.abs(self.weight - before).sum() / self.weight.sum())

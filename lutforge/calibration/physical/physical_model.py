@@ -10,7 +10,6 @@ problem linear.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,52 +28,45 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 
 ROBUST = RobustWeights(geman_mcclure, multiple=3.0, least=2e-3)
+KNOWN = "\t"
+"""The setting of colours whose multipliers are known: no setting's name."""
 LEAST_COLOURS = 8
 LEAST_CONDITION = 8e-3
 """The chromaticities (shares of r, g, b) of the unsaturated colours must spread in two directions by this much."""
-
-
-@dataclass(frozen=True, eq=False)
-class MatrixFit:
-    """The fitted matrix Ts (3, 3), for multipliers with green = 1, and the multipliers (3,) by setting."""
-
-    matrix: Array
-    multipliers: Mapping[str, Array]
 
 
 def fit_matrix(
     linear: Array,
     raw: Array,
     setting: NDArray[np.str_],
-    known: Mapping[str, Array],
     *,
     trusted: Array,
     neutral: Array | None = None,
     preset: Preset = "lutforge",
-) -> MatrixFit:
-    """Solve (4.5).
+) -> tuple[Array, dict[str, Array]]:
+    """Solve (4.5): Ts (3, 3), for multipliers with green = 1, and the multipliers (3,) of the settings not known.
 
-    linear: X = f⁻¹(I) (n, 3); raw: E (n, 3); setting: (n,) white-balance name; known: multipliers (3,) with green = 1
-    by setting; trusted: (n,) weights, 1 for colours that are surely untouched by the gamut map; neutral: (3,) what f⁻¹
-    makes of neutral JPEG values, up to a factor, None where its curves are alike.
+    linear: X = f⁻¹(I) (n, 3); raw: E (n, 3); setting: (n,) white-balance name, KNOWN where E is balanced already;
+    trusted: (n,) weights, 1 for colours that are surely untouched by the gamut map; neutral: (3,) what f⁻¹ makes of
+    neutral JPEG values, up to a factor, None where its curves are alike.
 
     Without any known multipliers, what Ts and Tw share is settled by neutrals: what the camera renders neutral is equal
     RAW values after its white balance. Raises CalibrationError where the colours do not determine Ts.
     """
     names = [str(name) for name in np.unique(setting)]
-    unknown = [name for name in names if name not in known]
-    fixed = dict(known) if known else {unknown[0]: np.ones(3)}
-    free = [name for name in names if name not in fixed]
+    fixed = KNOWN if KNOWN in names else names[0]
+    free = [name for name in names if name != fixed]
     _check(linear, trusted)
-    solve = partial(_solve, linear, raw, setting, fixed, free)
-    inverse, solved = solve(trusted)
+    inverse, solved = _solve(linear, raw, setting, free, trusted)
     for _ in range(0 if preset == "thesis" else 9):  # then the weights hardly change
-        tw = np.array([solved[str(name)] for name in setting])
+        balanced = raw * np.array([solved.get(str(name), np.ones(3)) for name in setting])
         # Photon noise, and rounding behind a response like a power of ½, grow with the root of the level, above this.
-        level = np.maximum(np.linalg.norm(tw * raw, axis=1), 0.005)
-        residual = np.linalg.norm(linear @ inverse.T - tw * raw, axis=1) / np.sqrt(level)
-        inverse, solved = solve(trusted * ROBUST(residual, residual[trusted >= 0.5 * trusted.max()]) / level)
-    if not known:  # R of (4.6): neutral stays neutral
+        level = np.maximum(np.linalg.norm(balanced, axis=1), 0.005)
+        residual = np.linalg.norm(linear @ inverse.T - balanced, axis=1) / np.sqrt(level)
+        weight = trusted * ROBUST(residual, residual[trusted >= 0.5 * trusted.max()]) / level
+        inverse, solved = _solve(linear, raw, setting, free, weight)
+    solved[fixed] = np.ones(3)
+    if fixed != KNOWN:  # R of (4.6): neutral stays neutral
         neutral = inverse @ (np.ones(3) if neutral is None else neutral)
         if np.min(neutral) <= 0:
             raise CalibrationError(
@@ -84,7 +76,7 @@ def fit_matrix(
         solved = {name: value / neutral for name, value in solved.items()}
     middle = float(np.median([value[1] for value in solved.values()]))
     matrix = np.asarray(np.linalg.inv(inverse / middle), dtype=np.float64)
-    return MatrixFit(matrix, {name: value / value[1] for name, value in solved.items()})
+    return matrix, {name: value / value[1] for name, value in solved.items()}
 
 
 def _check(linear: Array, trusted: Array) -> None:
@@ -113,42 +105,23 @@ def hue_spread(linear: Array) -> float:
 
 
 def _solve(
-    linear: Array,
-    raw: Array,
-    setting: NDArray[np.str_],
-    fixed: Mapping[str, Array],
-    free: list[str],
-    weight: Array,
+    linear: Array, raw: Array, setting: NDArray[np.str_], free: list[str], weight: Array
 ) -> tuple[Array, dict[str, Array]]:
     """One weighted solve, a channel at a time: row · X − tw_i E = known part. Unknown: 3, and one a free setting."""
-    root = np.sqrt(weight)
-    inverse = np.zeros((3, 3))
-    solved = {name: np.array(value, dtype=np.float64) for name, value in fixed.items()}
-    solved |= {name: np.ones(3) for name in free}
+    root, is_free = np.sqrt(weight), setting[:, None] == np.array(free, dtype=np.str_)
+    answers = []
     for channel in range(3):
-        design = np.zeros((len(raw), 3 + len(free)))
-        design[:, :3] = linear
-        target = np.zeros(len(raw))
-        for name, value in fixed.items():
-            rows = setting == name
-            target[rows] = value[channel] * raw[rows, channel]
-        for place, name in enumerate(free):
-            rows = setting == name
-            design[rows, 3 + place] = -raw[rows, channel]
+        design = np.hstack([linear, np.where(is_free, -raw[:, [channel]], 0.0)])
+        target = np.where(is_free.any(axis=1), 0.0, raw[:, channel])
         answer, _, rank, _ = np.linalg.lstsq(design * root[:, None], target * root, rcond=1e-10)
         if rank < design.shape[1]:
             raise CalibrationError(
                 "the unsaturated colours do not determine the matrix and the white balances: "
                 "shoot a colour chart under every white balance"
             )
-        inverse[channel] = answer[:3]
-        for place, name in enumerate(free):
-            solved[name][channel] = answer[3 + place]
-    return inverse, solved
-
-
-AUTO_OF_SHOT = "auto\x00"
-"""Under auto every shot has a white balance of its own: settings "auto\\0shot"."""
+        answers.append(answer)
+    solution = np.array(answers)
+    return solution[:, :3], dict(zip(free, solution[:, 3:].T, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,10 +150,9 @@ def fit_stages(
     Raises CalibrationError, in one line with what to shoot, where a stage is not determined.
     """
     names = [str(name) for name in np.unique(samples.style)]
-    automatic = samples.white_balance == "auto"
-    setting = np.where(automatic, np.char.add(AUTO_OF_SHOT, samples.shot), samples.white_balance)
+    # Known settings are applied sample by sample (a camera may change them from shot to shot): they become one.
+    setting = np.where(known, KNOWN, samples.settings)
     responses: dict[str, Response] = {}
-    matrix = np.eye(3)
     settled, most_turns = bool(known.all()), 15
     for turn in range(most_turns):
         linear = np.zeros_like(samples.raw)
@@ -191,28 +163,15 @@ def fit_stages(
                 samples.select(rows), multipliers[rows], name, preset, physical or PhysicalOptions()
             )
             linear[rows] = responses[name].linearize(samples.srgb[rows])
-        given = {
-            str(key): np.median(multipliers[(setting == key) & known], axis=0) for key in np.unique(setting[known])
-        }
-        # Known settings are applied sample by sample (a camera may change them from shot to shot): they become one.
         balanced = np.where(known[:, None], samples.raw * multipliers, samples.raw)
-        label = np.where(known, "known", setting)
-        fit = fit_matrix(
-            linear,
-            balanced,
-            label,
-            {"known": np.ones(3)} if given else {},
-            trusted=trusted,
-            neutral=_neutral(samples, responses, trusted),
-            preset=preset,
-        )
-        matrix = fit.matrix
+        neutral = _neutral(samples, responses, trusted)
+        matrix, fitted = fit_matrix(linear, balanced, setting, trusted=trusted, neutral=neutral, preset=preset)
         if settled or turn == most_turns - 1:
             break
         before, multipliers = multipliers, multipliers.copy()
         for key in np.unique(setting[~known]):
-            rows = (setting == key) & ~known
-            multipliers[rows] = fit.multipliers[str(key)] * multipliers[rows, 1:2]
+            rows = setting == key
+            multipliers[rows] = fitted[str(key)] * multipliers[rows, 1:2]
         settled = bool(np.max(np.abs(multipliers / before - 1.0)) < 5e-4)
     return CameraStages(matrix, multipliers, responses)
 

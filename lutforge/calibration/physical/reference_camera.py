@@ -78,8 +78,7 @@ def own_raw(samples: SampleSet, preset: Preset = "lutforge", physical: PhysicalO
         raise CalibrationError(
             f"{len(inside)} samples are unclipped in both the JPEG and the reference camera's RAW: expose less"
         )
-    automatic = np.char.add("auto of ", inside.shot)
-    setting = np.where(inside.white_balance == "auto", automatic, inside.white_balance)
+    setting = inside.settings
     linear, trust, white, gain = _linear_light(inside, setting, preset, physical or PhysicalOptions())
     even = replace(inside, raw=gain[:, None] * inside.raw)
     transfer, matrix, balances = _jointly_diagonal(
@@ -193,7 +192,7 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Physic
     light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 100 * TINY))) / np.bincount(index)
     untold = np.vstack([np.unique(place)[:, None] == place[of_shot], light])
     changes = np.asarray(null_space(untold, rcond=TINY)[index])
-    fit = JointFit(raw[near], encoded[near], weights, columns, changes[near, None, :], srgb_response())
+    fit = JointFit(raw[near], encoded[near], weights, columns, changes[near], srgb_response())
     robust_fit(fit, emor_basis())  # as there: EMoR's shape first, then what it cannot follow
     robust_fit(fit, spline_basis(fit.response.inverse.mean(axis=1)))
     gain = np.exp(changes @ fit.logs)

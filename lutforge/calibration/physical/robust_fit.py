@@ -52,15 +52,15 @@ class Problem(Protocol):
         """Take the curves (k, 3), m (3, q) and s (p,) of a round; return the relative change of the weights."""
 
 
-def robust_fit(problem: Problem, basis: CurveBasis, most_rounds: int = 20, settled: float = 2e-3) -> Status:
-    """Solve and reweight until the weights change by less than `settled`. Raises CalibrationError."""
+def robust_fit(problem: Problem, basis: CurveBasis, most_rounds: int = 20) -> Status:
+    """Solve and reweight until the weights hardly change. Raises CalibrationError."""
     offset, design = basis.at(problem.encoded)
     if problem.before is not None:
         less_offset, less_design = basis.at(problem.before)
         offset, design = offset - less_offset, design - less_design
     for _ in range(most_rounds):
         curves, own, shared = _solve(problem, basis, offset, design)
-        if problem.update(curves, own, shared) < settled:
+        if problem.update(curves, own, shared) < 2e-3:
             return Status.CONVERGED
     return Status.LIMIT
 

@@ -67,11 +67,8 @@ def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
     multipliers = samples.wb.copy()
     notes = []
     unknown = ~np.all(np.isfinite(multipliers), axis=1)
-    automatic = samples.white_balance == "auto"
-    # One estimate per setting; under auto the camera may change it from shot to shot.
-    setting = np.where(automatic, np.char.add("auto of ", samples.shot), samples.white_balance)
-    for name in np.unique(setting[unknown]):
-        rows = unknown & (setting == name)
+    for name in np.unique(samples.settings[unknown]):
+        rows = unknown & (samples.settings == name)
         label = str(name) or "unnamed"
         raw, srgb = samples.raw[rows], samples.srgb[rows]
         try:
