@@ -20,7 +20,6 @@ from lutforge.colour.spectra import (
     surface_reflectances,
 )
 from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode, srgb_encode
-from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.white_balance import WhiteBalance
 
 LIGHT_OF_WHITE_BALANCE: Mapping[str, float | str] = MappingProxyType(
@@ -48,16 +47,11 @@ class ToneResponse:
     """f(x) = S(srgb(x)): the sRGB curve (IEC 61966-2-1), then a cubic Bézier curve from (0, 0) to (1, 1).
 
     S(v) = 3 toe v (1 − v)² + 3 shoulder v² (1 − v) + v³: slope 3 toe at black and 3 (1 − shoulder) at
-    white. It increases strictly, f(0) = 0 and f(1) = 1. Raises ProfileError unless 0 < toe ≤ shoulder < 1
-    in each channel.
+    white. It increases strictly, f(0) = 0 and f(1) = 1, where 0 < toe ≤ shoulder < 1 in each channel.
     """
 
     toe: tuple[float, float, float]
     shoulder: tuple[float, float, float]
-
-    def __post_init__(self) -> None:
-        if not all(0 < toe <= high < 1 for toe, high in zip(self.toe, self.shoulder, strict=True)):
-            raise ProfileError(f"tone response: not 0 < toe {self.toe} ≤ shoulder {self.shoulder} < 1")
 
     def __call__(self, linear: ArrayLike) -> Array:
         """f: linear sRGB (…, 3), clipped to [0, 1] as the camera does, to encoded values in [0, 1]."""
@@ -98,7 +92,7 @@ class SimulatedGamutMap:
 
     signal: w (3,), sum 1. knee: the saturation (1 = face of the RGB cube) from which colours are
     compressed. boost: gain of saturations beyond `onset`. turn: radians by which full saturations turn;
-    bend: a part of the turn that depends on the hue. Raises ProfileError where the map would fold.
+    bend: a part of the turn that depends on the hue. It does not fold where knee and |bend| are below 1.
     """
 
     signal: tuple[float, float, float]
@@ -107,10 +101,6 @@ class SimulatedGamutMap:
     boost: float = 0.0
     turn: float = 0.0
     bend: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.onset <= 0 or not 0 < self.knee < 1 or self.boost < 0 or abs(self.bend) >= 1:
-            raise ProfileError(f"gamut map: {self} folds; 0 < knee < 1, onset > 0, boost ≥ 0 and |bend| < 1")
 
     def __call__(self, linear: ArrayLike) -> Array:
         """h: linear sRGB (…, 3) as the sensor gives it, to linear sRGB that fits the cube."""
@@ -208,10 +198,9 @@ class SimulatedCamera:
     def expose(self, reflectances: ArrayLike, white_balance: str, exposure_s: float | None = None) -> Array:
         """E of surfaces under the light of a white-balance setting; no noise, no clipping at saturation.
 
-        reflectances: (…, L) over `spectra.WAVELENGTHS`. exposure_s: None for the nominal exposure. Returns
-        (…, 3). Raises SettingsError for a white balance that the camera has not.
+        reflectances: (…, L) over `spectra.WAVELENGTHS`. exposure_s: None for the nominal exposure. Returns (…, 3).
         """
-        spectrum = light(LIGHT_OF_WHITE_BALANCE[self._known(white_balance, self.white_balances)])
+        spectrum = light(LIGHT_OF_WHITE_BALANCE[white_balance])
         responses = spectrum[:, None] * self.sensitivity
         responses = responses * (0.9 / responses.sum(axis=0).max())
         times = 1.0 if exposure_s is None else exposure_s / self.nominal_exposure_s
@@ -220,13 +209,12 @@ class SimulatedCamera:
     def multipliers(self, white_balance: str | ArrayLike) -> Array:
         """Tw's diagonal (3,): of a named setting, or the given multipliers themselves."""
         if isinstance(white_balance, str):
-            name = self._known(white_balance, self.white_balances)
-            return np.asarray(self.white_balances[name].multipliers)
+            return np.asarray(self.white_balances[white_balance].multipliers)
         return np.asarray(white_balance, dtype=np.float64)
 
     def render(self, raw: ArrayLike, style: str, white_balance: str | ArrayLike, ev: float = 0.0) -> Array:
         """I = f(h(Ts min(Tw k E, 1))), k = 2^ev: RAW (…, 3) to encoded values in [0, 1], not quantized."""
-        gamut_map, response = self.styles[self._known(style, self.styles)]
+        gamut_map, response = self.styles[style]
         balanced = np.clip(np.asarray(raw) * self.multipliers(white_balance) * 2.0**ev, 0.0, 1.0)
         return response(gamut_map(balanced @ self.matrix.T))
 
@@ -236,7 +224,7 @@ class SimulatedCamera:
         Exact to about 1e-9 for values strictly between 0 and 1 that the camera can make; a value of 0 or 1
         may be clipped, and then the result is one of many.
         """
-        gamut_map, response = self.styles[self._known(style, self.styles)]
+        gamut_map, response = self.styles[style]
         linear = gamut_map.inverse(response.inverse(encoded))
         balanced = linear @ np.linalg.inv(self.matrix).T
         return np.asarray(balanced / (self.multipliers(white_balance) * 2.0**ev))
@@ -246,11 +234,6 @@ class SimulatedCamera:
         from_xyz = np.linalg.inv(self.matrix) @ np.linalg.inv(SRGB_TO_XYZ)
         daylight = self.multipliers("daylight")
         return np.asarray(from_xyz / daylight[:, None])
-
-    def _known(self, name: str, names: Mapping[str, object]) -> str:
-        if name not in names:
-            raise SettingsError(f'{self.name} has no "{name}"; it has {", ".join(names)}')
-        return name
 
 
 @cache

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lutforge.arrays import Array, Pixels
-from lutforge.errors import ImageError
 from lutforge.images.read import Image
 from lutforge.images.write import write_image
 from lutforge.model.falloff import Falloff
@@ -37,10 +36,10 @@ BORDER = 8
 class CameraSettings:
     """The dials of the camera.
 
-    preview_scale: size of the embedded JPEG relative to the full one. sharpening: strength of an unsharp
-    mask, 0 is off. push_ev: brightening in the development, in stops. orientation: how the camera was held
-    (TIFF 1, 3, 6 or 8); pixels stay as the sensor has them. falloff: what the lens loses, which the development brings
-    back. distortion: how the lens bends the scene, which the development straightens and scales to fill the JPEG.
+    preview_scale: size of the embedded JPEG relative to the full one. push_ev: brightening in the development, in
+    stops. orientation: how the camera was held (TIFF 1, 3, 6 or 8); pixels stay as the sensor has them. falloff: what
+    the lens loses, which the development brings back. distortion: how the lens bends the scene, which the development
+    straightens and scales to fill the JPEG.
     """
 
     style: str = "standard"
@@ -51,7 +50,6 @@ class CameraSettings:
     quality: int = 95
     subsampling: Subsampling = "4:2:2"
     preview_scale: float = 0.5
-    sharpening: float = 0.0
     push_ev: float = 0.0
     orientation: int = 1
     falloff: Falloff | None = None
@@ -117,9 +115,8 @@ def photograph(
 ) -> Photograph:
     """Write `name`.dng, with an embedded preview, and `name`.JPG beside it unless it is not wanted.
 
-    light: the white-balance name whose light falls on the scene; None for the one that the camera is set
-    to. The noise depends on seed and name only. Raises SettingsError for a style, white balance or light
-    the camera has not.
+    light: the white-balance name whose light falls on the scene; None for the one that the camera is set to. The noise
+    depends on seed and name only.
     """
     irradiance = scene.irradiance(camera, light or settings.white_balance, settings.exposure_s)
     if settings.falloff is not None:
@@ -166,14 +163,9 @@ def develop_again(camera: SimulatedCamera, shot: Photograph, settings: CameraSet
     """Write the JPEG that the camera would have made of the same exposure with other settings.
 
     The mosaic comes from the shot's DNG, so noise and detail are the same: the truth for a refinished JPEG.
-    Raises ImageError where the DNG cannot be read, SettingsError for a style or white balance that the
-    camera has not.
     """
-    try:
-        with rawpy.imread(str(shot.dng)) as raw:
-            mosaic = np.array(raw.raw_image_visible, dtype=np.uint16)
-    except (rawpy.LibRawError, OSError) as error:
-        raise ImageError(f"{shot.dng}: cannot be developed again ({error}); photograph it anew") from error
+    with rawpy.imread(str(shot.dng)) as raw:
+        mosaic = np.array(raw.raw_image_visible, dtype=np.uint16)
     write_jpeg(Path(path), develop(camera, mosaic, settings), camera, settings)
     return Path(path)
 
@@ -184,7 +176,7 @@ def develop(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Camer
 
 
 def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: CameraSettings) -> Array:
-    """Encoded values (h, w, 3) of a mosaic (h, w): demosaicked, its border cropped, rendered and sharpened."""
+    """Encoded values (h, w, 3) of a mosaic (h, w): demosaicked, its border cropped, and rendered."""
     raw = demosaic(normalized(camera, mosaic), camera.cfa)
     if settings.falloff is not None:
         raw *= settings.falloff.gain(*mosaic.shape)[..., None].astype(np.float32)
@@ -204,11 +196,7 @@ def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Came
             x, y = np.moveaxis(magnified * places + (lens.x, lens.y), -1, 0)
             channels.append(ndimage.map_coordinates(raw[..., channel], [y - 0.5, x - 0.5], mode="nearest"))
         raw = np.stack(channels, axis=-1)
-    encoded = camera.render(raw, settings.style, settings.white_balance, settings.push_ev)
-    if settings.sharpening:
-        blurred = ndimage.gaussian_filter(encoded, (1.0, 1.0, 0.0), mode="nearest")
-        encoded = np.clip(encoded + settings.sharpening * (encoded - blurred), 0.0, 1.0)
-    return encoded
+    return camera.render(raw, settings.style, settings.white_balance, settings.push_ev)
 
 
 def shrink(picture: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:

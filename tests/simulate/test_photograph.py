@@ -8,13 +8,11 @@ import pytest
 import rawpy
 from numpy.typing import NDArray
 
-from lutforge.errors import ImageError, SettingsError
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import SHOTS, demo_shots
 from lutforge.simulate.photograph import (
     BORDER,
     CameraSettings,
-    Photograph,
     capture,
     demosaic,
     develop,
@@ -178,26 +176,6 @@ def test_developing_again_changes_the_rendering_only(tmp_path: Path, chart: Scen
     pixels = read_jpeg(develop_again(camera, shot, right, tmp_path / "right.JPG"))
     area = patch_areas(chart)[19]  # a light neutral: now neutral in the JPEG
     assert np.ptp(pixels[area[0], area[1]].mean(axis=(0, 1))) < 3
-    (tmp_path / "empty.dng").write_bytes(b"not a DNG")
-    with pytest.raises(ImageError, match="photograph it anew"):
-        develop_again(camera, Photograph(tmp_path / "empty.dng", None), right, tmp_path / "no.JPG")
-
-
-@pytest.mark.parametrize(("style", "light"), [("standard", "candle"), ("sepia", None)])
-def test_unknown_settings_are_refused_before_a_file_is_written(
-    style: str, light: str | None, tmp_path: Path, chart: Scene
-) -> None:
-    with pytest.raises(SettingsError, match=light or style):
-        photograph(nikon_d5100(), chart, CameraSettings(style), tmp_path, "shot", light=light)
-    assert not list(tmp_path.iterdir())
-
-
-def test_sharpening_overshoots_edges_only(chart: Scene) -> None:
-    camera = nikon_d5100()
-    mosaic = capture(camera, chart.irradiance(camera, "daylight"), np.random.default_rng(0))
-    plain, sharp = (develop(camera, mosaic, CameraSettings(sharpening=amount)).astype(float) for amount in (0.0, 1.0))
-    assert np.abs(sharp - plain).max() > 10
-    assert np.abs(sharp.mean() - plain.mean()) < 0.5
 
 
 def test_shrinking_keeps_the_mean_and_the_size_asked_for() -> None:

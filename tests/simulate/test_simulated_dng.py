@@ -2,7 +2,6 @@
 
 import struct
 from pathlib import Path
-from typing import Any
 
 import exifread
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 import rawpy
 from numpy.typing import NDArray
 
-from lutforge.errors import ImageError, LutForgeError
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import CameraSettings, write_jpeg
@@ -111,34 +109,3 @@ def test_directories_obey_tiff(tmp_path: Path, mosaic: NDArray[np.uint16], previ
         if sizes[kind] * values > 4:
             assert at % 2 == 0
             assert at + sizes[kind] * values <= len(content)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        ({"mosaic": np.zeros((4, 4))}, "uint16"),
-        ({"cfa": "RGBX"}, "Bayer pattern"),
-        ({"black": 70000}, "black level"),
-        ({"black": 500, "white": 400}, "black level"),
-        ({"orientation": 9}, "orientation"),
-        ({"preview_jpeg": b"GIF89a and so on"}, "not a colour JPEG"),
-        ({"preview_jpeg": b""}, "not a colour JPEG"),
-        ({"preview_jpeg": b"\xff\xd8\xff\xe0\xff"}, "not a colour JPEG"),
-        ({"exposure_s": float("nan")}, "not all positive"),
-        ({"as_shot_neutral": (0.5, -1.0, 1.0)}, "not all positive"),
-        ({"as_shot_neutral": (1e9, 1.0, 1e30)}, "not all positive"),
-        ({"color_matrix": np.full((3, 3), np.nan)}, "not a number"),
-        ({"iso": 70000}, "65535"),
-    ],
-)
-def test_illegal_arguments_are_refused(tmp_path: Path, arguments: dict[str, Any], complaint: str) -> None:
-    with pytest.raises(ImageError, match=complaint):
-        write_dng(tmp_path / "bad.dng", **{"mosaic": np.full((4, 4), 700, dtype=np.uint16), **arguments})
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path, mosaic: NDArray[np.uint16]) -> None:
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(LutForgeError) as failure:
-        write_dng(tmp_path / "file" / "a.dng", mosaic)
-    assert "\n" not in str(failure.value)
