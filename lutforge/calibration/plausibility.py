@@ -245,10 +245,7 @@ def _shifted_rows(given: _Judgement, samples: SampleSet) -> Diagnosis | None:
 
 
 def _wrong_names(multipliers: Mapping[str, Array]) -> Diagnosis | None:
-    """Diagnose two settings of which the one for the warmer light adds more red beside blue.
-
-    multipliers: (3,) by name.
-    """
+    """Diagnose two settings of which the one for the warmer light adds more red beside blue; multipliers: by name."""
     for warm, cool in combinations([name for name in WARM_TO_COOL if name in multipliers], 2):
         (r, _, b), (other_r, _, other_b) = multipliers[warm], multipliers[cool]
         if np.log(r / b) > np.log(other_r / other_b) + SAME_BALANCE:

@@ -127,10 +127,7 @@ def unclipped(samples: SampleSet, multipliers: Array) -> Mask:
 
 
 def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[Mask, tuple[str, ...]]:
-    """Return the mask (n,) of samples whose style has enough unclipped ones to fit, and notes on the other styles.
-
-    Raises CalibrationError where no style has enough.
-    """
+    """Mask (n,) of samples whose style has enough to fit, and notes on others. Raises CalibrationError: no style."""
     usable = unclipped(samples, multipliers)
     colours = np.rint(samples.srgb * 255) @ [1 << 16, 1 << 8, 1]  # a colour that a table repeats counts once
     counts = {str(name): len(np.unique(colours[usable & (samples.style == name)])) for name in np.unique(samples.style)}

@@ -37,10 +37,7 @@ class RefinishError:
 
 
 def refinish_errors(styles: Mapping[str, Predictions]) -> tuple[RefinishError, ...]:
-    """Measure every ordered pair of settings under which shots show the same surfaces, by method.
-
-    Each of the two steps of (6.1) is made by the fit that has not seen the shot it is applied to.
-    """
+    """Measure every ordered pair of settings under which shots show the same surfaces, by method."""
     shots = []
     for name, predictions in styles.items():
         for shot in np.unique(predictions.data.shot):

@@ -38,10 +38,7 @@ class Chart:
     kind: ChartKind = field(default_factory=partial(chart_kind, "classic"))
 
     def patches(self) -> Array:
-        """(n, 4, 2) corners of the sampled square in each patch, x, y in JPEG pixels, row by row.
-
-        Its side is 0.4 of the patches' pitch: about the inner half of a patch.
-        """
+        """(n, 4, 2) corners x, y of the square sampled in each patch, in JPEG pixels; its side is 0.4 of the pitch."""
         square = 0.4 / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         homography = _homography(self.kind.outline, self.corners)
         return _project(homography, self.kind.centres[:, None, :] + square)

@@ -98,10 +98,7 @@ def srgb_codes(name: str) -> Array:
 
 
 def chart_kind(word: str) -> ChartKind:
-    """Return a chart by its name in data/charts.json, or of a CGATS table or a JSON file.
-
-    Raises CalibrationError, which lists the names, on an unknown one, and on a file that describes no chart.
-    """
+    """A chart by its name in data/charts.json, or of a CGATS table or a JSON file. Raises CalibrationError."""
     known = _known()
     entry = known.get(word.lower())
     if entry is not None:

@@ -11,10 +11,7 @@ if TYPE_CHECKING:  # what is asked of samples alone is asked without the kernels
 
 
 def clipping(jpeg: "CellStatistics", raw: "CellStatistics", saturation: Array) -> dict[str, Mask]:
-    """Masks (…) of areas with clipped pixels in any channel, by the reason in words: each under its first reason.
-
-    saturation: (3,) RAW level of each channel, see `saturation_levels`.
-    """
+    """Masks (…) of areas with clipped channels, each under its first reason. saturation: as `saturation_levels`."""
     clips = {
         # JPEG compression moves a clipped pixel by a code.
         "JPEG white": jpeg.maximum >= 254,
@@ -43,10 +40,7 @@ def one_sided(jpeg: "CellStatistics", raw: "CellStatistics", saturation: Array) 
 
 
 def unclipped_colours(encoded: Array, raw: Array) -> Mask:
-    """Return the mask (n,) of colours no channel of which is clipped.
-
-    encoded: (n, 3) in [0, 1], half a code inside 0 and 255; raw: (n, 3) on [0, 1], neither black nor saturated.
-    """
+    """Mask (n,) of colours encoded (n, 3) half a code inside 0 … 1, of raw (n, 3) neither black nor saturated."""
     half_code = 0.5 / 255.0
     inside = (encoded >= half_code) & (encoded <= 1.0 - half_code) & (raw > 0.0) & (raw < 0.999)
     return np.asarray(np.all(inside, axis=1))

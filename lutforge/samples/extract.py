@@ -85,10 +85,7 @@ class ShotSamples:
 
 
 def extract(shot: Shot) -> ShotSamples:
-    """Sample a shot: flat tiles that cover its colours evenly, and where they are few the patches of a ColorChecker.
-
-    A shot that gives nothing has an empty set, and a note that says why. Raises nothing of its own.
-    """
+    """Sample a shot: flat tiles that cover its colours evenly, and where they are few a ColorChecker's patches."""
     saturation = saturation_levels(shot.raw.pixels)
     tiles = _tiles(shot, saturation)
     notes, clipped, patches = [*filter(None, [shot.lens_note]), *tiles.notes], dict(tiles.clipped), None

@@ -78,10 +78,7 @@ def is_valid(columns: Mapping[str, NDArray[Any]]) -> bool:
 
 
 def first_problem(columns: Mapping[str, NDArray[Any]], first: int = 0) -> str | None:
-    """What is wrong with the first row of columns (n,) that fails `row_problem`, in words, or None.
-
-    first: the number of the first row.
-    """
+    """What is wrong with the first row of columns (n,) that fails `row_problem`, or None; rows count from `first`."""
     if is_valid(columns):
         return None
     texts = {

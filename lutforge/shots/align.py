@@ -129,10 +129,7 @@ def _as_expected(raw: RawImage, pyramid: RawLevel, jpeg: Codes, expected: Placem
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A place of the reduced, turned JPEG.
-
-    fit: by coarse search and refined on a coarse copy; searched: the scale by coarse search; explained: see there.
-    """
+    """A place of the reduced JPEG, fitted on a coarse copy. searched: its scale before; explained: see there."""
 
     jpeg: ReducedJpeg
     fit: "_Fit"
@@ -165,10 +162,7 @@ def _refined(pyramid: RawLevel, jpeg: ReducedJpeg, start: Registration, count: i
 
 
 def _with_lens(pyramid: RawLevel, candidate: _Candidate, place: Registration) -> Registration:
-    """Add how the lens bent what the camera straightened, and the fringes that it took away: what is beyond chance.
-
-    Both are looked for on the coarsest copy, where chance has never reached the limit.
-    """
+    """Add how the lens bent what the camera straightened, and the fringes that it took away: what is beyond chance."""
     jpeg, bent = candidate.jpeg, candidate.fit.evidence(3) > SIGNIFICANT
     if bent:
         fit = _refined(pyramid, jpeg, candidate.fit.place, 5)

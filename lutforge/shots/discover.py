@@ -75,10 +75,7 @@ def jpeg_beside(raw: Path) -> Path | None:
 
 
 def raw_beside(jpeg: Path) -> Path | None:
-    """The RAW file of the same stem in a JPEG's folder, whatever the case of its name; None where there is none.
-
-    A folder is listed once for all of its pictures, until it changes.
-    """
+    """The RAW file of the same stem in a JPEG's folder, whatever the case of its name; None where there is none."""
     try:
         changed = jpeg.parent.stat().st_mtime_ns
         # A change within the last tick of the file system's clock may not show in that time yet.

@@ -111,10 +111,7 @@ class Registration:
 
 @dataclass(frozen=True)
 class Placement:
-    """The place of JPEGs of one size on RAW images of one size, which is the same in all shots of a camera.
-
-    raw: height and width of the decoded array, and its pixels' size; jpeg: height and width, as the sensor lies.
-    """
+    """The place of JPEGs (h, w) on RAW arrays (h, w, size of a pixel), the same in all shots of a camera."""
 
     raw: tuple[int, int, float]
     jpeg: tuple[int, int]

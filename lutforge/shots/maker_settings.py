@@ -28,10 +28,7 @@ _NAMING_MAKES = ("canon", "nikon", "fuji", "olympus", "om digital", "panasonic",
 
 
 def style_of(tags: Tags) -> str | None:
-    """Picture style with its adjustments, and a colour space but sRGB: "standard", "vivid contrast+1 adobe rgb".
-
-    Each set of adjustments is a style of its own: it renders differently. None where no tag speaks of it.
-    """
+    """Picture style, adjustments, colour space but sRGB: "vivid contrast+1 adobe rgb"; None where no tag tells it."""
     name = _named_style(tags)
     adjusted = dict(_adjustments(tags, name is not None))
     if name is None:
@@ -51,10 +48,7 @@ def style_of(tags: Tags) -> str | None:
 
 
 def white_balance_of(tags: Tags) -> str | None:
-    """Return the white-balance setting as words, or the temperature that was set.
-
-    A shift is told, too: "5200k", "daylight shift+2+0". None where no tag speaks of it.
-    """
+    """The white-balance setting with its shift, "5200k", "daylight shift+2+0"; None where no tag speaks of it."""
     name = _white_balance_word(tags)
     kelvin = kelvin_of(tags) if name == "kelvin" else None
     if kelvin is not None:

@@ -66,10 +66,7 @@ def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
 
 
 def _homography(cv2: Any, grey: Codes, jpeg: Codes) -> tuple[Array, float]:
-    """(3, 3) from pixels of a grey picture (h, w) to those of a JPEG (h, w, 3), and the share of matches that agree.
-
-    Raises ShotError where too few features agree, or on a turn of the plane that no camera makes.
-    """
+    """(3, 3) from pixels of a grey picture (h, w) to those of a JPEG (h, w, 3), and the share of matches that agree."""
     small, scales, points = [], [], []
     for picture in (grey, cv2.cvtColor(jpeg, cv2.COLOR_RGB2GRAY)):
         scale = min(1.0, LONGEST / max(picture.shape))

@@ -73,10 +73,7 @@ class RawLevel:
 
 @dataclass(frozen=True, eq=False)
 class ReducedJpeg:
-    """A JPEG's codes (h, w, 3) / 255, averaged over factor × factor pixels, and the weight of each pixel.
-
-    The weight is 0 where a pixel is clipped, or in a black bar.
-    """
+    """A JPEG's codes (h, w, 3) / 255, means of factor² pixels, and weights: 0 where clipped or in a black bar."""
 
     codes: Single
     weight: Single

@@ -91,10 +91,7 @@ def read_shot(
 
 
 def read_pair(picture: Path, development: Development) -> Shot:
-    """Register a finished picture (sRGB) on a developed one, which stands in the place of the RAW.
-
-    Raises ImageError where the picture cannot be read, ShotError where the two do not match.
-    """
+    """Register a finished sRGB picture on a developed one in the place of the RAW. Raises ImageError or ShotError."""
     ones = np.ones(3)
     left = RawImage(
         pixels=development.pixels,

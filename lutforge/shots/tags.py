@@ -154,10 +154,7 @@ class _Structure:
         return bytes(self.data[entry.place][:_LARGEST])
 
     def maker_note(self, order: str, start: int, base: int) -> None:
-        """Read a maker's note at `start` as data/maker_notes.json says.
-
-        Offsets count from `base`, where it says no other.
-        """
+        """Read a maker's note at `start` as data/maker_notes.json says, with offsets from `base` where it says none."""
         head = bytes(self.data[start : start + 20])
         make = str(self.tags.get(MAKE, "")).lower()
         for row in maker_table("maker_notes")["notes"]:
@@ -302,10 +299,7 @@ def _ciff_tags(data: Buffer) -> Tags:
 def _read_heap(
     data: Buffer, order: str, start: int, end: int, records: dict[int, bytes], depth: int, budget: list[int]
 ) -> None:
-    """Add the small records of one heap data[start:end] by tag; its last four bytes point at its directory.
-
-    The first of each tag counts.
-    """
+    """Add the small records of one heap by tag, the first of each; its last four bytes point at its directory."""
     if depth == 0 or start < 0 or end > len(data) or end - start < 6:
         return
     (directory,) = struct.unpack_from(order + "I", data, end - 4)

@@ -69,10 +69,7 @@ class ToneResponse:
 
 
 def invert_increasing(function: Callable[[Array], Array], target: Array, low: float, high: float) -> Array:
-    """Solve function(x) = target for x in [low, high], elementwise, where the function increases strictly.
-
-    Bisection to float precision: slow but sure. Targets outside the function's range give the nearer end.
-    """
+    """Solve function(x) = target for x in [low, high], where it increases strictly, by bisection to float precision."""
     a: Array = np.full(target.shape, low)
     b: Array = np.full(target.shape, high)
     for _ in range(54):

@@ -77,11 +77,7 @@ def demo_shots(
     camera: SimulatedCamera | None = None,
     shape: tuple[int, int] = (808, 1216),
 ) -> DemoShots:
-    """Photograph the demo's scenes into `folder`, and a held-out one into its subfolder "held-out".
-
-    progress: is told each shot's name before it is taken. shape: height and width of the sensor, even
-    numbers.
-    """
+    """Photograph the demo's scenes into `folder`, and one into its "held-out". shape: of the sensor, even numbers."""
     camera, folder = nikon_d5100() if camera is None else camera, Path(folder)
     scenes: dict[tuple[str, int], Scene] = {}
 

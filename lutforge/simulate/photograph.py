@@ -160,10 +160,7 @@ def photograph(
 
 
 def develop_again(camera: SimulatedCamera, shot: Photograph, settings: CameraSettings, path: str | Path) -> Path:
-    """Write the JPEG that the camera would have made of the same exposure with other settings.
-
-    The mosaic comes from the shot's DNG, so noise and detail are the same: the truth for a refinished JPEG.
-    """
+    """Write the JPEG that the camera would have made of the same exposure, noise included, with other settings."""
     with rawpy.imread(str(shot.dng)) as raw:
         mosaic = np.array(raw.raw_image_visible, dtype=np.uint16)
     write_jpeg(Path(path), develop(camera, mosaic, settings), camera, settings)

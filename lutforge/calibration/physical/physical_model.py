@@ -94,10 +94,7 @@ def _check(linear: Array, trusted: Array) -> None:
 
 
 def hue_spread(linear: Array) -> float:
-    """Return how far the chromaticities of linear colours (n, 3) spread along the second of their principal directions.
-
-    It is a root mean square; below LEAST_CONDITION the colours are grey or of one hue.
-    """
+    """How far chromaticities of linear colours (n, 3) spread in their second principal direction, root mean square."""
     if len(linear) < 2:
         return 0.0
     shares = linear / np.maximum(linear.sum(axis=1, keepdims=True), 1e-9)
@@ -222,10 +219,7 @@ def response_of_exposures(samples: SampleSet, preset: Preset, physical: Physical
 
 
 def _scaled_to_raw(response: Response, balanced: Array, encoded: Array) -> Response:
-    """f⁻¹ with the scale of RAW: exposure pairs leave a factor per channel open, which f(1) = 1 only guesses.
-
-    Of f⁻¹(I) = A x the rows of A must sum to 1, as neutral RAW is neutral light.
-    """
+    """f⁻¹ with the scale of RAW, by which the rows of A in f⁻¹(I) = A x sum to 1: exposure pairs leave it open."""
     linear = response.linearize(encoded)
     level = np.maximum(linear.mean(axis=1, keepdims=True), 0.02)
     transposed, _, rank, _ = np.linalg.lstsq(balanced / level, linear / level, rcond=1e-6)

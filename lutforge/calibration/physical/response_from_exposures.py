@@ -317,10 +317,7 @@ def fit_response_to_exposures(
 
 
 def fit_response_to_all_colours(pairs: ExposurePairs) -> ExposureResponseFit:
-    """Fit f without the removal of outliers: the conventional way that the thesis compares with (Fig. 4.2, [24]).
-
-    Raises CalibrationError as `fit_response_to_exposures`.
-    """
+    """Fit f without the removal of outliers: the conventional way that the thesis compares with (Fig. 4.2, [24])."""
     return fit_response_to_exposures(pairs, "thesis", beta=np.inf)
 
 
