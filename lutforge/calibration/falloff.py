@@ -53,25 +53,22 @@ TYPICAL_POWER, DARKEST = 2.2, 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class PartialModel:
+class _PartialModel:
     """The samples of a partially linear model.
 
     rows: (n,) their places in the sample set; y: log₂ of the scene's light, (n,); precision: (n,) by their noise;
-    style: (n,) place of their style; designs: by style the functions of λ at its samples; bending: their penalty.
+    parts: by style its places among them (k,), the functions of λ there (k, p), and their penalty (p, p).
     """
 
     rows: NDArray[np.intp]
     y: Array
     precision: Array
-    style: NDArray[np.intp]
-    designs: tuple[Array, ...]
-    bending: tuple[Array, ...]
+    parts: Sequence[tuple[slice, Array, Array]]
 
     def residual(self, columns: Array, weight: Array) -> Array:
         """Fit a function of colour to columns (n, k) with weights (n,), and return the residuals (n, k)."""
         left = np.empty_like(columns)
-        for place, (design, bending) in enumerate(zip(self.designs, self.bending, strict=True)):
-            mine = self.style == place
+        for mine, design, bending in self.parts:
             weighted = design * weight[mine, None]
             normal = weighted.T @ design + bending
             left[mine] = columns[mine] - design @ cho_solve(cho_factor(normal), weighted.T @ columns[mine])
@@ -82,14 +79,13 @@ class PartialModel:
         return np.asarray(self.precision * ROBUST(np.abs(residual)))
 
 
-def partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> PartialModel | None:
+def _partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> _PartialModel | None:
     """State the model of the usable samples (n,), at most 4,000 of a style; None where colours cannot tell λ.
 
     multipliers: (n, 3), what makes RAW white-balanced. Each shot has an offset of its own with a prior of a tenth of a
     stop around 0, so that no exposure that is off is taken for something else.
     """
-    rng = np.random.default_rng(0)
-    parts, designs, bending = [], [], []
+    rng, rows, parts, count = np.random.default_rng(0), [], [], 0
     for name in np.unique(samples.style[usable]):
         mine = np.flatnonzero(usable & (samples.style == name))
         mine = np.sort(rng.permutation(mine)[:4000])
@@ -98,17 +94,17 @@ def partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> Parti
         centres = encoded[farthest_points(encoded, min(150, len(mine) // 8))]
         covariance = np.tril(kriging_covariance(centres))
         covariance += np.tril(covariance, -1).T + 1e-9 * np.eye(len(centres))
-        parts.append(mine)
-        designs.append(np.hstack([kriging_covariance(encoded, centres), np.eye(len(shots))[member]]))
-        bending.append(block_diag((NOISE / PRIOR) ** 2 * covariance, (NOISE / OF_SHOT) ** 2 * np.eye(len(shots))))
+        design = np.hstack([kriging_covariance(encoded, centres), np.eye(len(shots))[member]])
+        bending = block_diag((NOISE / PRIOR) ** 2 * covariance, (NOISE / OF_SHOT) ** 2 * np.eye(len(shots)))
+        parts.append((slice(count, count + len(mine)), design, bending))
+        rows.append(mine)
+        count += len(mine)
     if not parts:
         return None
-    rows = np.concatenate(parts)
-    y = np.log2((samples.raw[rows] * multipliers[rows]).sum(axis=1))
-    rounding = TYPICAL_POWER / np.log(2.0) * (0.5 / 255) / np.maximum(samples.srgb[rows].mean(axis=1), DARKEST)
-    precision = NOISE**2 / (NOISE**2 + rounding**2)
-    style = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    return PartialModel(rows, y, precision, style, tuple(designs), tuple(bending))
+    places = np.concatenate(rows)
+    y = np.log2((samples.raw[places] * multipliers[places]).sum(axis=1))
+    rounding = TYPICAL_POWER / np.log(2.0) * (0.5 / 255) / np.maximum(samples.srgb[places].mean(axis=1), DARKEST)
+    return _PartialModel(places, y, NOISE**2 / (NOISE**2 + rounding**2), parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +125,7 @@ def fit_falloffs(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[
     nothing.
     """
     usable = usable & np.all(np.isfinite(samples.position), axis=1)
-    model = partial_model(samples, multipliers, usable) if usable.any() else None
+    model = _partial_model(samples, multipliers, usable) if usable.any() else None
     if model is None:
         return ()
     settings = list(_settings(samples.select(model.rows)))
@@ -142,9 +138,8 @@ def fit_falloffs(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[
         kept = []
         for setting, falloff in zip(settings, falloffs, strict=True):
             without = model.y + np.where(setting.member, 0.0, stops)
-            if falloff.corner_ev <= LEAST_EV:
-                continue
-            if _p_value(model, without, places, shot, setting.member) < SIGNIFICANCE:
+            large = falloff.corner_ev > LEAST_EV
+            if large and _p_value(model, without, places, shot, setting.member) < SIGNIFICANCE:
                 kept.append(setting)
         if len(kept) == len(settings):
             return tuple(falloffs)
@@ -154,17 +149,12 @@ def fit_falloffs(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[
 
 def at_the_centre(samples: SampleSet, falloffs: Sequence[Falloff]) -> SampleSet:
     """Return the samples with RAW corrected for the falloffs, so that one rendering holds for all places."""
-    return replace(samples, raw=samples.raw * 2.0 ** falloff_stops(samples, falloffs)[:, None])
-
-
-def falloff_stops(samples: SampleSet, falloffs: Sequence[Falloff]) -> Array:
-    """Return, for each sample (n,), by how many stops the JPEG is brighter there than where the lens loses no light."""
     stops = np.zeros(len(samples))
     for setting in _settings(samples) if falloffs else ():
         falloff = falloff_of(falloffs, setting.lens, setting.focal_mm, setting.aperture)
         if falloff is not None:
             stops[setting.member] = falloff.stops(samples.position[setting.member])
-    return stops
+    return replace(samples, raw=samples.raw * 2.0 ** stops[:, None])
 
 
 def _settings(samples: SampleSet) -> Iterable[_Setting]:
@@ -179,32 +169,22 @@ def _settings(samples: SampleSet) -> Iterable[_Setting]:
         yield _Setting(str(samples.lens[first]), float(samples.focal_mm[first]), float(samples.aperture[first]), member)
 
 
-@dataclass(frozen=True, eq=False)
-class _Problem:
+def _fit(model: _PartialModel, places: Array, settings: Sequence[_Setting]) -> list[Falloff]:
     """The falloffs of all settings together, as least squares.
 
     Unknowns are, of each setting, the coefficients and the two coordinates of the centre. The prior of a coefficient is
     a stop around 0, which a handful of samples outweighs.
     """
+    each, step, weight = DEGREE + 2, 1e-4, model.precision
+    prior = NOISE / np.tile([1.0] * DEGREE + [CENTRE_SPREAD] * 2, len(settings))
 
-    model: PartialModel
-    places: Array
-    settings: Sequence[_Setting]
-    weight: Array
-
-    @property
-    def prior(self) -> Array:
-        """(unknowns,): the weight of each in the residual."""
-        return NOISE / np.tile([1.0] * DEGREE + [CENTRE_SPREAD] * 2, len(self.settings))
-
-    def terms(self, unknowns: Array) -> tuple[Array, Array]:
+    def terms(unknowns: Array) -> tuple[Array, Array]:
         """The falloff at each sample (n,), and its slopes (n, unknowns)."""
-        stops, slopes = np.zeros(len(self.places)), np.zeros((len(self.places), len(unknowns)))
-        each, step = DEGREE + 2, 1e-4
-        for place, setting in enumerate(self.settings):
+        stops, slopes = np.zeros(len(places)), np.zeros((len(places), len(unknowns)))
+        for place, setting in enumerate(settings):
             mine = slice(each * place, each * (place + 1))
             coefficients, centre = unknowns[mine][:DEGREE], unknowns[mine][DEGREE:]
-            offset = self.places[setting.member] - centre
+            offset = places[setting.member] - centre
             basis, right, down = (
                 falloff_basis(np.sum((offset - d) ** 2, axis=1)) for d in ((0, 0), (step, 0), (0, step))
             )
@@ -213,36 +193,25 @@ class _Problem:
             slopes[setting.member, mine] = np.hstack([basis, moved])
         return stops, slopes
 
-    def linearize(self, unknowns: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Residuals (1, m) and slopes (1, m, unknowns) for `gauss_newton`."""
-        stops, slopes = self.terms(unknowns[0])
-        left = self.model.residual(np.column_stack([self.model.y + stops, slopes]), self.weight)
-        left *= np.sqrt(self.weight)[:, None]
-        residual = np.concatenate([left[:, 0], self.prior * unknowns[0]])
-        return residual[None], np.vstack([left[:, 1:], np.diag(self.prior)])[None]
+    def linearize(unknowns: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
+        stops, slopes = terms(unknowns[0])
+        left = model.residual(np.column_stack([model.y + stops, slopes]), weight) * np.sqrt(weight)[:, None]
+        residual = np.concatenate([left[:, 0], prior * unknowns[0]])
+        return residual[None], np.vstack([left[:, 1:], np.diag(prior)])[None]
 
-    def reweighted(self, unknowns: Array) -> "_Problem":
-        """The problem of the next round."""
-        left = self.model.residual((self.model.y + self.terms(unknowns)[0])[:, None], self.weight)
-        return replace(self, weight=self.model.reweighted(left[:, 0]))
-
-
-def _fit(model: PartialModel, places: Array, settings: Sequence[_Setting]) -> list[Falloff]:
-    """The falloffs of all settings."""
     lower = np.tile([0.0] * DEGREE + [-FARTHEST_CENTRE] * 2, len(settings))
     upper = np.tile([4] * DEGREE + [FARTHEST_CENTRE] * 2, len(settings))
     value = np.tile([0.1] * DEGREE + [0.0] * 2, len(settings))
-    problem = _Problem(model, places, settings, model.precision)
     for _ in range(6):
-        value = gauss_newton(problem.linearize, value[None], lower=lower, upper=upper, most=20).value[0]
-        problem = problem.reweighted(value)
+        value = gauss_newton(linearize, value[None], lower=lower, upper=upper, most=20).value[0]
+        weight = model.reweighted(model.residual((model.y + terms(value)[0])[:, None], weight)[:, 0])
     falloffs = []
-    for setting, (a, b, c, x, y) in zip(settings, value.reshape(-1, DEGREE + 2).tolist(), strict=True):
+    for setting, (a, b, c, x, y) in zip(settings, value.reshape(-1, each).tolist(), strict=True):
         falloffs.append(Falloff((a, b, c), (x, y), setting.lens, setting.focal_mm, setting.aperture))
     return falloffs
 
 
-def _p_value(model: PartialModel, y: Array, places: Array, shot: NDArray[np.str_], member: Mask) -> float:
+def _p_value(model: _PartialModel, y: Array, places: Array, shot: NDArray[np.str_], member: Mask) -> float:
     """One-sided, that the strength of a falloff r², estimated in each quarter of each shot, is 0 in the mean.
 
     y: (n,), without the falloffs of the other settings; member: (n,) the samples of this one. Weights are those of a

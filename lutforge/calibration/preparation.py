@@ -83,8 +83,7 @@ def prepare(samples: SampleSet, options: CalibrationOptions, stages: CameraProfi
         if stages is not None and stages.raw_transfer is not None:
             samples, transfer = with_own_raw(stages, samples), stages.raw_transfer
         else:
-            carried = own_raw(samples, options.preset, options.physical)
-            samples, transfer = carried.samples, carried.transfer
+            samples, transfer = own_raw(samples, options.preset, options.physical)
         notes.append(f"RAW of {raw_camera} stands in: refinishing works, linearizing to the own RAW cannot")
         if len(samples) < count:
             notes.append(f"{count - len(samples)} of {count} samples are clipped, in the JPEG or in that RAW")

@@ -1,8 +1,7 @@
 """What a RAW file or a picture says of itself: (group, tag) → integers or text. Groups are named as exiv2 names them.
 
 exifread finds the TIFF structure of a file (JPEG, HEIC, PNG, WebP, JPEG XL); where the makers' notes lie in it says
-data/maker_notes.json. exiv2 completes the tags where it is installed; exiftool, where it is, is asked for notes that
-nobody else reads.
+data/maker_notes.json. exiv2 completes the tags where it is installed.
 Damaged metadata raise nothing: what cannot be read is not there.
 """
 
@@ -12,9 +11,7 @@ import json
 import logging
 import mmap
 import re
-import shutil
 import struct
-import subprocess
 from collections.abc import Iterator
 from functools import cache
 from importlib import resources
@@ -24,7 +21,6 @@ from typing import Any
 import numpy as np
 from exifread.core.find_exif import determine_type
 
-from lutforge import child_processes
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif, read_heif_exif
@@ -57,10 +53,7 @@ def tags(path: Path) -> Tags:
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
         found = tags_of(read_heif_exif(path) if is_heif(path) else data)
-    found = {**_exiv2_tags(path), **found}
-    if MAKER_NOTE in found and {group for group, _ in found} <= {"Image", "Photo", "Iop"}:
-        found = {**_exiftool_tags(path), **found}
-    return found
+    return {**_exiv2_tags(path), **found}
 
 
 def tags_of(data: Buffer) -> Tags:
@@ -218,7 +211,7 @@ class _Structure:
                 self.directory(group, order, base, self.number(order, "I", start) if size == 4 else start - base)
 
 
-# --- Other readers, where they are installed -------------------------------------------------------------------------
+# --- Another reader, where it is installed -------------------------------------------------------------------------
 
 
 def _exiv2_tags(path: Path) -> Tags:
@@ -235,32 +228,11 @@ def _exiv2_tags(path: Path) -> Tags:
         for datum in image.exifData():
             group = re.sub(r"^(Nikon|Sony)\d$", r"\1", datum.groupName())
             if datum.size() <= _LARGEST:
-                found.setdefault((group, int(datum.tag())), _parsed(datum.toString()))
+                parts = datum.toString().replace("/", " ").split()  # integers, ratios as two, or text
+                numbers = parts and all(re.fullmatch(r"-?\d{1,19}", part) for part in parts)
+                value: Value = tuple(map(int, parts)) if numbers else datum.toString().strip()[:_LARGEST]
+                found.setdefault((group, int(datum.tag())), value)
     return found
-
-
-def _exiftool_tags(path: Path) -> Tags:
-    """Tags as exiftool reads them, where it is installed: numbers as they are stored, as far as it gives them."""
-    program = shutil.which("exiftool")
-    if program is None:
-        return {}
-    found: Tags = {}
-    groups = maker_table("maker_notes")["exiftool_tables"]
-    with contextlib.suppress(OSError, subprocess.SubprocessError, ValueError, LookupError, AttributeError):
-        command = [program, "-j", "-n", "-t", "-D", "-fast", str(path.absolute())]
-        printed = child_processes.run(command, 20).stdout
-        for entry in json.loads(printed)[0].values():
-            if isinstance(entry, dict) and entry["table"] in groups and str(entry["id"]).isdecimal():
-                found.setdefault((groups[entry["table"]], int(entry["id"])), _parsed(str(entry["val"])))
-    return found
-
-
-def _parsed(text: str) -> Value:
-    """Another reader's text of a value: integers (ratios as two) or text."""
-    parts = text.replace("/", " ").split()
-    if parts and all(re.fullmatch(r"-?\d{1,19}", part) for part in parts):
-        return tuple(int(part) for part in parts)
-    return text.strip()[:_LARGEST]
 
 
 # --- Containers that exifread does not know: RAF, MRW and CR3, which hold TIFF structures, and CIFF ------------------

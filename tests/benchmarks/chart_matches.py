@@ -76,9 +76,9 @@ def profiles_and_gains(samples: SampleSet) -> dict[str, tuple[CameraProfile, dic
             here, there = _same_patches(own, raw)
             named = np.full(len(here), REFERENCE)
             own = replace(own.select(here), raw=raw.raw[there], raw_camera=named, wb=np.full((len(here), 3), np.nan))
-            carried = own_raw(own)
+            carried, transfer = own_raw(own)
             plain = own.select(unclipped_colours(own.srgb, own.raw))
-            stops = np.log2(carried.samples.raw.sum(axis=1) / (plain.raw @ carried.transfer.T).sum(axis=1))
+            stops = np.log2(carried.raw.sum(axis=1) / (plain.raw @ transfer.T).sum(axis=1))
             gains |= {str(shot): float(np.median(stops[plain.shot == shot])) for shot in np.unique(plain.shot)}
         found[name] = (calibrate(own, CalibrationOptions())[0], gains)
     return found

@@ -102,7 +102,7 @@ def test_our_own_fit_of_its_pairs_split_in_two(models: list[PublishedModel]) -> 
         order = np.random.default_rng(seed).permutation(len(source))
         train, test = order[: int(0.7 * len(order))], order[int(0.7 * len(order)) :]
         fit = fit_gamut_map(source[train], target[train])
-        rendered = model.model.response.encode(fit.gamut_map(source[test]))
+        rendered = model.model.response.encode(fit(source[test]))
         means.append(float(np.linalg.norm(rendered - encoded[test], axis=1).mean()))
     assert np.mean(means) <= 0.0035
 

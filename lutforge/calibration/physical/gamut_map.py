@@ -4,8 +4,6 @@ Centres are chosen greedily (Carr et al., "Reconstruction and representation of 
 SIGGRAPH 2001): fit few, look at the residual of all pairs, add the worst, until the tolerance or the cap is met.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
@@ -28,15 +26,6 @@ GROWTH = 0.6
 """Centres that a round adds, beside those there are."""
 
 
-@dataclass(frozen=True, eq=False)
-class GamutMapFit:
-    """A fitted gamut map. nugget: 8Nπρ; worst: residual of all pairs, not of centres only."""
-
-    gamut_map: GamutMap
-    nugget: float
-    worst: float
-
-
 def fit_gamut_map(
     source: Array,
     target: Array,
@@ -45,7 +34,7 @@ def fit_gamut_map(
     most: int = PhysicalOptions.centres,
     nugget: float | None = None,
     tolerance: float = TOLERANCE,
-) -> GamutMapFit:
+) -> GamutMap:
     """Fit target = h(source), both (n, 3) linear.
 
     groups: (n,) shot names, whole shots are left out to choose ρ; most: of centres, 8 or more; nugget: 8Nπρ of (4.8),
@@ -68,7 +57,7 @@ def fit_gamut_map(
         open_pairs[chosen] = False
         room = min(most, len(source)) - len(chosen)
         if room <= 0 or not open_pairs.any():
-            return GamutMapFit(gamut_map, nugget, float(residual.max()))
+            return gamut_map
         wanted = min(room, max(int(len(chosen) * GROWTH), 8))
         chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, wanted)])
 

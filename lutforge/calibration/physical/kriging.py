@@ -15,7 +15,6 @@ their covariance. Neutral light is always likely, up to where the camera clips, 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -75,30 +74,18 @@ GREY_WEIGHT = 0.003
 """The weight of each, where a sample has 1; black has 1."""
 
 
-@dataclass(frozen=True, eq=False)
-class ClippedSamples:
-    """Samples with a JPEG channel at an end, which say only that the rendering lies at or beyond it.
-
-    source, target: (m, 3) as of other samples; above, below: (m, 3), channels whose target is a lower or upper bound.
-    """
-
-    source: Array
-    target: Array
-    above: Mask
-    below: Mask
-
-
 def krige(
     source: Array,
     target: Array,
     error_scale: Array,
-    clipped: ClippedSamples | None = None,
-    most_centres: int = MOST_CENTRES,
+    most_centres: int,
+    clipped: tuple[Array, Array, Mask, Mask] | None = None,
 ) -> GamutMap:
     """Fit target = h(source), both (n, 3) linear.
 
     error_scale: (n,), how much an encoded error of a sample is on the even scale of the target. Outliers lose their
-    weight by residuals of a coarse fit. clipped: samples that count with one side only. Time O(most_centres³ + n).
+    weight by residuals of a coarse fit. clipped: more samples, source and target (m, 3), with the channels
+    (m, 3) at white and at black, whose rendering lies at or beyond the target. Time O(most_centres³ + n).
     """
     z, correction = to_even(source, OFFSET), to_even(target, OFFSET) - to_even(source, OFFSET)
     # IRLS weights by encoded residuals from a fit with few centres and much noise.
@@ -109,13 +96,14 @@ def krige(
     greys = np.linspace(0.0, 1.0, GREYS)[:, None].repeat(3, axis=1)
     z, correction = np.concatenate([z, greys]), np.concatenate([correction, np.zeros_like(greys)])
     weight = np.concatenate([weight, [1.0], np.full(GREYS - 1, GREY_WEIGHT)])
-    if clipped is not None and len(clipped.source):
+    if clipped is not None and len(clipped[0]):
+        bounded, ends, white, black = clipped
         # What a fit without them continues beyond the bound holds; the bound holds where that falls short of it.
         fit = _solve(z, correction, weight, min(BEYOND_CENTRES, most_centres))
-        at, bound = to_even(clipped.source, OFFSET), to_even(clipped.target, OFFSET)
-        continued = to_even(fit(clipped.source), OFFSET)
-        wanted = np.where(clipped.above, np.maximum(continued, bound), bound)
-        wanted = np.where(clipped.below, np.minimum(continued, bound), wanted)
+        at, bound = to_even(bounded, OFFSET), to_even(ends, OFFSET)
+        continued = to_even(fit(bounded), OFFSET)
+        wanted = np.where(white, np.maximum(continued, bound), bound)
+        wanted = np.where(black, np.minimum(continued, bound), wanted)
         z, correction = np.concatenate([z, at]), np.concatenate([correction, wanted - at])
         weight = np.concatenate([weight, np.ones(len(at))])
     return _solve(z, correction, weight, most_centres)
@@ -143,8 +131,8 @@ def fit_camera_model(
     bounds = None
     if clipped is not None:
         light, codes = clipped
-        bounds = ClippedSamples(light @ matrix.T, response.linearize(codes), codes >= 1.0, codes <= 0.0)
-    forward = krige(linear, mapped, error_scale, bounds, most_centres)
+        bounds = (light @ matrix.T, response.linearize(codes), codes >= 1.0, codes <= 0.0)
+    forward = krige(linear, mapped, error_scale, most_centres, bounds)
     scenes = np.concatenate([likely_scenes(balanced, SCENES), neutral_scenes(SCENES // 4)]) @ matrix.T
     rendered = response.encode(forward(scenes))
     whole = np.all((rendered > half_code) & (rendered < 1.0 - half_code), axis=1)
@@ -152,7 +140,6 @@ def fit_camera_model(
         np.concatenate([mapped, response.linearize(rendered[whole])]),
         np.concatenate([linear, scenes[whole]]),
         np.concatenate([error_scale, np.full(int(whole.sum()), np.median(error_scale))]),
-        None,
         most_centres,
     )
     return PhysicalModel(white_balances, matrix, response, forward, back)

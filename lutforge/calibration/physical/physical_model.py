@@ -246,6 +246,8 @@ def fit_gamut_maps(
     (4.8) has it.
     """
     linear, mapped = balanced @ matrix.T, response.linearize(encoded)
-    forward = fit_gamut_map(linear, mapped, groups=shot, most=physical.centres, nugget=physical.nugget)
-    back = fit_gamut_map(mapped, linear, groups=shot, most=physical.centres, nugget=physical.nugget)
-    return PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)
+    maps = (
+        fit_gamut_map(*pair, groups=shot, most=physical.centres, nugget=physical.nugget)
+        for pair in ((linear, mapped), (mapped, linear))
+    )
+    return PhysicalModel(white_balances, matrix, response, *maps)

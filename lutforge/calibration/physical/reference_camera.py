@@ -55,23 +55,14 @@ STEP = 1e-6
 """Step of a numerical derivative."""
 
 
-@dataclass(frozen=True, eq=False)
-class OwnRaw:
-    """Samples whose RAW is the camera's own, as far as a reference camera tells it.
+def own_raw(
+    samples: SampleSet, preset: Preset = "lutforge", physical: PhysicalOptions | None = None
+) -> tuple[SampleSet, Array]:
+    """Carry a reference camera's RAW to the camera that was sampled with it: the samples, and Tc (3, 3).
 
-    samples: those that neither the JPEG nor the reference's RAW clips, with the multipliers of the camera; transfer: Tc
-    (3, 3), the reference's RAW → the camera's.
-    """
-
-    samples: SampleSet
-    transfer: Array
-
-
-def own_raw(samples: SampleSet, preset: Preset = "lutforge", physical: PhysicalOptions | None = None) -> OwnRaw:
-    """Carry a reference camera's RAW to the camera that was sampled with it.
-
-    RAW is scaled so that balanced RAW of 1 is what the JPEG's brightest code stands for. Raises CalibrationError, in
-    one line with what to shoot, where the samples do not determine f or Tz of a white balance, or contradict every one.
+    Those stay that neither the JPEG nor the reference clips, with the multipliers of the camera. RAW is scaled so that
+    balanced RAW of 1 is what the JPEG's brightest code stands for. Raises CalibrationError, in one line with what to
+    shoot, where the samples do not determine f or Tz of a white balance, or contradict every one.
     """
     inside = samples.select(unclipped_colours(samples.srgb, samples.raw))
     if len(inside) < LEAST_COLOURS:
@@ -92,8 +83,7 @@ def own_raw(samples: SampleSet, preset: Preset = "lutforge", physical: PhysicalO
     top = np.quantile((gain[:, None] * balanced)[trust > 0.5], 0.999)
     transfer = transfer / max(float(top), float(np.max(white / scale)))
     raw = gain[:, None] * inside.raw @ transfer.T
-    carried = replace(inside, raw=raw, wb=multipliers, raw_camera=inside.camera.copy())
-    return OwnRaw(carried, transfer)
+    return replace(inside, raw=raw, wb=multipliers, raw_camera=inside.camera.copy()), transfer
 
 
 def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: Array) -> tuple[Array, Array]:
