@@ -167,10 +167,7 @@ def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleD
 
 @one_blas_thread
 def fit_lattices(
-    data: StyleData,
-    options: CalibrationOptions,
-    levels: Both[Levels] | None = None,
-    asked: Both[Array] | None = None,
+    data: StyleData, options: CalibrationOptions, levels: Both[Levels] | None = None, asked: Both[Array] | None = None
 ) -> Both[Lattice]:
     """The lattices of both directions of a style. Raises CalibrationError.
 

@@ -40,9 +40,8 @@ from lutforge.calibration.physical.white_balance import complete_multipliers, wi
 from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import ErrorFigures, MethodError, error_figures
-from lutforge.evaluation.held_out import Predictions, predict
 from lutforge.evaluation.linearization import edited_errors, linearization_errors
-from lutforge.evaluation.methods import LATTICE, RBF
+from lutforge.evaluation.methods import LATTICE, RBF, Predictions, predict
 from lutforge.evaluation.refinish_errors import RefinishError, refinish_errors
 from lutforge.model.camera_profile import CameraProfile, is_response_alone
 from lutforge.model.profile_data import Direction

@@ -14,8 +14,7 @@ from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import MethodError
-from lutforge.evaluation.held_out import Predictions
-from lutforge.evaluation.methods import LATTICE, RBF
+from lutforge.evaluation.methods import LATTICE, RBF, Predictions
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.solvers.gauss_newton import gauss_newton
 
@@ -62,10 +61,7 @@ def response_deltas(pairs: ExposurePairs, light: Array | None = None) -> dict[st
     that of the first f. Empty where the pairs do not determine a response.
     """
     try:
-        fits = {
-            "outliers removed": fit_response_to_exposures(pairs),
-            "all colours": fit_response_to_all_colours(pairs),
-        }
+        fits = {"outliers removed": fit_response_to_exposures(pairs), "all colours": fit_response_to_all_colours(pairs)}
     except CalibrationError:
         return {}
     plain, found = pairs.select(_plain(pairs)), dict[str, tuple[float, float, float]]()

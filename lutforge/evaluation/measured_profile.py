@@ -15,8 +15,7 @@ from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse,
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
-from lutforge.evaluation.held_out import Predictions, predict
-from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, Predictor
+from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, Predictions, Predictor, predict
 from lutforge.interpolation import Levels, interpolate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import even_slope

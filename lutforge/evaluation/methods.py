@@ -1,21 +1,23 @@
-"""The methods that are compared: the profile's own models, those of the thesis's tables, and plain baselines."""
+"""Predictions by the methods that are compared: the profile's own models, the thesis's tables', plain baselines."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.thesis import fit_uniform
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
-from lutforge.calibration.style import StyleData, fit_lattices, fit_physical
+from lutforge.calibration.style import LEAST_SAMPLES, StyleData, fit_lattices, fit_physical
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import Levels
-from lutforge.model.profile_data import Both, PhysicalModel, PictureStyle
+from lutforge.model.profile_data import Both, Direction, PhysicalModel, PictureStyle
+from lutforge.threads import each, one_blas_thread
 
 Predictor = Callable[[Array], Array]
 
@@ -136,16 +138,161 @@ class Fitter:
 
 
 def _timed_lattices(
-    train: StyleData,
-    options: CalibrationOptions,
-    levels: Both[Levels] | None = None,
-    asked: Both[Array] | None = None,
+    train: StyleData, options: CalibrationOptions, levels: Both[Levels] | None = None, asked: Both[Array] | None = None
 ) -> Fit:
     """Lattices fitted to samples, and half of the seconds that both took for each."""
     start = time.perf_counter()
     fitted = fit_lattices(train, options, levels, asked)
     seconds = (time.perf_counter() - start) / 2.0
     return Fit(fitted.render, fitted.linearize, Both(seconds, seconds))
+
+
+# --- Predictions of a style's shots by models that have not seen them ------------------------------------------------
+# A shot that the profile was calibrated from is left out and predicted by refits to the others: one shot at a time, or
+# one of five groups of shots where they are more. Any other shot is predicted by the profile's own models, and by
+# baselines fitted to the shots that the profile has seen. Whatever is printed as a held-out error, in a profile, on the
+# console or in a report, is made of these predictions.
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """Predictions of the samples of one style.
+
+    fold: (n,) which of `fits` (by method) predicts a sample; held_out: (n,) whether that fit has not seen its shot.
+    predicted: by method (n, 3), NaN where the method says nothing. notes: what could not be done, and why.
+    """
+
+    data: StyleData
+    fold: NDArray[np.intp]
+    fits: tuple[Mapping[str, Fit], ...]
+    held_out: Mask
+    notes: tuple[str, ...]
+    predicted: Both[Mapping[str, Array]]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The methods in order of first appearance."""
+        return tuple(self.predicted.render)
+
+    def render(self, method: str, balanced: Array, rows: NDArray[np.intp]) -> Array:
+        """Return Tw E (m, 3) → I by the fits that predict the samples `rows` (m,); NaN where there is none."""
+        return _by_fold(self.fits, self.fold[rows], method, "render", balanced)
+
+    def linearize(self, method: str, encoded: Array, rows: NDArray[np.intp]) -> Array:
+        """Return I (m, 3) → Tw E by the fits that predict the samples `rows` (m,); NaN where there is none."""
+        return _by_fold(self.fits, self.fold[rows], method, "linearize", encoded)
+
+
+def _by_fold(
+    fits: Sequence[Mapping[str, Fit]], fold: NDArray[np.intp], method: str, direction: Direction, values: Array
+) -> Array:
+    result = np.full(values.shape, np.nan)
+    for index, fitted in enumerate(fits):
+        rows = fold == index
+        if method in fitted and rows.any():
+            result[rows] = fitted[method][direction](values[rows])
+    return result
+
+
+@one_blas_thread
+def predict(
+    style: PictureStyle,
+    name: str,
+    data: StyleData,
+    seen_shots: tuple[str, ...],
+    options: CalibrationOptions,
+    *,
+    sizes: Sequence[int] = (),
+    own_only: bool = False,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Predictions:
+    """Predict all samples of a style by all methods.
+
+    sizes: of lattices, for all methods of the thesis's tables, whatever the profile holds; own_only: beside the
+    baselines, no model but the one that the options ask for. Raises CalibrationError where a part of the shots holds
+    too few samples for a fit.
+    """
+    seen = np.isin(data.shot, seen_shots)
+    fold, held_out = np.full(len(seen), -1), ~seen
+    fits: list[dict[str, Fit]] = []
+    notes: list[str] = []
+    left_out = len(np.unique(data.shot[seen])) > 1
+    as_is = ~seen if left_out else np.ones_like(seen)
+    if seen.any() and not left_out:
+        notes.append(f"{name}: one shot only; its error is on the samples that it was fitted to")
+    inside = data if seen.all() else data.select(seen)
+    fitter = Fitter(name, style, options, notes, sizes=sizes, own=own_only)
+    if as_is.any():
+        others: dict[str, Fit] = {}
+        if left_out and seen.sum() >= LEAST_SAMPLES:
+            others = fitter.fit(inside) if sizes else fit_baselines(inside)
+        for rows, model in _by_model(style.physical, data, as_is):
+            fold[rows] = len(fits)
+            fits.append({**others, **fits_of_profile(style, model)})
+    if left_out:
+        masks, trains = zip(*inside.folds, strict=True)
+        if any(len(train.shot) < LEAST_SAMPLES for train in trains):
+            raise CalibrationError("too few samples to leave a shot out: add shots")
+        progress(0.0)
+
+        def refit(part: tuple[Mask, StyleData]) -> dict[str, Fit]:
+            mask, train = part
+            left = inside.select(mask)
+            return fitter.fit(train, Both(left.balanced, left.encoded) if own_only else None)
+
+        for number, (mask, refitted) in enumerate(zip(masks, each(refit, inside.folds), strict=True), 1):
+            places = np.flatnonzero(seen)[mask]
+            fold[places], held_out[places] = len(fits), True
+            fits.append(refitted)
+            progress(number / len(trains))
+    methods = tuple(dict.fromkeys(method for fitted in fits for method in fitted))
+    return Predictions(
+        data,
+        fold,
+        tuple(fits),
+        held_out,
+        tuple(dict.fromkeys(notes)),
+        Both(
+            {method: _by_fold(fits, fold, method, "render", data.balanced) for method in methods},
+            {method: _by_fold(fits, fold, method, "linearize", data.encoded) for method in methods},
+        ),
+    )
+
+
+def with_compared(
+    predictions: Predictions, shot: str, style: PictureStyle, seen_shots: tuple[str, ...], options: CalibrationOptions
+) -> Predictions:
+    """Add a uniform lattice and the model by RBFs to the fits that predict a shot, fitted to the same samples.
+
+    They are for `render` and `linearize`: what is predicted of samples stays as it is. Where the samples are too few,
+    nothing is added.
+    """
+    data = predictions.data
+    own = data.shot == shot
+    index, train = int(predictions.fold[own][0]), np.isin(data.shot, seen_shots)
+    if shot in seen_shots and predictions.held_out[own].all():
+        train &= predictions.fold != index
+    if train.sum() < LEAST_SAMPLES:
+        return predictions
+    inside = data.select(train)
+    more = Fitter("", style, options, [], sizes=(options.size,)).compared(inside)
+    fits = tuple({**more, **fits} if place == index else fits for place, fits in enumerate(predictions.fits))
+    return replace(predictions, fits=fits)
+
+
+def _by_model(
+    models: tuple[PhysicalModel, ...], data: StyleData, rows: Mask
+) -> Iterator[tuple[Mask, PhysicalModel | None]]:
+    """Parts of `rows` and the physical model of their white balance: the one that names it, else the first."""
+    if len(models) < 2:
+        yield rows, models[0] if models else None
+        return
+    rest = rows.copy()
+    for model in (*models[1:], models[0]):
+        part = rest if model is models[0] else rest & np.isin(data.samples.white_balance, model.white_balances)
+        rest = rest & ~part
+        if part.any():
+            yield part, model
 
 
 # --- The polynomial baselines that the thesis compares with (Fig. 4.5) -----------------------------------------------

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.evaluation.errors_table import ErrorFigures, error_figures
-from lutforge.evaluation.held_out import Predictions
-from lutforge.evaluation.methods import LATTICE, NO_GAMUT_MAP, RBF
+from lutforge.evaluation.methods import LATTICE, NO_GAMUT_MAP, RBF, Predictions
 
 UNCHANGED = "unchanged"
 """The method that leaves the JPEG as it is: how far apart the two settings are."""

@@ -11,8 +11,7 @@ from lutforge.calibration.options import options_from_json
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation
-from lutforge.evaluation.held_out import with_compared
-from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice_name
+from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice_name, with_compared
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
 from lutforge.report.drawing import ERROR_SCALE, Drawing, Lines, Panel, Raster

@@ -12,25 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
-from lutforge.colour.spectra import (
-    chart_reflectances,
-    light,
-    linear_srgb_under,
-    sensitivities,
-    surface_reflectances,
-)
+from lutforge.colour.spectra import chart_reflectances, light, linear_srgb_under, sensitivities, surface_reflectances
 from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode, srgb_encode
 from lutforge.model.white_balance import WhiteBalance
 
 LIGHT_OF_WHITE_BALANCE: Mapping[str, float | str] = MappingProxyType(
-    {
-        "tungsten": "A",
-        "fluorescent": "FL2",
-        "daylight": 5200.0,
-        "flash": 5500.0,
-        "cloudy": 6000.0,
-        "shade": 7500.0,
-    }
+    {"tungsten": "A", "fluorescent": "FL2", "daylight": 5200.0, "flash": 5500.0, "cloudy": 6000.0, "shade": 7500.0}
 )
 """The light that each setting is made for: a CIE illuminant, or CIE daylight of a colour temperature."""
 

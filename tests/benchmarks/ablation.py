@@ -173,10 +173,7 @@ def without(module: object, **values: float) -> Fit:
         return call
 
     def fit(style: StyleData) -> tuple[Predictor, Predictor]:
-        return (
-            switched(lambda x: style.model.render(x)),
-            switched(lambda encoded: style.model.linearize(encoded)),
-        )
+        return (switched(lambda x: style.model.render(x)), switched(lambda encoded: style.model.linearize(encoded)))
 
     return fit
 

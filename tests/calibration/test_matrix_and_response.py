@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.calibration.physical.matrix_and_response import (
-    encoded_residual,
-    fit_matrix_and_response,
-)
+from lutforge.calibration.physical.matrix_and_response import encoded_residual, fit_matrix_and_response
 from lutforge.errors import CalibrationError
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 

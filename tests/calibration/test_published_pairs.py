@@ -125,10 +125,7 @@ def test_tetrahedral_is_as_good(d40_pairs: PublishedPairs) -> None:
 
 @pytest.mark.parametrize(
     ("options", "wanted"),
-    [
-        (CalibrationOptions(preset="thesis", size=17), 0.0056),
-        (CalibrationOptions(size=17), 0.0038),
-    ],
+    [(CalibrationOptions(preset="thesis", size=17), 0.0056), (CalibrationOptions(size=17), 0.0038)],
 )
 def test_through_the_file(
     d40_pairs: PublishedPairs, options: CalibrationOptions, wanted: float, tmp_path: Path

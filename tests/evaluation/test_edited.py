@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000, srgb_encode
-from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.linearization import EDITS, INVERTED, edited_errors
-from lutforge.evaluation.methods import LATTICE
+from lutforge.evaluation.methods import LATTICE, Predictions
 
 MIX = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.5, 1.5]])
 

@@ -58,11 +58,7 @@ def test_sky_does_not_dominate() -> None:
 
 @pytest.mark.parametrize(
     ("value", "reason", "advice"),
-    [
-        (0.999, "JPEG white", "expose less"),
-        (0.0, "JPEG black", "expose more"),
-        (None, "not flat", "plain surfaces"),
-    ],
+    [(0.999, "JPEG white", "expose less"), (0.0, "JPEG black", "expose more"), (None, "not flat", "plain surfaces")],
 )
 def test_a_shot_that_gives_nothing_says_why(value: float | None, reason: str, advice: str) -> None:
     rng = np.random.default_rng(5)

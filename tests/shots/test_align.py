@@ -71,10 +71,7 @@ def error(found: Registration, scale: float, offset: tuple[float, float], jpeg: 
     """Largest error anywhere in the picture, in JPEG pixels."""
     errors = [
         (found.scale - scale) * place + got - true
-        for got, true, side in (
-            (found.offset_x, offset[0], jpeg.shape[1]),
-            (found.offset_y, offset[1], jpeg.shape[0]),
-        )
+        for got, true, side in ((found.offset_x, offset[0], jpeg.shape[1]), (found.offset_y, offset[1], jpeg.shape[0]))
         for place in (0, side)
     ]
     return float(np.abs(errors).max() / scale)

@@ -76,8 +76,7 @@ def fit_raw_transfer(
     matrix = _least_squares(x, y, weight)
     if form == "matrix":
         held = predict_held_out(
-            leave_samples_out(len(x)),
-            lambda train, test: x[test] @ _least_squares(x[train], y[train], weight[train]).T,
+            leave_samples_out(len(x)), lambda train, test: x[test] @ _least_squares(x[train], y[train], weight[train]).T
         )
         return RawTransfer(source, target, matrix, neutral, None, _relative(held - y, weight))
     if neutral is None:

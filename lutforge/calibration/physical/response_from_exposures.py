@@ -138,11 +138,7 @@ def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
     return _join(parts, RAW_SPREAD if from_raw else TIME_SPREAD)
 
 
-def pairs_of_bracket(
-    names: Sequence[str],
-    encoded: Iterable[Array],
-    exposure_s: Sequence[float],
-) -> ExposurePairs:
+def pairs_of_bracket(names: Sequence[str], encoded: Iterable[Array], exposure_s: Sequence[float]) -> ExposurePairs:
     """Exposure pairs of registered JPEGs of one scene: flat cells of 8 × 8 pixels.
 
     encoded: images (h, w, 3) in [0, 1], all of one size, taken one at a time; exposure_s: relative times, with all
