@@ -1,11 +1,6 @@
 """Matrix and response of sets with many dark exposures and few bright ones, on unsaturated colours of all tones."""
 
-import importlib.util
-import sys
 from collections.abc import Iterator
-from functools import cache
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -19,7 +14,7 @@ from lutforge.colour.spectra import chart_reflectances
 from lutforge.model.response import Response
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from tests.cases.real_data import CHARTS, read_published_pairs
+from tests.cases.real_data import CHARTS, middlebury_table, read_published_pairs
 from tests.cases.samples import photograph_patches, surfaces
 
 Array = NDArray[np.float64]
@@ -70,17 +65,6 @@ def of_chart(camera: str) -> Iterator[Fitted]:
     samples = samples.select(samples.camera == camera)
     samples = samples.select(middlebury_table().unclipped(samples))
     return mostly_dark(samples.raw * complete_multipliers(samples)[0], samples.srgb)
-
-
-@cache
-def middlebury_table() -> ModuleType:
-    path = Path(__file__).resolve().parents[2] / "examples" / "middlebury_table.py"
-    spec = importlib.util.spec_from_file_location("middlebury_table", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["middlebury_table"] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def sets(name: str) -> Iterator[Fitted]:

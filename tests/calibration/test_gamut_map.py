@@ -84,10 +84,3 @@ def test_colours_in_a_plane_are_refused() -> None:
     flat = RNG.uniform(size=(100, 3)) * [1, 1, 0]
     with pytest.raises(CalibrationError, match="many colours"):
         fit_gamut_map(flat, flat)
-
-
-def test_many_samples_take_the_most_centres() -> None:
-    x = RNG.uniform(size=(50_000, 3))
-    y = _curved(x) + 0.002 * RNG.standard_normal(x.shape)
-    fit = fit_gamut_map(x, y, tolerance=1e-6, most=1500, nugget=1e-3)
-    assert len(fit.centres) == 1500

@@ -1,6 +1,5 @@
 """Ten real cameras: trained under one light, tested under the other, both ways (the tables in examples/)."""
 
-import importlib.util
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,17 +11,14 @@ import pytest
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
+from tests.cases.real_data import middlebury_table
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
 @pytest.mark.slow
 def test_the_full_model_beats_the_baselines_on_nine_of_ten_either_way() -> None:
-    spec = importlib.util.spec_from_file_location("middlebury_table", EXAMPLES / "middlebury_table.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["middlebury_table"] = module
-    spec.loader.exec_module(module)
+    module = middlebury_table()
     stored = (EXAMPLES / "middlebury_table.md").read_text()
     parts = stored.split("## Trained on ")[1:]
     for light, part in zip(("light1", "light2"), parts, strict=True):

@@ -29,27 +29,6 @@ def _truth(samples: SampleSet) -> np.ndarray:
     return np.array([CAMERA.multipliers(str(name)) for name in samples.white_balance])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("known", [True, False])
-def test_ground_truth(known: bool) -> None:
-    samples = photograph_patches(CAMERA, chart_140(), known=known)
-    samples = samples.select(unclipped(samples, _truth(samples)))
-    start, _ = complete_multipliers(samples)
-    stages = fit_stages(samples, start, np.full(len(samples), known))
-    assert np.linalg.norm(stages.matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
-    np.testing.assert_allclose(stages.multipliers, _truth(samples), rtol=0.005)
-    response = stages.responses["standard"]
-    balanced = samples.raw * stages.multipliers
-    base = MatrixAndResponse(stages.matrix, response)
-    model = fit_camera_model(base, balanced, samples.srgb, BALANCES)
-    others = photograph_patches(CAMERA, surfaces(300, 99), exposure_error=0.0, seed=5)
-    others = others.select(unclipped(others, _truth(others)))
-    balanced = others.raw * _truth(others)
-    assert np.linalg.norm(model.render(balanced) - others.srgb, axis=1).mean() <= 0.002
-    back = model.linearize(others.srgb) / _truth(others) - others.raw
-    assert np.sqrt(np.mean(back**2)) <= 0.003
-
-
 @pytest.mark.parametrize(("style", "patches"), [("vivid", 24), ("landscape", 24), ("vivid", 140)])
 def test_ground_truth_of_a_sensor_whose_channels_overlap(style: str, patches: int) -> None:
     """The limits hold with every multiplier unknown, and on a small chart that a strong gamut map moves most of."""

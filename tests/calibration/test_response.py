@@ -86,22 +86,6 @@ def test_f_from_exposure_pairs_whose_ratio_raw_tells() -> None:
         assert _worst(fit.response, "standard", np.clip(samples.srgb, 0.03, 0.97), scaled=True) < 0.005
 
 
-@pytest.mark.parametrize("exponent", [1.8])
-def test_a_bracket_without_raw_gives_a_gamma_back(exponent: float) -> None:
-    rng = np.random.default_rng(1)
-    scene = np.kron(np.exp(rng.uniform(-4.5, 1.0, (40, 40, 1))), np.ones((8, 8, 1)))
-    scene = scene * np.kron(rng.uniform(0.8, 1.0, (40, 40, 3)), np.ones((8, 8, 1)))
-    times = [2.0**stop for stop in range(-3, 4)]
-    images = [np.rint(255 * np.clip(scene * time, 0, 1) ** (1 / exponent)) / 255 for time in times]
-    pairs = pairs_of_bracket([f"{time:g}" for time in times], images, times)
-    fit = fit_response_to_exposures(pairs)
-    codes = np.linspace(0.05, 0.95, 200)
-    table = fit.response.linearize(np.stack([codes] * 3, axis=1))
-    for channel in range(3):
-        slope = np.polyfit(np.log(codes), np.log(table[:, channel]), 1)[0]
-        assert slope == pytest.approx(exponent, rel=0.02)
-
-
 def test_the_fitted_curve_always_rises() -> None:
     rng = np.random.default_rng(3)
     x = rng.uniform(0.02, 0.9, (80, 1)) * np.ones((1, 3))

@@ -1,8 +1,11 @@
 """Numbers of real cameras, beside the tests (`tests/data/README.md` names their sources), or with the real data."""
 
 import json
+import runpy
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,3 +70,9 @@ def spectral_data(path: Path) -> tuple[Array, Array]:
     """Wavelengths (m,) and values (m, n) of a JSON file of rawtoaces-data."""
     stored = json.loads(path.read_text(encoding="utf-8"))["spectral_data"]["data"]["main"]
     return np.array([float(key) for key in stored]), np.array(list(stored.values()))
+
+
+@cache
+def middlebury_table() -> SimpleNamespace:
+    """What the example defines that prints the table of ten chart cameras."""
+    return SimpleNamespace(**runpy.run_path(str(FOLDER.parents[1] / "examples" / "middlebury_table.py")))

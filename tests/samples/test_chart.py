@@ -52,13 +52,6 @@ def test_reference_is_the_published_one() -> None:
     np.testing.assert_allclose(REFERENCE, np.clip(255 * srgb, 0, 255), atol=0.51)
 
 
-def test_likeness_of_tinted_charts() -> None:
-    for gain in ((1, 1, 1), (1, 0.85, 0.6), (0.7, 0.9, 1), (0.5, 0.5, 0.5)):
-        score = likeness(REFERENCE * gain, PLAIN)
-        assert score is not None
-        assert score > 0.99
-
-
 def test_false_charts_are_refused() -> None:
     grid = REFERENCE.reshape(4, 6, 3)
     for false in (grid[:, ::-1], grid[::-1], grid[::-1, ::-1], np.roll(grid, 1, axis=1), np.roll(grid, 1, axis=0)):
@@ -131,14 +124,6 @@ def test_charts_of_many_cameras_are_found(name: str, shared_data: Path) -> None:
     assert (upright.corners[0] < upright.corners[2]).all()
     back = np.stack([jpeg.shape[1] - 1 - turned.corners[:, 1], turned.corners[:, 0]], axis=1)
     np.testing.assert_allclose(back, upright.corners, atol=0.01 * jpeg.shape[1])
-
-
-@needs_detector
-@pytest.mark.slow
-def test_every_real_chart_is_found(shared_data: Path) -> None:
-    files = sorted((shared_data / "chart_jpegs").glob("*.JPG"))
-    found = [find_chart(np.rint(read_image(file).pixels * 255).astype(np.uint8)) is not None for file in files]
-    assert len(found) == 6 and all(found)
 
 
 @needs_detector

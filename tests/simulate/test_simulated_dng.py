@@ -55,19 +55,6 @@ def test_libraw_reads_what_was_written(
                 raw.extract_thumb()
 
 
-def test_libraw_scales_to_black_and_white(tmp_path: Path) -> None:
-    codes = np.full((64, 64), 600 + (15520 - 600) // 2, dtype=np.uint16)
-    codes[:, 32:] = 600
-    write_dng(tmp_path / "half.dng", codes, black=600, white=15520)
-    with rawpy.imread(str(tmp_path / "half.dng")) as raw:
-        image = raw.postprocess(
-            gamma=(1, 1), no_auto_bright=True, adjust_maximum_thr=0.0, use_camera_wb=True, output_bps=16,
-            output_color=rawpy.ColorSpace.raw,
-        )  # fmt: skip
-    np.testing.assert_allclose(image[32, 8] / 65535, 0.5, atol=2e-4)
-    np.testing.assert_allclose(image[32, 56], 0, atol=1)
-
-
 @pytest.mark.parametrize(("orientation", "flip"), [(1, 0), (3, 3), (6, 6), (8, 5)])
 def test_orientation_is_libraws_flip(tmp_path: Path, mosaic: NDArray[np.uint16], orientation: int, flip: int) -> None:
     write_dng(tmp_path / "a.dng", mosaic, orientation=orientation)
