@@ -54,10 +54,7 @@ def error_figures(predicted: Array, measured: Array, *, display: bool) -> ErrorF
     """Figures of predicted (n, 3) against measured (n, 3); display: both are encoded sRGB."""
     distance = np.linalg.norm(predicted - measured, axis=1)
     q1, median, q3 = np.percentile(distance, [25, 50, 75])
-    de00_mean = de00_max = None
-    if display:
-        difference = delta_e_2000(predicted, measured)
-        de00_mean, de00_max = float(difference.mean()), float(difference.max())
+    difference = delta_e_2000(predicted, measured) if display else None
     return ErrorFigures(
         count=len(distance),
         mean=float(distance.mean()),
@@ -66,8 +63,8 @@ def error_figures(predicted: Array, measured: Array, *, display: bool) -> ErrorF
         median=float(median),
         q3=float(q3),
         rmse=float(np.sqrt(np.mean((predicted - measured) ** 2))),
-        de00_mean=de00_mean,
-        de00_max=de00_max,
+        de00_mean=None if difference is None else float(difference.mean()),
+        de00_max=None if difference is None else float(difference.max()),
     )
 
 

@@ -174,45 +174,37 @@ def evaluate(
             "its error; lutforge response prints it"
         )
     samples = at_the_centre(with_own_raw(profile, samples), profile.falloffs)
-    multipliers, notes = complete_multipliers(samples)
+    multipliers, of_balances = complete_multipliers(samples)
     multipliers = with_gains(samples, multipliers, profile.white_balances)
     known, strange = _known_styles(profile, samples)
     samples, multipliers = samples.select(known), multipliers[known]
     data, clipped = style_data(samples, multipliers)
-    notes = (*notes, *strange, *styles_with_enough(samples, multipliers)[1])
+    notes = [*of_balances, *strange, *styles_with_enough(samples, multipliers)[1]]
     if clipped:
-        notes = (*notes, f"{clipped} of {len(samples)} samples are clipped and are not counted")
+        notes.append(f"{clipped} of {len(samples)} samples are clipped and are not counted")
     missing = sum(shot not in samples.shot for shot in profile.shots)
     if 0 < missing < len(profile.shots):
-        lacking = (
+        notes.append(
             f"{missing} of the {len(profile.shots)} shots of the calibration are not among these: the refits without "
             "each of the others see fewer colours than the profile did; give all for its error"
         )
-        notes = (*notes, lacking)
     if tables and not np.isin(samples.shot, profile.shots).any():
-        lacking = "no shot of the calibration is among these: add them for the baselines and the lattice sizes"
-        notes = (*notes, lacking)
+        notes.append("no shot of the calibration is among these: add them for the baselines and the lattice sizes")
     options, predictions = options_from_json(profile.options), {}
     for index, (name, style) in enumerate(data.items()):
         telling = part(progress, index / len(data), (index + 1) / len(data), name)
-        found = predict(
-            profile.styles[name],
-            name,
-            style,
-            profile.shots,
-            options,
-            sizes=sizes if tables else (),
-            progress=partial(telling, "leaving shots out"),
-        )
+        left_out = partial(telling, "leaving shots out")
+        size = sizes if tables else ()
+        found = predict(profile.styles[name], name, style, profile.shots, options, sizes=size, progress=left_out)
         predictions[name] = found
-        notes = (*notes, *found.notes, *([monochrome_note(name)] if style.monochrome else []))
+        notes += [*found.notes, *([monochrome_note(name)] if style.monochrome else [])]
     departures = departures_from(profile, samples, multipliers)
-    notes = (*notes, *(f"{each.shot} departs from the fixed rendering: {each.words}" for each in departures))
+    notes += [f"{each.shot} departs from the fixed rendering: {each.words}" for each in departures]
     rows = [row for name, found in predictions.items() for row in error_rows(name, found)]
     evaluation = Evaluation(
         camera=profile.camera,
         rows=tuple(_timed(rows, predictions) if tables else rows),
-        notes=notes,
+        notes=tuple(notes),
         raw=tuple(row for name, found in predictions.items() for row in raw_errors(name, found)),
         linearization=tuple(
             row for name, found in predictions.items() for row in linearization_errors(name, found, profile.matrix)

@@ -78,16 +78,6 @@ class BakedRender(Lattice):
         low, high = np.clip(x - 1e-3, 0.0, 1.0), np.clip(x + 1e-3, 0.0, 1.0)
         return np.asarray((apply_curve(self.output_curve, high) - apply_curve(self.output_curve, low)) / (high - low))
 
-    @cached_property
-    def mean_slope(self) -> Array:
-        """Mean slope of the lattice over the diagonal of its range, (3, 3): the matrix of the rendering."""
-        grey = np.linspace(0.05, 0.95, 19)[:, None].repeat(3, axis=1)
-        steps = 0.02 * np.eye(3)
-        rise = [(self.cube_values(grey + step) - self.cube_values(grey - step)) / 0.04 for step in steps]
-        lattice_values = self.cube_values(grey)
-        inside = np.all((lattice_values > 0.0) & (lattice_values < 1.0), axis=1)
-        return np.asarray(np.stack(rise, axis=-1)[inside if inside.any() else slice(None)].mean(axis=0))
-
 
 def _only_spreads(front: Curve, cube: Cube) -> bool:
     """True where a curve takes node levels to even steps and runs straight between them, to a sixtieth of a cell."""
@@ -152,18 +142,15 @@ class Linearization:
         return Lut((shaper(self.levels, len(self.curve), self.curve), Cube(self.values)), title)
 
 
-def inverse_of(render: BakedRender, near: Callable[[Array], Array] | None = None, size: int = SIZE) -> Linearization:
+def inverse_of(render: BakedRender, near: Callable[[Array], Array], size: int = SIZE) -> Linearization:
     """The inverse of a render. The same render makes the same table. O(n + N³) time.
 
-    near: a function JPEG (…, 3) → RAW that is followed beyond the colours that the render makes; without it the mean
-    slope of the render is. size: N nodes per axis.
+    near: a function JPEG (…, 3) → RAW, followed beyond the colours that the render makes. size: N nodes per axis.
     """
     levels = spaced_levels(render, size)
     knots = _on_axes(render.curve, levels)
     nodes = grid(levels)
-    # Without a function to follow, the lattice of the render is its mean slope near neutrals and nothing else.
-    beyond = render.to_values(nodes) @ np.linalg.inv(render.mean_slope).T if near is None else near(nodes)
-    prior = Prior(beyond, np.full(nodes.shape, PRIOR_WEIGHT))
+    prior = Prior(near(nodes), np.full(nodes.shape, PRIOR_WEIGHT))
     smooth = Regularization(SMOOTHNESS, SMOOTHNESS)
     known = Linearization(levels, render.curve, prior.values)
     colours = in_every_cell(levels, np.random.default_rng(1))

@@ -29,6 +29,11 @@ def clipping_render(method: Interpolation = "tetrahedral") -> BakedRender:
     return BakedRender((axis, axis, axis), cube, method, np.repeat(curve[:, None], 3, axis=1))
 
 
+def inverted(render: BakedRender, size: int = 33) -> Linearization:
+    """The inverse that follows the matrix where the render makes nothing."""
+    return inverse_of(render, lambda jpeg: render.to_values(jpeg) @ np.linalg.inv(MIXED).T, size)
+
+
 @pytest.fixture(scope="module")
 def render() -> BakedRender:
     return clipping_render()
@@ -36,7 +41,7 @@ def render() -> BakedRender:
 
 @pytest.fixture(scope="module")
 def inverse(render: BakedRender) -> Linearization:
-    return inverse_of(render, size=33)
+    return inverted(render)
 
 
 @pytest.mark.parametrize("method", ["tetrahedral", "trilinear"])
@@ -79,10 +84,10 @@ def test_colours_at_the_end_of_raw_come_back_where_no_code_clips(monkeypatch: py
     """The table may not run on past RAW 1 in the cells at the rim: the render clamps that, and hues change."""
     whole = clipping_render()
     dim = BakedRender(whole.levels, 0.7 * grid(whole.levels) @ MIXED.T, "tetrahedral", whole.output_curve)
-    trip = measure(dim, inverse_of(dim, size=33).as_lut(), count=1 << 12)
+    trip = measure(dim, inverted(dim).as_lut(), count=1 << 12)
     with monkeypatch.context() as patch:
         patch.setattr(linearization, "OUTSIDE", np.inf)
-        without = measure(dim, inverse_of(dim, size=33).as_lut(), count=1 << 12)
+        without = measure(dim, inverted(dim).as_lut(), count=1 << 12)
     assert trip.p999 < 0.2 * without.p999, (trip, without)
 
 
@@ -115,7 +120,7 @@ def test_clipped_codes_stay_clipped_and_leave_their_neighbours_alone(
 
 
 def test_the_fit_is_the_same_again(render: BakedRender) -> None:
-    one, other = inverse_of(render, size=9), inverse_of(render, size=9)
+    one, other = inverted(render, 9), inverted(render, 9)
     np.testing.assert_array_equal(one.values, other.values)
 
 
@@ -123,7 +128,7 @@ def test_a_render_without_a_response_comes_back_where_it_clips() -> None:
     axis = uniform_levels(9)
     cube = np.clip(grid(axis) @ MIXED.T, 0.0, 1.0)
     render = BakedRender.of(Lut((Cube(cube),)))
-    trip = measure(render, inverse_of(render, size=33), count=1 << 12)
+    trip = measure(render, inverted(render), count=1 << 12)
     assert trip.mean <= 0.002, trip  # its clips are rounded off between nodes, where colours have no inverse
 
 
