@@ -15,16 +15,13 @@ from pathlib import Path
 import numpy as np
 import simplejpeg
 from PIL import Image as Pillow
+from PIL.JpegImagePlugin import JpegImageFile
 
 from lutforge.arrays import Codes
 from lutforge.errors import ImageError
 from lutforge.images.tiff import byte_order, number, offset_in, read_directory
 
 SOI, EOI = b"\xff\xd8", b"\xff\xd9"
-
-_ZIGZAG = sorted(range(64), key=lambda at: (at // 8 + at % 8, at // 8 if (at // 8 + at % 8) % 2 else at % 8))
-"""Place in the 8 × 8 table of each entry as a file stores it (ITU-T T.81, figure A.6)."""
-
 
 COMMENT, APP0, APP1, APP2, APP15 = 0xFE, 0xE0, 0xE1, 0xE2, 0xEF
 """Second bytes of the markers of metadata segments (ITU-T T.81, table B.1)."""
@@ -55,7 +52,7 @@ class JpegHeader:
     """What stands in front of a JPEG's pixels.
 
     segments: the metadata, in the file's order. tables: 64 quantization steps for each component, row by row; sampling:
-    horizontal and vertical factors for each. plain: 8-bit YCbCr, Huffman-coded, as cameras write.
+    horizontal and vertical factors for each. plain: 8-bit YCbCr, as cameras write.
     """
 
     width: int
@@ -105,30 +102,21 @@ class JpegHeader:
 
 def read_header(data: bytes | mmap) -> JpegHeader | None:
     """Read what stands in front of the pixels; None for what is no JPEG, or a damaged one."""
-    segments: list[Segment] = []
-    tables: dict[int, tuple[int, ...]] = {}
-    frame, kind, at = b"", 0, 2
-    while data[:2] == SOI and at + 4 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
-        if marker == 0xFF:  # a fill byte
-            at += 1
-            continue
-        body = data[at + 4 : at + 2 + int.from_bytes(data[at + 2 : at + 4], "big")]
-        if APP0 <= marker <= APP15 or marker == COMMENT:
-            segments.append(Segment(marker, body))
-        elif marker == 0xDB:
-            place = 0
-            while place < len(body):
-                wide = body[place] >> 4
-                steps = struct.unpack_from(">64H" if wide else "64B", body.ljust(place + 130, b"\1"), place + 1)
-                tables[body[place] & 15] = tuple(step for _, step in sorted(zip(_ZIGZAG, steps, strict=True)))
-                place += 129 if wide else 65
-        elif 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            frame, kind = body, marker
-        elif marker == 0xDA:
-            return _header(frame, kind, tables, tuple(segments))
-        at += 4 + len(body)
-    return None
+    try:
+        file = JpegImageFile(BytesIO(data))
+        tables = tuple(tuple(file.quantization[table]) for *_, table in file.layer)
+    except Exception:  # Pillow raises many types on damaged files
+        return None
+    if not file.tile:  # it ends before the pixels
+        return None
+    coded_by_ycc = file.info.get("adobe_transform", bytes(name for name, *_ in file.layer) != b"RGB") == 1
+    return JpegHeader(
+        *file.size,
+        tuple(Segment(COMMENT if name == "COM" else APP0 + int(name[3:]), body) for name, body in file.applist),
+        tables,
+        tuple((horizontal, vertical) for _, horizontal, vertical, _ in file.layer),
+        plain=file.layers == len(file.layer) == 3 and coded_by_ycc,
+    )
 
 
 def metadata_end(data: bytes) -> int:
@@ -137,28 +125,6 @@ def metadata_end(data: bytes) -> int:
     while data[at : at + 1] == b"\xff" and (APP0 <= data[at + 1] <= APP15 or data[at + 1] == COMMENT):
         at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
     return at
-
-
-def _header(
-    frame: bytes, kind: int, tables: dict[int, tuple[int, ...]], segments: tuple[Segment, ...]
-) -> JpegHeader | None:
-    if len(frame) < 6 or len(frame) < 6 + 3 * frame[5]:
-        return None
-    components = [frame[6 + 3 * index : 9 + 3 * index] for index in range(frame[5])]
-    if not all(selector in tables for _, _, selector in components):
-        return None
-    height, width = struct.unpack_from(">HH", frame, 1)
-    transform = [segment.body[11] for segment in segments if segment.holds(ADOBE) and len(segment.body) >= 12]
-    named_rgb = [name for name, _, _ in components] == list(b"RGB")
-    return JpegHeader(
-        width,
-        height,
-        segments,
-        tuple(tables[selector] for _, _, selector in components),
-        tuple((factors >> 4, factors & 15) for _, factors, _ in components),
-        plain=kind in (0xC0, 0xC1, 0xC2) and frame[0] == 8 and len(components) == 3
-        and (transform[-1] == 1 if transform else not named_rgb),
-    )  # fmt: skip
 
 
 # --- Places in an EXIF block, so that a value can be changed where it stands -----------------------------------------

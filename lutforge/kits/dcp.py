@@ -6,7 +6,6 @@ magic number is 0x4352. A developer balances the RAW, multiplies it by the forwa
 up in HSV of linear ProPhoto RGB, and applies the tone curve so that hues are kept.
 """
 
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,17 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
-from lutforge.images.tiff import TiffWriter, float_field, long_field, rational_field, short_field, text_field
+from lutforge.images.tiff import (
+    TiffWriter,
+    byte_order,
+    float_field,
+    long_field,
+    number,
+    rational_field,
+    read_directory,
+    short_field,
+    text_field,
+)
 from lutforge.kits.kit import Look
 
 _SRGB = rgb_space("srgb")
@@ -182,7 +191,7 @@ def read_dcp(path: str | Path) -> DngProfile:
     curve = tags.get(50940, np.array([0.0, 0.0, 1.0, 1.0]))
     table = np.tile([0.0, 1.0, 1.0], (2, 1, 2, 1))  # of a profile without one: it changes nothing
     with reading(path, "a camera profile", LutError):
-        if 50981 in tags and 50982 in tags:
+        if 50981 in tags:
             hues, saturations, values = (int(count) for count in tags[50981])
             table = tags[50982].reshape(max(values, 1), hues, saturations, 3)
         return DngProfile(
@@ -229,26 +238,17 @@ def _tags(path: Path) -> dict[int, Array]:
     """The numbers of each tag of the first directory, text as its bytes. Raises LutError."""
     require_file(path, "a camera profile", LutError, 64 << 20)
     data = path.read_bytes()
-    order = {b"II": "<", b"MM": ">"}.get(data[:2])
-    if order is None or len(data) < 8 or struct.unpack_from(f"{order}H", data, 2)[0] != 0x4352:
+    order = byte_order(data)
+    if order is None or len(data) < 8 or number(data, order, "H", 2) != 0x4352:
         raise LutError(f"{path}: no DNG camera profile: it does not begin with IIRC or MMCR")
     found: dict[int, Array] = {}
     with reading(path, "a camera profile", LutError):
-        (at,) = struct.unpack_from(f"{order}I", data, 4)
-        (count,) = struct.unpack_from(f"{order}H", data, at)
-        for entry in range(at + 2, at + 2 + 12 * count, 12):
-            tag, kind, number = struct.unpack_from(f"{order}HHI", data, entry)
-            if kind not in _TYPES:
+        entries, _ = read_directory(data, order, number(data, order, "I", 4))
+        for tag, entry in entries.items():
+            if entry.kind not in _TYPES:
                 continue
-            numbers = number * (2 if kind in (5, 10) else 1)
-            if numbers > 1 << 20:  # Adobe's largest tables have a fifth of that
-                raise LutError(f"{path}: tag {tag} names {number:,} values, more than a camera profile has")
-            dtype = np.dtype(f"{order}{_TYPES[kind]}")
-            place = entry + 8
-            if numbers * dtype.itemsize > 4:
-                (place,) = struct.unpack_from(f"{order}I", data, place)
-            values = np.frombuffer(data, dtype, numbers, place).astype(np.float64)
-            if kind in (5, 10):
+            values = np.frombuffer(data[entry.place], f"{order}{_TYPES[entry.kind]}").astype(np.float64)
+            if entry.kind in (5, 10):
                 values = values[::2] / np.where(values[1::2] == 0, 1.0, values[1::2])
             if not np.all(np.isfinite(values)):
                 raise LutError(f"{path}: tag {tag} holds a number that is not finite")

@@ -19,8 +19,9 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
+from lutforge.images.icc import profile_name
 from lutforge.kits.kit import Look
-from lutforge.luts.least_squares import fit_cube, sample
+from lutforge.luts.least_squares import fit_cube
 from lutforge.luts.ops import Cube, Curve
 
 ENTRIES = 4096
@@ -80,8 +81,8 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
     even = np.linspace(0.0, 1.0, len(level))
     column = np.rint(np.interp(_ROOTS, level, even) * 65535) / 65535
     curve = Curve(np.repeat(column[:, None], 3, axis=1))
-    samples = sample(codes, ((level, level, level),), np.ones(3))
-    values = fit_cube(samples, 0, (even, even, even), "tetrahedral", lambda root: curve(root**GAMMA))
+    levels, knots = (level, level, level), (even, even, even)
+    values = fit_cube(codes, levels, knots, "tetrahedral", curve=lambda root: curve(root**GAMMA))
     return IccProfile(f"{look.title}{variant}", curve, Cube(np.rint(values * 65535) / 65535))
 
 
@@ -151,7 +152,7 @@ def write_icc(profile: IccProfile, path: Path) -> None:
 
 def read_icc(path: str | Path) -> IccProfile:
     """Read a camera profile as LutForge writes it: lut16Type, RGB to Lab. Raises LutError, one line."""
-    _, tags = _tags(Path(path))
+    data, tags = _tags(Path(path))
     table = tags.get(b"A2B0", b"")
     with reading(path, "an ICC profile", LutError):
         kind, inputs, outputs, nodes, *_, entries, after = struct.unpack_from(">4s4x3Bx36x2H", table)
@@ -161,20 +162,22 @@ def read_icc(path: str | Path) -> IccProfile:
             )
         numbers = np.frombuffer(table, ">u2", 3 * (entries + nodes**3), 52) / 65535
         curve, cube = np.split(numbers, [3 * entries])
-        return IccProfile(_name(tags), Curve(curve.reshape(3, entries).T), Cube(cube.reshape(nodes, nodes, nodes, 3)))
+        return IccProfile(
+            profile_name(data), Curve(curve.reshape(3, entries).T), Cube(cube.reshape(nodes, nodes, nodes, 3))
+        )
 
 
 def icc_lines(path: str | Path) -> list[str]:
     """What is in an ICC profile, anyone's, and what Little CMS makes of it. Raises LutError where it is none."""
     from PIL import Image, ImageCms
 
-    header, tags = _tags(Path(path))
+    data, tags = _tags(Path(path))
     names = {b"scnr": "input", b"mntr": "display", b"prtr": "output", b"spac": "colour space", b"link": "device link"}
-    kind, space, pcs = (header[at : at + 4] for at in (12, 16, 20))
+    kind, space, pcs = (data[at : at + 4] for at in (12, 16, 20))
     lines = [
         f"{path}: ICC profile",
-        f"  title     {_name(tags)}",
-        f"  1. version {header[8]}.{header[9] >> 4}, class {names.get(kind, 'other')}, {_word(space)} to {_word(pcs)}",
+        f"  title     {profile_name(data)}",
+        f"  1. version {data[8]}.{data[9] >> 4}, class {names.get(kind, 'other')}, {_word(space)} to {_word(pcs)}",
         f"  2. tags {', '.join(_word(tag) for tag in tags)}",
     ]
     if space != b"RGB ":
@@ -200,7 +203,7 @@ def icc_lines(path: str | Path) -> list[str]:
 
 
 def _tags(path: Path) -> tuple[bytes, dict[bytes, bytes]]:
-    """The header, and the data of each tag. Raises LutError."""
+    """The bytes of a file, and those of each tag. Raises LutError."""
     require_file(path, "an ICC profile", LutError, 64 << 20)
     data = path.read_bytes()
     if len(data) < 132 or data[36:40] != b"acsp":
@@ -210,16 +213,7 @@ def _tags(path: Path) -> tuple[bytes, dict[bytes, bytes]]:
         if count > 200:
             raise LutError(f"{path}: an ICC profile of {count:,} tags")
         places = [struct.unpack_from(">4s2I", data, 132 + 12 * index) for index in range(count)]
-        return data[:128], {tag: data[start : start + length] for tag, start, length in places}
-
-
-def _name(tags: dict[bytes, bytes]) -> str:
-    """The description: text of version 2, or the first of version 4's."""
-    data = tags.get(b"desc", b"")
-    if data[:4] == b"mluc" and len(data) >= 28:
-        length, start = struct.unpack_from(">2I", data, 20)
-        return one_line(data[start : start + length].decode("utf-16-be", "replace"), 160)
-    return one_line(data[12:].split(b"\0")[0].decode("latin-1"), 160)
+        return data, {tag: data[start : start + length] for tag, start, length in places}
 
 
 def _word(tag: bytes) -> str:

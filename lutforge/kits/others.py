@@ -3,7 +3,6 @@
 And that of Blender, which needs a config.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
@@ -14,35 +13,33 @@ from lutforge.luts.check import verify
 from lutforge.ocio.config import write_config
 
 
-@dataclass(frozen=True)
-class LutFile:
-    """A LUT of a kit. ending: of its name; space: of the colours on both sides; size: nodes per axis."""
-
-    ending: str
-    space: str
-    size: int | None = None
-
-
 def _fed(
-    program: str, title: str, source: Source, tried: str, files: tuple[str | LutFile, ...], steps: tuple[str, ...]
+    program: str,
+    title: str,
+    source: Source,
+    tried: str,
+    files: tuple[str, ...],
+    steps: tuple[str, ...],
+    space: str = "srgb",
+    size: int | None = None,
 ) -> Kit:
-    """A kit of ".icc", ".dcp" and LUTs.
+    """A kit of files with these endings: ".dcp", ".icc", and LUTs of `size` nodes per axis within a space.
 
     steps: what to do; "{}" is the name of the look, "{best}" that of the LUT whose error is least, read back.
     """
 
     def write(look: Look, folder: Path) -> list[str]:
         errors = {}
-        for file in files:
-            if file == ".dcp":
-                write_dcp(fit_dng_profile(look), folder / f"{look.file_name}.dcp")
-            elif file == ".icc":
+        for ending in files:
+            path = folder / f"{look.file_name}{ending}"
+            if ending == ".dcp":
+                write_dcp(fit_dng_profile(look), path)
+            elif ending == ".icc":
                 for variant in VARIANTS:
                     write_icc(fit_icc_profile(look, variant), folder / f"{look.file_name}{variant}.icc")
-            elif isinstance(file, LutFile):
-                path, function = folder / f"{look.file_name}{file.ending}", look.between(file.space, file.space)
-                shown = file.space == "srgb"
-                lut = bake(function, path, size=file.size, display_referred=shown, title=look.title)
+            else:
+                function, shown = look.between(space, space), space == "srgb"
+                lut = bake(function, path, size=size, display_referred=shown, title=look.title)
                 errors[path.name] = verify(path, function, lut, display_referred=shown).mean
         best = min(errors, key=errors.__getitem__, default="")
         return [step.format(look.file_name, best=best) for step in steps]
@@ -93,33 +90,30 @@ OTHER_KITS = (
     ),
     _fed(
         "resolve", "DaVinci Resolve", "any", "the files in OpenColorIO; Resolve itself was not run",
-        (
-            LutFile(" davinci-intermediate.resolve.cube", "davinci-intermediate", 65),
-            LutFile(" davinci-intermediate.plain.cube", "davinci-intermediate", 65),
-        ),
+        (" davinci-intermediate.resolve.cube", " davinci-intermediate.plain.cube"),
         (
             "Project settings → Color management: timeline space DaVinci Wide Gamut, gamma DaVinci Intermediate.",
             'Lookup tables → Open LUT folder: copy "{best}" there, the nearer of the two, and Update lists. Apply it '
             "to a node of footage in the timeline's space.",
         ),
+        "davinci-intermediate", 65,
     ),
     _fed(
         "nuke", "Nuke", "any", "the CLF in OpenColorIO; Nuke itself was not run",
-        (LutFile(" acescg.clf", "acescg"),),
-        ('A node OCIOFileTransform with "{} acescg.clf" takes and gives scene-linear ACEScg.',),
+        (" acescg.clf",),
+        ('A node OCIOFileTransform with "{} acescg.clf" takes and gives scene-linear ACEScg.',), "acescg",
     ),
     _fed(
-        "ffmpeg", "ffmpeg", "any", "ffmpeg 5.1 (lut3d)", (LutFile(".cube", "srgb", 65),),
-        ('ffmpeg -i IN.mov -vf "lut3d=file={}.cube:interp=tetrahedral" OUT.mov',),
+        "ffmpeg", "ffmpeg", "any", "ffmpeg 5.1 (lut3d)", (".cube",),
+        ('ffmpeg -i IN.mov -vf "lut3d=file={}.cube:interp=tetrahedral" OUT.mov',), size=65,
     ),
     _fed(
         "obs", "OBS Studio", "any", "not run; a plain cube, which it reads by its manual",
-        (LutFile(".cube", "srgb", 33),),
-        ("Right-click the source → Filters → + → Apply LUT: {}.cube.",),
+        (".cube",), ("Right-click the source → Filters → + → Apply LUT: {}.cube.",), size=33,
     ),
     _fed(
-        "gimp", "GIMP with G'MIC", "any", "G'MIC 2.9 (command line)", (LutFile(".cube", "srgb", 65),),
-        ("Filters → G'MIC → Colors → Apply External CLUT: {}.cube.",),
+        "gimp", "GIMP with G'MIC", "any", "G'MIC 2.9 (command line)", (".cube",),
+        ("Filters → G'MIC → Colors → Apply External CLUT: {}.cube.",), size=65,
     ),
 )  # fmt: skip
 

@@ -10,7 +10,7 @@ largest errors, and a power mean of their curvatures counts these for more.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -54,11 +54,6 @@ class MeasuredLines:
     t: Array
     values: tuple[Array, Array, Array]
     share: Array
-
-    def behind(self, curve: Array) -> "MeasuredLines":
-        """Return the lines with a curve behind the function."""
-        r, g, b = (apply_curve(curve, y) for y in self.values)
-        return replace(self, values=(r, g, b))
 
 
 def measure_lines(function: Function, gain: Array, stops: float = 0.0) -> MeasuredLines:

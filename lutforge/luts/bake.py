@@ -20,7 +20,7 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, apply_curve
 from lutforge.luts.axes import Axes, fit_axes, measure_lines
-from lutforge.luts.least_squares import fit_cube, sample
+from lutforge.luts.least_squares import fit_cube
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import MAX_SIZE, Form, Lut
@@ -79,7 +79,7 @@ def bake_forms(
     highest: float = 1.0,
     progress: Progress = silent,
 ) -> list[Lut]:
-    """Bake one transform to several forms, and evaluate it once for all forms of a size.
+    """Bake one transform to several forms.
 
     tolerance: instead of a size, the ΔE00 that 99 % of colours keep within; the smallest size that does is taken.
     display_referred: the output is encoded sRGB, so that ΔE00 has a meaning. highest: inputs reach from 0 to this, for
@@ -97,19 +97,11 @@ def bake_forms(
     if not 0 < highest < 65504:
         raise LutError(f"LUT: inputs up to {highest:g}; half floats end at 65504")
     scenes = takes_scenes(transform)
-    known: dict[tuple[str, int], Fit] = {}
-
-    def together(form: Form) -> str:
-        return form if scenes or form == "plain" else "curves"
+    reach = transform.highest() if isinstance(transform, Transform) and scenes else highest
 
     def fitted(target: Target, size: int) -> tuple[Op, ...]:
-        form, key = target.form, (together(target.form), size)
-        if key not in known:
-            forms = list(dict.fromkeys(other.form for other in targets if together(other.form) == key[0]))
-            reach = highest if scenes and form == "full" else _highest(transform, highest)
-            known[key] = evaluate(transform, size, forms, reach, progress)
-        progress(f"{size}³ nodes: fitted", 0.8)
-        return known[key](form, target.interpolation or "tetrahedral")
+        most = highest if scenes and target.form == "full" else reach
+        return fit(transform, target.form, size, target.interpolation or "tetrahedral", most, progress)
 
     luts = []
     for target in targets:
@@ -118,7 +110,7 @@ def bake_forms(
         if target.size is not None and not (isinstance(target.size, SupportsIndex) and 2 <= target.size <= MAX_SIZE):
             raise LutError(f"{target.size} nodes per axis: choose 2 to {MAX_SIZE} (17, 33 and 65 are usual)")
         if tolerance is not None:
-            ops = _smallest(transform, _highest(transform, highest), target, fitted, tolerance)
+            ops = _smallest(transform, reach, target, fitted, tolerance)
         elif (footage := _decoded(transform)) is not None and target.form == "full":
             (lut,) = bake_forms(footage[1], [target], display_referred=display_referred, progress=progress)
             ops = (footage[0], *lut.ops)
@@ -152,10 +144,6 @@ def _decoded(transform: ColourFunction) -> tuple[Curve, Transform] | None:
         return None
     codes = np.repeat(np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None], 3, axis=1)
     return Curve(first(codes)), Transform(transform.stages[1:])
-
-
-def _highest(transform: ColourFunction, highest: float) -> float:
-    return transform.highest() if isinstance(transform, Transform) and takes_scenes(transform) else highest
 
 
 def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] | None:
@@ -366,75 +354,55 @@ def _checked(function: Function) -> Function:
 
 
 # --- Fit a cube of a given size: axes along which it is smooth, then the nodes by least squares ----------------------
-# What is costly is evaluating the transform; `evaluate` does it once for all forms of a size.
 
 
-Fit = Callable[[Form, Interpolation], tuple[Op, ...]]
-"""The operations of a form that come nearest to a transform, under the reader's own interpolation."""
-
-
-def evaluate(
-    transform: ColourFunction, size: int, forms: Sequence[Form], highest: float = 1.0,
+def fit(
+    transform: ColourFunction, form: Form, size: int, method: Interpolation, highest: float = 1.0,
     progress: Progress = silent,
-) -> Fit:  # fmt: skip
-    """Evaluate a transform for fits of `size` nodes per axis, which the returned function makes. O(size³) evaluations.
+) -> tuple[Op, ...]:  # fmt: skip
+    """The operations that come nearest to a transform, under the reader's own interpolation. O(size³) evaluations.
 
-    forms: "full" and "shaper" share what is evaluated; "plain" stands alone. highest: inputs reach from 0 to
-    this. Raises LutError where the transform is no function of colours.
+    highest: inputs reach from 0 to this. Raises LutError where the transform is no function of colours.
     """
     progress(f"{size}³ nodes: where they lie", 0.0)
-    plain = "plain" in forms
-    if highest == 1 and not plain:
+    if highest == 1 and form != "plain":
         parts = parts_of(transform)
     else:  # nothing is taken out of it
         whole = transform if highest == 1 else lambda x: transform(x * highest)
         parts = Parts(_checked(whole), stops=float(np.log2(max(highest, 1.0))))
-    designs: dict[Form, Axes] = {}  # by form the axes of its cube, behind the gain of the parts
-    if plain:
-        designs["plain"] = Axes(None, uniform_levels(size))
+    gain, curve, behind = parts.gain, parts.curve, parts.output_curve
+    function, weight = parts.cube_values, None
+    if behind is not None and form == "full":
+        weight = slope_weight(behind)
+    elif behind is not None:  # the cube holds the output curve, too
+        function, curve = lambda x: apply_curve(behind, parts.cube_values(x)), None
+    if form == "plain":
+        axes = Axes(None, uniform_levels(size))
     else:
-        lines = measure_lines(parts.cube_values, parts.gain, parts.stops)
-        rendered = lines if parts.output_curve is None else lines.behind(parts.output_curve)
-        for form in forms:
-            if form == "full":
-                weight = None if parts.output_curve is None else slope_weight(parts.output_curve)
-                designs[form] = fit_axes(lines, size, weight, parts.curve)
-            else:
-                curve = parts.curve if parts.output_curve is None else None
-                axes = fit_axes(rendered, size, None, curve)
-                folded = levels_behind_gain(axes.levels, parts.gain)
-                r, g, b = (axis * gain for axis, gain in zip(folded, parts.gain, strict=True))
-                designs[form] = Axes(axes.curve, (r, g, b))
-    samples = sample(
-        lambda x: parts.cube_values(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
-        tuple(axes.levels for axes in designs.values()),
-        parts.gain,
-        lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share),
-    )
-
-    def fit(form: Form, method: Interpolation) -> tuple[Op, ...]:
-        axes, curve = designs[form], parts.output_curve if form == "full" else None
-        rendered = samples
-        if parts.output_curve is not None and curve is None:
-            rendered = samples.behind(parts.output_curve)
-        weight = None if curve is None else slope_weight(curve)
-        r, g, b = (axes.stretched(np.stack(axes.levels, axis=1))[:, c].copy() for c in range(3))
-        values = fit_cube(rendered, list(designs).index(form), (r, g, b), method, axes.stretched, weight, curve is None)
-        if form == "full":
-            ahead = Matrix((parts.gain / highest)[:, None] * parts.before)
-            behind = () if parts.output_curve is None else (Curve(parts.output_curve),)
-            return joined((ahead, Range(), *_shaper(axes), Cube(values, method), *behind, Matrix(parts.matrix)))
-        folded, gain = Cube(values @ parts.matrix.T, method), parts.gain
-        if form == "plain":
-            return (folded,)
-        if np.all(gain == 1):
-            return (*_shaper(axes, highest), folded)
-        r, g, b = (axis / factor for axis, factor in zip(axes.levels, gain, strict=True))
-        at = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None] * gain
-        in_front = None if axes.curve is None else axes.stretched(at)
-        return shaper((r, g, b), SHAPER_SIZE, in_front, highest), folded
-
-    return fit
+        axes = fit_axes(measure_lines(function, gain, parts.stops), size, weight, curve)
+        if form == "shaper":
+            r, g, b = (axis * factor for axis, factor in zip(levels_behind_gain(axes.levels, gain), gain, strict=True))
+            axes = Axes(axes.curve, (r, g, b))
+    r, g, b = (axes.stretched(np.stack(axes.levels, axis=1))[:, c].copy() for c in range(3))
+    values = fit_cube(
+        lambda x: function(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
+        axes.levels, (r, g, b), method, gain, axes.stretched, weight, limit=weight is None,
+        progress=lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share),
+    )  # fmt: skip
+    progress(f"{size}³ nodes: fitted", 0.8)
+    if form == "full":
+        ahead = Matrix((gain / highest)[:, None] * parts.before)
+        curves = () if behind is None else (Curve(behind),)
+        return joined((ahead, Range(), *_shaper(axes), Cube(values, method), *curves, Matrix(parts.matrix)))
+    folded = Cube(values @ parts.matrix.T, method)
+    if form == "plain":
+        return (folded,)
+    if np.all(gain == 1):
+        return (*_shaper(axes, highest), folded)
+    r, g, b = (axis / factor for axis, factor in zip(axes.levels, gain, strict=True))
+    at = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None] * gain
+    in_front = None if axes.curve is None else axes.stretched(at)
+    return shaper((r, g, b), SHAPER_SIZE, in_front, highest), folded
 
 
 def _shaper(axes: Axes, high: float = 1.0) -> tuple[Op, ...]:

@@ -7,13 +7,12 @@ take a dozen steps, and no smoothness term is needed.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError, LutError
-from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
+from lutforge.interpolation import Interpolation, Levels, interpolate
 from lutforge.model.lattice import grid
 from lutforge.sobol import sobol
 from lutforge.solvers.lattice_regression import Prior, fit_lattice
@@ -25,99 +24,47 @@ GREY_POINTS = 1025
 """Points of the grey axis, beside those of the whole cube."""
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """A function at the points of a fit.
-
-    x, y: (n, 3), points even over the cells of each of `designs` in turn, and then GREY_POINTS of the grey axis.
-
-    on_face: (points, 3), which coordinates were beyond an end of their axis and clamped to it; counted: (points,), the
-    weight that corrects for how many inputs really lie there. nodes: per design (N, N, N, 3), the values at its nodes.
-    """
-
-    x: Array
-    y: Array
-    designs: tuple[Levels, ...]
-    on_face: Mask
-    counted: Array
-    nodes: tuple[Array, ...]
-
-    def behind(self, curve: Array) -> "Samples":
-        """Return the samples with a curve behind the function."""
-        return replace(self, y=apply_curve(curve, self.y), nodes=tuple(apply_curve(curve, y) for y in self.nodes))
-
-    def of_design(self, design: int) -> tuple[Array, Array, Array]:
-        """Return x, y (m, 3) and weights (m,) for a fit at one of the designs: the points, its nodes, the grey axis.
-
-        A weight is the geometric mean of every input and every cell counting alike, by the density of the points (the
-        balance heuristic of Veach and Guibas 1995).
-        """
-        levels = self.designs[design]
-        density = np.mean([1 / self._cells(known) for known in self.designs], axis=0)
-        share = self.counted / (np.sqrt(self._cells(levels)) * density)
-        widths = [np.gradient(axis) * (len(axis) - 1) for axis in levels]
-        at_nodes = np.sqrt(np.einsum("i,j,k->ijk", *widths)).ravel()
-        count = len(share)
-        # A node counts half of a point: more, and the fit comes near to sampling.
-        return (
-            np.concatenate([self.x[:count], grid(levels).reshape(-1, 3), self.x[count:]]),
-            np.concatenate([self.y[:count], self.nodes[design].reshape(-1, 3), self.y[count:]]),
-            np.concatenate([share / share.mean(), 0.5 * at_nodes / at_nodes.mean(), np.ones(GREY_POINTS)]),
-        )
-
-    def _cells(self, levels: Levels) -> Array:
-        """The size of the cell that each of the points is in, (points,), 1 where cells are even."""
-        size = np.ones(len(self.counted))
-        for c, axis in enumerate(levels):
-            widths = np.diff(axis) * (len(axis) - 1)
-            cell = np.searchsorted(axis[1:-1], self.x[: len(size), c], side="right")
-            size *= np.where(self.on_face[:, c], 1.0, widths[cell])
-        return size
-
-
-def sample(
-    function: Function,
-    designs: tuple[Levels, ...],
-    gain: Array,
-    progress: Callable[[float], None] = lambda share: None,
-) -> Samples:
-    """Evaluate a function (n, 3) in [0, 1] → (n, 3) for fits at each of `designs`, of the same size.
-
-    gain: in front of it, as `measure_lines` has it. progress: called with the share of the points that is done.
-    """
-    spread, on_face, counted = _points(designs, gain)
-    grey = np.repeat(np.linspace(0.0, 1.0, GREY_POINTS)[:, None], 3, axis=1)
-    nodes = [grid(levels) for levels in designs]
-    x = np.concatenate([spread, grey, *(at.reshape(-1, 3) for at in nodes)])
-    y = np.empty_like(x)
-    for start in range(0, len(x), 1 << 16):
-        progress(start / len(x))
-        part = slice(start, start + (1 << 16))
-        y[part] = function(x[part])
-    count = len(spread) + GREY_POINTS
-    values = tuple(part.reshape(nodes[0].shape) for part in np.split(y[count:], len(designs)))
-    return Samples(x[:count], y[:count], designs, on_face, counted, values)
-
-
 def fit_cube(
-    samples: Samples,
-    design: int,
+    function: Function,
+    levels: Levels,
     knots: Levels,
     method: Interpolation,
+    gain: Array | float = 1.0,
     curve: Function | None = None,
     weight: Function | None = None,
     limit: bool = True,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Array:
-    """Node values (N, N, N, 3) at one of the designs that come nearest to the samples under the given interpolation.
+    """Node values (N, N, N, 3) at `levels` that come nearest to a function (n, 3) in [0, 1] → (n, 3), interpolated.
 
-    knots: the design's levels on the axes of the cube, to which `curve` takes inputs. Black and white are the
-    function's own; the grey axis counts 30 times. weight: (n, 3) of outputs → (n,), how much a squared error
-    counts there, as an output curve behind the cube magnifies it; then a second, reweighted fit (Lawson 1961) brings
-    down the largest errors. limit: no node leaves the function's own range, whatever would fit best, so that a
-    file keeps within the legal range.
+    knots: the levels on the axes of the cube, to which `curve` takes inputs. gain: in front of the function, as
+    `measure_lines` has it. Black and white are the function's own; the grey axis counts 30 times. weight: (n, 3) of
+    outputs → (n,), how much a squared error counts there, as an output curve behind the cube magnifies it; then a
+    second, reweighted fit (Lawson 1961) brings down the largest errors. limit: no node leaves the function's own range,
+    whatever would fit best, so that a file keeps within the legal range. progress: called with the share of the points
+    at which the function is evaluated.
     """
-    x, y, omega = samples.of_design(design)
-    nodes = samples.nodes[design]
+    spread, on_face, counted = _points(levels, np.broadcast_to(gain, 3))
+    count, at_nodes = len(spread), grid(levels)
+    grey = np.repeat(np.linspace(0.0, 1.0, GREY_POINTS)[:, None], 3, axis=1)
+    x = np.concatenate([spread, grey, at_nodes.reshape(-1, 3)])
+    y = np.empty_like(x)
+    for start in range(0, len(x), 1 << 16):
+        progress(start / len(x))
+        y[start : start + (1 << 16)] = function(x[start : start + (1 << 16)])
+    nodes = y[count + GREY_POINTS :].reshape(at_nodes.shape)
+    # A weight is the geometric mean of every input and every cell counting alike.
+    cell_size = np.ones(count)
+    for c, axis in enumerate(levels):
+        widths = np.diff(axis) * (len(axis) - 1)
+        cell = np.searchsorted(axis[1:-1], spread[:, c], side="right")
+        cell_size *= np.where(on_face[:, c], 1.0, widths[cell])
+    node_size = np.sqrt(np.einsum("i,j,k->ijk", *(np.gradient(axis) * (len(axis) - 1) for axis in levels))).ravel()
+    share = counted / (np.sqrt(cell_size) * (1 / cell_size))
+    # A node counts half of a point: more, and the fit comes near to sampling.
+    omega = np.concatenate([share / share.mean(), np.ones(GREY_POINTS), 0.5 * node_size / node_size.mean()])
+    order = np.r_[0:count, count + GREY_POINTS : len(x), count : count + GREY_POINTS]
+    x, y, omega = x[order], y[order], omega[order]
     counts = None if weight is None else weight(y)
     if counts is not None:
         omega *= counts
@@ -134,19 +81,18 @@ def fit_cube(
     return values
 
 
-def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, Mask, Array]:
-    """Points (n, 3), even over the cells of each design, some of them on its faces: `on_face` and `counted` of Samples.
+def _points(levels: Levels, gain: Array) -> tuple[Array, Mask, Array]:
+    """Points (n, 3), even over the cells, some of them on the faces of the cube.
 
-    Where a gain clips its inputs, many of them fall on the upper face.
+    With them which coordinates were beyond an end of their axis and clamped to it, (n, 3), and a weight that corrects
+    for how many inputs really lie there, (n,): where a gain clips its inputs, many of them fall on the upper face.
     """
     overhang = 0.03  # share of the points beyond either end of an axis, clamped to its face
-    size = len(designs[0][0])
-    cells = (size - 1) ** 3
+    cells = (len(levels[0]) - 1) ** 3
     # Four points a cell; above half a million one for each is enough beside its node.
-    count = max(1 << 16, min(4 * cells, max(1 << 19, cells)))
-    u = sobol(count)
-    even = np.linspace(0.0, 1.0, size)
-    counted = np.ones(count)
+    u = sobol(max(1 << 16, min(4 * cells, max(1 << 19, cells))))
+    even = np.linspace(0.0, 1.0, len(levels[0]))
+    counted = np.ones(len(u))
     on_face = np.empty(u.shape, dtype=np.bool_)
     x = np.empty_like(u)
     for c in range(3):
@@ -156,9 +102,7 @@ def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, Mask, Arra
         upper = max(beyond, overhang) / above / (1.0 - beyond)
         counted *= np.where(place > 1, np.sqrt(upper), 1.0)
         on_face[:, c] = (place > 1) | (place < 0)
-        for number, design in enumerate(designs):  # in turn: any stretch of a Sobol sequence is even
-            part = slice(number * count // len(designs), (number + 1) * count // len(designs))
-            x[part, c] = np.interp(np.clip(place[part], 0.0, 1.0), even, design[c])
+        x[:, c] = np.interp(np.clip(place, 0.0, 1.0), even, levels[c])
     return x, on_face, counted
 
 

@@ -201,21 +201,6 @@ def test_a_white_balance_in_the_shaper_is_fitted_with_it(tmp_path: Path, gain: t
     assert errors[0] < errors[1] < 1.3 * errors[2]
 
 
-def test_forms_of_one_size_share_what_is_evaluated() -> None:
-    evaluated = 0
-
-    def counted(x: ArrayLike) -> Array:
-        nonlocal evaluated
-        evaluated += len(np.asarray(x))
-        return look(x)
-
-    bake(counted, size=9)
-    alone, evaluated = evaluated, 0
-    full, shaped = bake_forms(counted, [Target("full", 9), Target("shaper", 9)])
-    assert evaluated < 1.1 * alone
-    assert full.summary.endswith(shaped.summary)
-
-
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
 def test_a_hald_image_is_its_cube_to_16_bits(tmp_path: Path, name: str) -> None:
     cube = bake(look, tmp_path / name, size=16).cube

@@ -4,8 +4,6 @@ For RawTherapee, darktable, G'MIC and ImageMagick; 16 bits per channel, PNG or T
 loaded where there is one: every LUT loads this file.
 """
 
-import struct
-import zlib
 from math import isqrt
 from pathlib import Path
 
@@ -39,55 +37,32 @@ def write(lut: Lut, path: Path) -> None:
 def read(path: Path) -> Lut:
     """Read it through OpenImageIO, after its size is known to be a Hald's. Raises LutError."""
     import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+    from PIL.PngImagePlugin import PngImageFile
 
-    data = path.read_bytes()
-    magic = (b"\x89PNG", b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
-    if not data.startswith(magic):
+    from lutforge.images.read import ImageReader
+
+    with path.open("rb") as file:
+        head = file.read(4)
+    if head not in (b"\x89PNG", b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+"):
         raise LutError(f"{path}: neither a PNG nor a TIFF image")
-    if data.startswith(b"\x89PNG"):
-        _check_png(path, data)
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise LutError(f"{path}: cannot be read as an image: {oiio.geterror()}")
-    try:
-        spec = source.spec()
+    if head == b"\x89PNG":
+        with PngImageFile(path) as picture:
+            picture.verify()  # libpng would say on the terminal what is damaged
+    with ImageReader(path) as reader:
+        spec = reader.spec
         level = next((level for level in range(2, 13) if level**3 == spec.width), None)
-        if level is None or spec.height != spec.width or spec.depth > 1:
+        if level is None or spec.height != spec.width:
             raise LutError(
                 f"{path}: {spec.width} × {spec.height} pixels; a Hald image is square, of 8, 27, 64, 125, 216, 343, "
                 "512 … pixels a side"
             )
         if not 3 <= spec.nchannels <= 4:
             raise LutError(f"{path}: {spec.nchannels} channels; a Hald image has three")
-        bits = {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype)
-        title, *comments = str(spec.get_string_attribute("ImageDescription"))[:1000].split("; ")
-        pixels = source.read_image(oiio.FLOAT)
-        if pixels is None:
-            raise LutError(f"{path}: damaged: {source.geterror()}")
-    finally:
-        source.close()
-    table = np.asarray(pixels, dtype=np.float64).reshape(spec.width**2, -1)[:, :3]
-    if not np.all(np.isfinite(table)):
-        raise LutError(f"{path}: a pixel is not a finite number")
-    size = level * level
-    cube = Cube(cube_of_rows(table, size), "trilinear")
+        table = reader.read(reader.whole).astype(np.float64).reshape(spec.width**2, -1)[:, :3]
+    bits = {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype)
+    title, *comments = str(spec.get_string_attribute("ImageDescription"))[:1000].split("; ")
+    cube = Cube(cube_of_rows(table, level * level), "trilinear")
     return Lut((cube,), title[:200], tuple(comments), {"format": "Hald image", **({"bits": str(bits)} if bits else {})})
-
-
-def _check_png(path: Path, data: bytes) -> None:
-    """Refuse a PNG whose chunks are damaged: libpng would say so on the terminal."""
-    at, number = 8, 0
-    while at + 12 <= len(data):
-        (length,) = struct.unpack_from(">I", data, at)
-        kind, end = data[at + 4 : at + 8], at + 8 + length
-        if end + 4 > len(data) or zlib.crc32(data[at + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
-            break
-        if (kind == b"IHDR") != (number == 0) or (number == 0 and length != 13):
-            break
-        if kind == b"IEND":
-            return
-        at, number = end + 4, number + 1
-    raise LutError(f"{path}, byte {min(at, len(data))}: damaged or cut PNG file")
 
 
 HALD = FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), write, SIZES, 64, 16, read=read)
