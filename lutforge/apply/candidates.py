@@ -7,8 +7,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply.blocks import apply_to_pixels
-from lutforge.apply.profile_recipe import ProfileRecipe
-from lutforge.apply.source_settings import AS_SHOT, STEADY, choose_camera
+from lutforge.apply.profile_recipe import AS_SHOT, STEADY, ProfileRecipe, choose_camera
 from lutforge.arrays import Pixels
 from lutforge.errors import ImageError, SettingsError
 from lutforge.images.icc import foreign_profile, pixels_to_srgb

@@ -15,8 +15,9 @@ from typing import Any, TypeVar
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
+from lutforge.apply.batch import Job, Outcome, run_job
 from lutforge.apply.grade import Recipe
-from lutforge.apply.job import Failure, Job, Outcome, run_job
+from lutforge.apply.inputs import Failure
 from lutforge.errors import LutForgeError
 
 Sent = TypeVar("Sent", Recipe, Job)

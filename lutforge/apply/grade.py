@@ -15,9 +15,8 @@ from lutforge.child_processes import guarded
 from lutforge.errors import ConfigError, LutError, LutForgeError, alternatives
 from lutforge.interpolation import Interpolation
 from lutforge.luts.input_and_output import ENCODED, read_input_and_output
-from lutforge.luts.processor import OCIO_ERRORS, of_codes
 from lutforge.luts.reading import stranger
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import OCIO_ERRORS, Lut, of_codes
 
 if TYPE_CHECKING:
     from lutforge.model.falloff import Falloff
@@ -112,11 +111,12 @@ class LutRecipe(Recipe):
             )
         processor, comments = stranger(self.path, self.interpolation)
         ends = read_input_and_output(comments)
+        takes_linear, gives_linear = (False, False) if ends is None else ends.are_linear
         return Grade(
             processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
             f"graded with {self.path.name}",
-            takes_linear=ends is not None and ends.takes_linear,
-            gives_linear=ends is not None and ends.gives_linear,
+            takes_linear=takes_linear,
+            gives_linear=gives_linear,
             # oiiotool interpolates its own way: tetrahedral for cubes.
             oiiotool=("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else (),
             codes=of_codes(processor),
@@ -143,7 +143,7 @@ class ConfigRecipe(Recipe):
 
     @cached_property
     def _grade(self) -> Grade:
-        from lutforge.ocio.check import converts, load_config  # a LUT does without what is known of configs
+        from lutforge.ocio.check import load_config, make_processor  # a LUT does without what is known of configs
 
         config = load_config(self.path)
         names = config.getColorSpaceNames()
@@ -153,7 +153,7 @@ class ConfigRecipe(Recipe):
             if config.getColorSpace(name) is None:
                 raise ConfigError(f'{self.path}: no colour space "{name}"; {alternatives(name, names)}')
         try:
-            guarded(converts, str(self.path), self.source, self.target)
+            guarded(make_processor, str(self.path), self.source, self.target)
             processor = config.getProcessor(self.source, self.target)
             floats = processor.getDefaultCPUProcessor()
             takes_linear, gives_linear = (

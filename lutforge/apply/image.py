@@ -6,32 +6,36 @@ Whole in memory are images that must be rendered, turned or converted, and JPEG 
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
+from io import FileIO
 from itertools import zip_longest
 from pathlib import Path
-from threading import Semaphore
+from threading import Semaphore, local
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.apply.blocks import grade_floats, threads_of
-from lutforge.apply.colours import check_colours, colour_space, count_doubtful, notes_on, other_space
+from lutforge.apply.blocks import grade_codes, grade_floats, threads_of
 from lutforge.apply.grade import Grade
-from lutforge.apply.jpeg import grade_whole, jpeg_source
-from lutforge.arrays import Index, Pixels
+from lutforge.arrays import Codes, Index, Pixels
 from lutforge.atomic_write import atomic_path
+from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif
-from lutforge.images.icc import foreign_profile, pixels_to_srgb, profile_name
+from lutforge.images.icc import codes_moved, foreign_profile, is_srgb, pixels_to_srgb, profile_name, to_srgb
+from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours, with_thumbnail
 from lutforge.images.read import Image, ImageReader, Region, is_premultiplied, read_image
 from lutforge.images.write import (
+    IN_ANOTHER_SPACE,
     IN_SRGB,
+    SOFTWARE,
     ImageWriter,
     describe_output,
+    format_of,
     image_writer,
     keeps_orientation,
     upright,
@@ -89,9 +93,9 @@ def apply_image(
             converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
             grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
         check_colours(source, spec)
-        jpeg = jpeg_source(source, target, image.format)
+        jpeg = jpeg_header(source, target, image.format)
         attributes = {
-            **colour_space(source, spec, image.format, None if jpeg is None else jpeg.header),
+            **colour_space(source, spec, image.format, jpeg),
             **grade.attributes,
         }
         if not spec.get_string_attribute("DateTime"):
@@ -117,13 +121,14 @@ def apply_image(
             if progress is not None:
                 progress(pixels, pixels / total)
 
-        if jpeg is not None and jpeg.is_graded_whole and grade.codes is not None and not profile:
-            doubtful = grade_whole(jpeg, grade, target, quality, threads, done)
+        # Whole, as codes, pictures of more than 64 Mpixel would take more than 256 MB each.
+        if jpeg is not None and jpeg.plain and total <= 64_000_000 and grade.codes is not None and not profile:
+            doubtful = grade_whole(source, jpeg, grade, target, quality, threads, done)
         else:
-            start = None if jpeg is None else jpeg.metadata(grade, profile)
+            start = None if jpeg is None else jpeg_metadata(jpeg, grade, profile)
             writer = stack.enter_context(image_writer(target, output, start))
             doubtful = _grade_regions(grade, image, writer, threads, region_samples, count > 1, done)
-        parts = image.count_parts()
+        parts = image.parts
     notes = (
         *grade.notes,
         *notes_on(grade, image.format, spec, output, space, doubtful),
@@ -173,7 +178,7 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageRea
                 pixels = upright(pixels, orientation)
                 spec = with_shape(spec, pixels.shape)
                 spec.attribute("Orientation", 1)
-            yield _in_srgb(Image(pixels, spec, reader.format, reader.count_parts()), grade)
+            yield _in_srgb(Image(pixels, spec, reader.format, reader.parts), grade)
 
 
 def _in_srgb(image: Image, grade: Grade) -> tuple[Image, bytes]:
@@ -242,3 +247,193 @@ def _grade_regions(
         if behind is not None:
             behind.result()
     return doubtful
+
+
+# --- A JPEG to a JPEG: as 8-bit codes, with the source's quality and all of its metadata ------------------------------
+
+
+_memory = local()
+"""Its attribute `codes` is what each thread uses for one picture after another: new memory costs as much as a tenth of
+the codec."""
+
+
+def jpeg_header(source: Path, target: Path, format: str) -> JpegHeader | None:
+    """The header of a JPEG that becomes a JPEG, else None. format: the source's, by OpenImageIO's name."""
+    if format != "jpeg" or format_of(target) != "jpeg":
+        return None
+    return read_header(source.read_bytes())
+
+
+def jpeg_metadata(header: JpegHeader, grade: Grade, profile: bytes = b"") -> bytes:
+    """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
+
+    The thumbnail is graded in its place; where the colours get another space, ICC profile and ColorSpace change.
+    profile: of the space that the picture was converted from, to sRGB, before it was graded.
+    """
+    segments, attributes, codes = header.segments, grade.attributes, grade.codes
+    if "ICCProfile" in attributes:
+        new = attributes["ICCProfile"]
+        adobe_rgb = attributes.get("Exif:ColorSpace") == IN_ANOTHER_SPACE
+        segments = with_colours(segments, new if isinstance(new, bytes) else None, adobe_rgb)
+    if codes is not None:
+
+        def graded(canvas: Codes) -> None:
+            if profile:
+                canvas[..., :3] = to_srgb(np.ascontiguousarray(canvas[..., :3]), profile)
+            grade_codes(codes, canvas, None)
+
+        segments = with_thumbnail(segments, graded)
+    comment = f"{attributes.get('Software', SOFTWARE)}\n{' '.join(grade.history.split())}"
+    return stored_metadata(segments, header.plain, comment)
+
+
+def grade_whole(
+    source: Path,
+    header: JpegHeader,
+    grade: Grade,
+    target: Path,
+    quality: int | None,
+    threads: Executor | None,
+    done: Callable[[int], None],
+) -> Index:
+    """Grade a picture, and return (3,) how many pixels are doubtful, as `count_doubtful` does.
+
+    done: called with the number of pixels after each piece. Raises ImageError or OSError.
+    """
+    assert grade.codes is not None
+    start = jpeg_metadata(header, grade)
+    size = header.height * header.width * 4
+    if getattr(_memory, "codes", np.empty(0)).size < size:
+        _memory.codes = None  # frees the smaller one first
+        _memory.codes = np.empty(size, np.uint8)
+    canvas: Codes = _memory.codes[:size].reshape(header.height, header.width, 4)
+    decode(source, source.read_bytes(), canvas)
+    doubtful = np.zeros(3, dtype=np.int64)
+    if grade.confidence is not None:  # counted in every eighth row
+        rows_in_eight = canvas[::8, :, :3]
+        for top in range(0, len(rows_in_eight), 256):
+            pixels = np.divide(rows_in_eight[top : top + 256], 255, dtype=np.float32)
+            confidence = np.empty_like(pixels)
+            grade_floats(grade.confidence, pixels, confidence, premultiplied=False, threads=threads)
+            doubtful += count_doubtful(pixels, confidence)
+        doubtful = doubtful * len(canvas) // len(rows_in_eight)
+    grade_codes(grade.codes, canvas, threads, done)
+    with atomic_path(target) as temporary, FileIO(temporary, "r+") as file:
+        encode(file, canvas, start, header, quality)
+    return doubtful
+
+
+# --- Whether a grade can take the colours of an image, what tells their space, and notes on them ----------------------
+
+
+_RGB = (("r", "g", "b"), ("red", "green", "blue"))
+
+_NOT_RGB = {
+    "CMYK": "CMYK", "YCbCrK": "CMYK", "color separated": "CMYK",
+    "CIELAB": "CIELAB", "ICCLAB": "CIELAB", "ITULAB": "CIELAB",
+}  # fmt: skip
+"""What OpenImageIO says of files whose colours it gives as RGB all the same, and what they are."""
+
+TELL_ADOBE_RGB: Mapping[str, object] = {"ICCProfile": adobe_rgb_profile(), "Exif:ColorSpace": IN_ANOTHER_SPACE}
+"""Metadata, by OpenImageIO's names, of a picture in Adobe RGB."""
+
+
+def check_colours(path: Path, spec: oiio.ImageSpec) -> None:
+    """Raise ImageError where the first three channels are not RGB colours, or their alpha is not the fourth."""
+    if spec.nchannels < 3:
+        grey = " (greyscale); convert it to RGB first" if spec.nchannels <= 2 else ""
+        raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s){grey}")
+    for name in ("jpeg:ColorSpace", "tiff:ColorSpace"):
+        if (stored := spec.get_string_attribute(name)) in _NOT_RGB:
+            raise ImageError(f"{path}: its colours are {_NOT_RGB[stored]}, not RGB; convert it to RGB first")
+    if set(_last_words(spec.channelnames[:3])) == {"y", "ry", "by"}:
+        raise ImageError(f"{path}: its colours are luminance and chroma, not RGB; convert it to RGB first")
+    alpha = spec.alpha_channel
+    if 0 <= alpha < 3 or (alpha > 3 and is_premultiplied(spec)):
+        raise ImageError(f"{path}: channels are {', '.join(spec.channelnames)}; put R, G, B, A first")
+
+
+def _last_words(names: Sequence[str]) -> Iterator[str]:
+    """Channel names in lower case, without their layer."""
+    return (name.rpartition(".")[2].lower() for name in names)
+
+
+def colour_space(source: Path, spec: oiio.ImageSpec, format: str, jpeg: JpegHeader | None) -> Mapping[str, object]:
+    """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep.
+
+    jpeg: what stands in a JPEG whose own tags are kept; they are read no further than where DCF has this one.
+    """
+    if jpeg is not None:
+        return TELL_ADOBE_RGB if jpeg.says_adobe_rgb and spec.getattribute("ICCProfile") is None else {}
+    if format != "jpeg" or spec.getattribute("ICCProfile") is not None:
+        return {}
+    from lutforge.shots.maker_settings import in_adobe_rgb  # loads what reads metadata
+    from lutforge.shots.tags import tags
+
+    return TELL_ADOBE_RGB if in_adobe_rgb(tags(source)) else {}
+
+
+def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> str:
+    """The name of a space other than sRGB that neither the grade nor an output with these attributes tells, else ""."""
+    if "ICCProfile" in grade.attributes:
+        return ""
+    if "ICCProfile" in attributes:
+        return "Adobe RGB"
+    profile = source.getattribute("ICCProfile")
+    if profile is None or is_srgb(bytes(profile)):
+        return ""
+    return source.get_string_attribute("ICCProfile:profile_description").strip() or "a space without a name"
+
+
+def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
+    """Count the pixels (h, w, c) that cannot be trusted, by kind, (3,).
+
+    They are clipped, else unlike every colour of the calibration, or no finite numbers. confidence: as
+    `Grade.confidence` gives it, where it is known.
+    """
+    clipped, unlike, broken = np.intp(0), np.intp(0), np.intp(0)
+    if confidence is not None:
+        clips = confidence[..., 1] < 0.5
+        clipped, unlike = np.count_nonzero(clips), np.count_nonzero((confidence[..., 2] < 0.5) & ~clips)
+    with np.errstate(all="ignore"):
+        total = np.sum(pixels)  # NaN and infinity stay what they are
+    if not np.isfinite(total):
+        broken = np.count_nonzero(~np.isfinite(pixels[..., :3]).all(axis=-1))
+    return np.array([clipped, unlike, broken])
+
+
+def notes_on(
+    grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec, space: str, doubtful: Index
+) -> Iterator[str]:
+    """Yield what the user should know of the colours of a graded image.
+
+    format: of the source, as `Image.format`; space: as `other_space` names it; doubtful: as `count_doubtful` sums them.
+    """
+    # Scene-linear light in 8-bit files, which hardly ever hold it, and in formats that are made for it
+    if grade.for_srgb and not grade.raw and format in ("openexr", "hdr"):
+        yield "such a file holds scene-linear light, as a rule, and this grade takes encoded sRGB: encode it first"
+    if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
+        yield "scene-linear light is what this grade takes, and 8-bit pictures are encoded: linearize them first"
+    if grade.gives_linear and str(output.format) == "uint8":
+        yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
+    if space:
+        yield f"the picture is in {space}, and was graded as it is: what is made for sRGB wants it converted"
+    profile = source.getattribute("ICCProfile")
+    if profile is not None and codes_moved(bytes(profile)) is None:
+        yield "the picture's ICC profile is broken: its colours were taken as they are"
+    # Graded channels with unusual names, and further layers
+    graded, others = ", ".join(source.channelnames[:3]), source.channelnames[3:]
+    if tuple(_last_words(source.channelnames[:3])) not in _RGB:
+        yield f"the channels {graded} were graded as red, green and blue"
+    layers = dict.fromkeys(name.rpartition(".")[0] for name in others if name.lower().endswith((".r", ".red")))
+    if layers:
+        yield f"{graded} were graded; the layers {', '.join(layers)} are as they were"
+    count = source.width * source.height
+    clipped, unlike, broken = (int(number) for number in doubtful)
+    if clipped > 0.001 * count:
+        yield f"{clipped / count:.1%} of the pixels are clipped; what they lost stays neutral"
+    if unlike > 0.001 * count:
+        yield f"{unlike / count:.1%} of the pixels are of colours that the calibration hardly knows"
+    if broken:
+        are = "pixels are not finite numbers" if broken > 1 else "pixel is not a finite number"
+        yield f"{broken} {are}; what became of them means nothing"

@@ -10,10 +10,12 @@ from pathlib import Path
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.apply.job import JOURNAL, Failure
 from lutforge.errors import ImageError, SettingsError
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.shots.discover import RAW_SUFFIXES
+
+JOURNAL = ".lutforge-apply.jsonl"
+"""What a batch has done, in its output folder: one JSON object per line and graded image, the last one counts."""
 
 _PATTERN = re.compile(
     r"(?P<head>.*?)(?P<frames>\d+-\d+(?:x\d+)?(?:,\d+(?:-\d+(?:x\d+)?)?)*)?(?P<pad>#+|@+|%0?\d*d)(?P<tail>[^#@%]*)"
@@ -26,6 +28,14 @@ class Input:
 
     path: Path
     place: Path
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An image that was not graded, and why, in one line."""
+
+    source: Path
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -126,17 +136,14 @@ def _digits(pad: str) -> int:
 
 def _on_disk(word: Path, pattern: re.Match[str]) -> dict[int, Path]:
     """The frames of a sequence that exist, by number. Raises ImageError where there are none."""
-    head, tail, digits = pattern["head"], pattern["tail"], _digits(pattern["pad"])
-    numbered = {}
+    digits, numbered = _digits(pattern["pad"]), {}
     if not word.parent.is_dir():
         raise ImageError(f"{word.parent}: no such folder")
+    frame = re.compile(f"{re.escape(pattern['head'])}([0-9]+){re.escape(pattern['tail'])}")
     for path in word.parent.iterdir():
-        name = path.name
-        middle = name[len(head) : len(name) - len(tail)]
-        if name.startswith(head) and name.endswith(tail) and middle.isascii() and middle.isdigit():
-            exact = len(middle) == digits or (len(middle) > digits and middle[0] != "0")
-            if exact and name == head + middle + tail:
-                numbered[int(middle)] = path
+        found = frame.fullmatch(path.name)
+        if found and (len(found[1]) == digits or (len(found[1]) > digits and found[1][0] != "0")):
+            numbered[int(found[1])] = path
     if not numbered:
         raise ImageError(f"{word}: no frame of this sequence is there")
     return dict(sorted(numbered.items()))
@@ -148,10 +155,7 @@ def is_picture(path: Path) -> bool:
 
 
 def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bool) -> tuple[list[Input], list[str]]:
-    """The images of a folder by name, and notes on what was left out.
-
-    Links to files are images, those to folders are not followed.
-    """
+    """The images of a folder by name, links to files among them, and notes on what was left out."""
     suffixes = _suffixes() | (RAW_SUFFIXES if raw else frozenset())
     excluded = {path.resolve() for path in leave_out}
     images: list[Input] = []

@@ -4,9 +4,10 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from lutforge.apply.colours import check_colours
+from lutforge.apply.batch import Job
 from lutforge.apply.grade import Grade, Recipe
-from lutforge.apply.job import Failure, Job
+from lutforge.apply.image import check_colours
+from lutforge.apply.inputs import Failure
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.images.write import SOFTWARE, describe_output, keeps_orientation

@@ -40,17 +40,11 @@ def is_srgb(profile: bytes) -> bool:
 
     Its name does not tell: sRGB has many, and programs that save space give none.
     """
-    moved = _moved(profile)
-    return moved is None or moved < 1
-
-
-def is_broken(profile: bytes) -> bool:
-    """True where an ICC profile leads to no other space."""
-    return _moved(profile) is None
+    return (codes_moved(profile) or 0.0) < 1
 
 
 @lru_cache(maxsize=64)
-def _moved(profile: bytes) -> float | None:
+def codes_moved(profile: bytes) -> float | None:
     """How many codes of 255 an ICC profile moves colours by on their way to sRGB, in the mean; None of a broken one."""
     from PIL import Image, ImageCms
 

@@ -71,8 +71,7 @@ class JpegHeader:
     def says_adobe_rgb(self) -> bool:
         """True where EXIF says that the picture is in Adobe RGB, as DCF 2.0 has it."""
         block = self.exif or b""
-        places = exif_places(block)
-        return places is not None and places.interoperability is not None and block[places.interoperability] == b"R03"
+        return block[exif_places(block).get("interoperability", slice(0))] == b"R03"
 
     @property
     def comments(self) -> tuple[str, ...]:
@@ -87,27 +86,30 @@ class JpegHeader:
         return b"".join(piece[2:] for piece in sorted(pieces, key=lambda piece: piece[:1]))
 
     @property
-    def has_previews(self) -> bool:
-        """True where further pictures follow the first."""
-        return any(segment.holds(PREVIEWS) for segment in self.segments)
+    def notes(self) -> tuple[str, ...]:
+        """What is left out of a graded file. Ultra HDR 1.1 names its gain map in XMP, ISO 21496-1 in a segment."""
+        words = (b"ns.adobe.com/hdr-gain-map", b"urn:iso:std:iso:ts:21496:-1")
+        bodies = [segment.body for segment in self.segments if segment.marker in (APP1, APP2)]
+        if any(word in body for word in words for body in bodies):
+            return ("the gain map (Ultra HDR) is of the old colours, and was left out: the picture is SDR now",)
+        if any(segment.holds(PREVIEWS) for segment in self.segments):
+            return ("the previews behind the picture show the old colours, and were left out",)
+        return ()
 
-    @property
-    def has_gain_map(self) -> bool:
-        """True where a gain map for HDR displays follows: Ultra HDR 1.1 says so in XMP, ISO 21496-1 in a segment."""
-        told = (b"ns.adobe.com/hdr-gain-map", b"urn:iso:std:iso:ts:21496:-1")
-        return any(
-            segment.marker in (APP1, APP2) and any(word in segment.body for word in told) for segment in self.segments
-        )
+
+class _Header(JpegImageFile):
+    def _read_dpi_from_exif(self) -> None:
+        """Leave EXIF alone: where it is damaged, Pillow would warn on the terminal."""
 
 
 def read_header(data: bytes | mmap) -> JpegHeader | None:
     """Read what stands in front of the pixels; None for what is no JPEG, or a damaged one."""
     try:
-        file = JpegImageFile(BytesIO(data))
+        file = _Header(BytesIO(data))
         tables = tuple(tuple(file.quantization[table]) for *_, table in file.layer)
     except Exception:  # Pillow raises many types on damaged files
         return None
-    if not file.tile:  # it ends before the pixels
+    if not file.tile or not tables:  # it ends before the pixels, or tells nothing of them
         return None
     coded_by_ycc = file.info.get("adobe_transform", bytes(name for name, *_ in file.layer) != b"RGB") == 1
     return JpegHeader(
@@ -130,25 +132,15 @@ def metadata_end(data: bytes) -> int:
 # --- Places in an EXIF block, so that a value can be changed where it stands -----------------------------------------
 
 
-@dataclass(frozen=True)
-class ExifPlaces:
-    """The places of some values in a TIFF structure.
+def exif_places(block: bytes) -> dict[str, slice]:
+    """Where some values stand in a TIFF structure, which begins with its byte order; nothing where it is damaged.
 
-    order: of bytes, as `struct` writes it. thumbnail: the JPEG of the second directory; colour_space: two bytes;
-    interoperability: three, "R98" for sRGB and "R03" for Adobe RGB (DCF 2.0); None where there is none.
+    "thumbnail" is the JPEG of the second directory; "colour space" two bytes; "interoperability" three, "R98" for sRGB
+    and "R03" for Adobe RGB (DCF 2.0).
     """
-
-    order: str
-    thumbnail: slice | None = None
-    colour_space: slice | None = None
-    interoperability: slice | None = None
-
-
-def exif_places(block: bytes) -> ExifPlaces | None:
-    """Find the places in a TIFF structure, which begins with its byte order; None where it is damaged."""
     order = byte_order(block)
     if order is None or block[2:4] != struct.pack(f"{order}H", 42):
-        return None
+        return {}
     try:  # by the tags of Exif 2.32: 4.5.4, 4.6.3, 4.6.5 and 4.6.7
         first, following = read_directory(block, order, number(block, order, "I", 4))
         exif = offset_in(block, order, first, 0x8769)
@@ -158,14 +150,12 @@ def exif_places(block: bytes) -> ExifPlaces | None:
         pictures, _ = read_directory(block, order, following) if following else ({}, 0)
         start, length = (offset_in(block, order, pictures, tag) or 0 for tag in (0x0201, 0x0202))
     except struct.error:  # an offset beyond the end
-        return None
-    thumbnail = slice(start, start + length) if 0 < start < start + length <= len(block) else None
-    at, name = (
-        entries[tag].place.start if tag in entries else None for entries, tag in ((photo, 0xA001), (colours, 1))
-    )
-    return ExifPlaces(
-        order, thumbnail, None if at is None else slice(at, at + 2), None if name is None else slice(name, name + 3)
-    )
+        return {}
+    places = {"thumbnail": slice(start, start + length)} if 0 < start < start + length <= len(block) else {}
+    for name, entries, tag, size in (("colour space", photo, 0xA001, 2), ("interoperability", colours, 1, 3)):
+        if tag in entries:
+            places[name] = slice(entries[tag].place.start, entries[tag].place.start + size)
+    return places
 
 
 # --- Pixels, and the metadata of a source in its copy -----------------------------------------------------------------
@@ -230,10 +220,11 @@ def with_colours(segments: Sequence[Segment], profile: bytes | None, adobe_rgb: 
     after = max((at + 1 for at, segment in enumerate(changed) if segment.marker in (APP0, APP1)), default=0)
     changed[after:after] = icc
 
-    def colours(block: bytes, places: ExifPlaces) -> bytes:
-        space = struct.pack(f"{places.order}H", 0xFFFF if adobe_rgb else 1)
-        block = _replaced(block, places.colour_space, space)
-        return _replaced(block, places.interoperability, b"R03" if adobe_rgb else b"R98")
+    def colours(block: bytes, places: dict[str, slice]) -> bytes:
+        space = struct.pack(f"{byte_order(block)}H", 0xFFFF if adobe_rgb else 1)
+        for name, value in (("colour space", space), ("interoperability", b"R03" if adobe_rgb else b"R98")):
+            block = _replaced(block, places[name], value) if name in places else block
+        return block
 
     return _with_exif(changed, colours)
 
@@ -244,10 +235,8 @@ def with_thumbnail(segments: Sequence[Segment], grade: Callable[[Codes], None]) 
     grade: changes pixels (h, w, 4) in place. A thumbnail that cannot be decoded stays as it is.
     """
 
-    def graded(block: bytes, places: ExifPlaces) -> bytes:
-        if places.thumbnail is None:
-            return block
-        old = block[places.thumbnail]
+    def graded(block: bytes, places: dict[str, slice]) -> bytes:
+        old = block[places.get("thumbnail", slice(0))]
         header = read_header(old)
         if header is None or not header.plain or header.width * header.height > 1 << 20:
             return block
@@ -258,23 +247,23 @@ def with_thumbnail(segments: Sequence[Segment], grade: Callable[[Codes], None]) 
             return block
         grade(canvas)
         new = _small(canvas, header, len(old))
-        return block if new is None else _replaced(block, places.thumbnail, new)
+        return block if new is None else _replaced(block, places["thumbnail"], new)
 
     return _with_exif(segments, graded)
 
 
-def _with_exif(segments: Sequence[Segment], change: Callable[[bytes, ExifPlaces], bytes]) -> tuple[Segment, ...]:
+def _with_exif(segments: Sequence[Segment], change: Callable[[bytes, dict[str, slice]], bytes]) -> tuple[Segment, ...]:
     """The segments with a change of the EXIF block that keeps its length."""
     changed = []
     for segment in segments:
         block = segment.body[len(EXIF[1]) :]
-        places = exif_places(block) if segment.holds(EXIF) else None
-        changed.append(segment if places is None else Segment(APP1, EXIF[1] + change(block, places)))
+        places = exif_places(block) if segment.holds(EXIF) else {}
+        changed.append(Segment(APP1, EXIF[1] + change(block, places)) if places else segment)
     return tuple(changed)
 
 
-def _replaced(block: bytes, place: slice | None, new: bytes) -> bytes:
-    return block if place is None else block[: place.start] + new + block[place.stop :]
+def _replaced(block: bytes, place: slice, new: bytes) -> bytes:
+    return block[: place.start] + new + block[place.stop :]
 
 
 def _small(canvas: Codes, like: JpegHeader, length: int) -> bytes | None:

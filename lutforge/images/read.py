@@ -1,7 +1,6 @@
 """Read an image file with OpenImageIO: pixels in the file's own encoding, and all of its metadata."""
 
 from dataclasses import dataclass
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -64,10 +63,6 @@ class Image:
         """The pixels (h, w, c) of a band."""
         return self.pixels[region.top : region.bottom]
 
-    def count_parts(self) -> int:
-        """How many images the file holds, as `ImageReader.count_parts`."""
-        return self.parts
-
 
 class ImageReader:
     """An open image file that is read region by region, so that memory does not grow with the image.
@@ -111,10 +106,7 @@ class ImageReader:
         return Region(0, 0, self.spec.width, self.spec.height)
 
     def regions(self, pixels: int, rows_only: bool) -> list[Region]:
-        """The image cut into regions of about `pixels`, top to bottom, along the file's own strips or tiles.
-
-        rows_only: no region is narrower than the image.
-        """
+        """Regions of about `pixels`, top to bottom, along strips or tiles; rows_only: all as wide as the image."""
         spec = self.spec
         width, height = spec.width, spec.height
         if spec.tile_width == 0:
@@ -156,7 +148,8 @@ class ImageReader:
         shape = (region.bottom - region.top, region.right - region.left, spec.nchannels)
         return np.ascontiguousarray(pixels, dtype=np.float32).reshape(shape)
 
-    def count_parts(self) -> int:
+    @property
+    def parts(self) -> int:
         """How many images the file holds, up to 100. Nothing can be read afterwards."""
         parts = 1
         while parts < 100 and self._source.seek_subimage(parts, 0):
@@ -164,15 +157,11 @@ class ImageReader:
         self._source.geterror()
         return parts
 
-    def close(self) -> None:
-        """Close the file."""
-        self._source.close()
-
     def __enter__(self) -> "ImageReader":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        self._source.close()
 
 
 def read_image(path: str | Path) -> Image:
@@ -185,7 +174,7 @@ def read_image(path: str | Path) -> Image:
         heif = read_heif(path)
         return Image(np.divide(heif.codes, 65535, dtype=np.float32), _heif_spec(heif), "heif")
     with ImageReader(path) as reader:
-        return Image(reader.read(reader.whole), reader.spec, reader.format, reader.count_parts())
+        return Image(reader.read(reader.whole), reader.spec, reader.format, reader.parts)
 
 
 def _heif_spec(heif: Heif) -> oiio.ImageSpec:
@@ -213,8 +202,7 @@ def jpeg_quality(path: Path) -> int | None:
     libjpeg scales the table of ITU-T T.81, Annex K.1 (its entries sum to 3688) by 2 − quality / 50 from 50 upwards, and
     by 50 / quality below (jpeg_quality_scaling in its jcparam.c).
     """
-    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-        header = read_header(data)
+    header = read_header(path.read_bytes())
     if header is None:
         return None
     scale = max(sum(header.tables[0]) / 3688, 1e-3)

@@ -80,10 +80,7 @@ def describe_output(
 
 
 def exif_date(text: str) -> str:
-    """Return a date in the form of Exif 2.32, 4.6.4.
-
-    XMP's "2020-02-18T08:56:13.29-07:00" becomes "2020:02:18 08:56:13"; what is no such date stays.
-    """
+    """XMP's "2020-02-18T08:56:13.29-07:00" as Exif 2.32, 4.6.4 has it: "2020:02:18 08:56:13"; all else stays."""
     found = re.match(r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d:\d\d)(:\d\d)?", text)
     return f"{found[1]}:{found[2]}:{found[3]} {found[4]}{found[5] or ':00'}" if found else text
 

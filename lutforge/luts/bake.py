@@ -19,8 +19,7 @@ from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, apply_curve
-from lutforge.luts.axes import Axes, fit_axes, measure_lines
-from lutforge.luts.least_squares import fit_cube
+from lutforge.luts.least_squares import Axes, fit_axes, fit_cube
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import MAX_SIZE, Form, Lut
@@ -379,7 +378,7 @@ def fit(
     if form == "plain":
         axes = Axes(None, uniform_levels(size))
     else:
-        axes = fit_axes(measure_lines(function, gain, parts.stops), size, weight, curve)
+        axes = fit_axes(function, gain, size, weight, curve, parts.stops)
         if form == "shaper":
             r, g, b = (axis * factor for axis, factor in zip(levels_behind_gain(axes.levels, gain), gain, strict=True))
             axes = Axes(axes.curve, (r, g, b))

@@ -14,9 +14,8 @@ from lutforge.interpolation import Interpolation
 from lutforge.luts.formats.text import SPI_PAIR
 from lutforge.luts.input_and_output import InputAndOutput, read_input_and_output
 from lutforge.luts.ops import Cube, Curve, Matrix
-from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import Lut, own_reader
+from lutforge.luts.sequence import Lut, evaluate, own_reader
 from lutforge.luts.shaper import node_levels
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.sobol import sobol
@@ -156,7 +155,7 @@ def _problems(
         if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
             pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
             problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
-    if beyond and not (states is not None and states.gives_linear):
+    if beyond and not (states is not None and states.are_linear[1]):
         problems.append("outputs leave [0, 1]: programs with integers clip them, others pass them on")
     if lut.metadata.get("bits") == "8":
         problems.append("8 bits per channel: gradients will show bands; 16 are usual")
@@ -164,10 +163,7 @@ def _problems(
 
 
 def _domain(lut: Lut) -> tuple[Colour, Colour]:
-    """The inputs of a LUT between which its first table lies.
-
-    0 and 1 where a matrix mixes channels in front of it, and where it is a table of all half floats.
-    """
+    """The inputs between which the first table lies; 0 and 1 behind a mixing matrix, and for half floats."""
     low, high = np.zeros(3), np.ones(3)
     matrix = Matrix(np.eye(3))
     for op in lut.ops:

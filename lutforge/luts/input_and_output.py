@@ -27,20 +27,17 @@ class InputAndOutput:
         return self.input.startswith(RAW)
 
     @property
-    def takes_linear(self) -> bool:
-        """True where the input is linear light."""
-        return self.input == RAW or self.input.startswith("scene-linear")
-
-    @property
-    def gives_linear(self) -> bool:
-        """True where the output is linear light."""
-        return self.output == RAW or self.output.startswith("scene-linear")
+    def are_linear(self) -> tuple[bool, bool]:
+        """Whether input and output are linear light."""
+        takes, gives = (end == RAW or end.startswith("scene-linear") for end in (self.input, self.output))
+        return takes, gives
 
     @property
     def comments(self) -> tuple[str, ...]:
         """The comment lines of a file: one record a line for `read_input_and_output`, and advice for people."""
-        advice = ["not for JPEGs"] if self.takes_linear else []
-        if self.gives_linear:
+        takes_linear, gives_linear = self.are_linear
+        advice = ["not for JPEGs"] if takes_linear else []
+        if gives_linear:
             advice.append("keep its output in half or float files, 8 bits would show bands")
         return f"input: {self.input}", f"output: {self.output}", *([f"use: {'; '.join(advice)}"] if advice else [])
 

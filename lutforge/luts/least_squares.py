@@ -1,24 +1,133 @@
-"""Fit the nodes of a cube to a known function by weighted least squares.
+"""Fit a cube to a known function: input curves and node levels along its axes, then its nodes by least squares.
+
+A cube interpolates linearly between its nodes, so each axis is first stretched until the function rises evenly along
+it: the curve is the running sum of its root-mean-square slope, which leaves, of all curves, the least curvature on
+average (d/dx log u' = ⟨F_xx, F_x⟩ / ⟨F_x, F_x⟩). Node levels then even out what curvature is left: intervals of width h
+carry a mean error ∝ |κ| h² per unit length of the curve, and at a fixed number of them the total is least where 1/h ∝
+|κ|^(1/3), the largest where 1/h ∝ |κ|^(1/2) (de Boor 1973). The first is wanted where the cube holds all, the second
+where an output curve behind it magnifies the errors of the darks; few of the lines across an axis then carry the
+largest errors, and a power mean of their curvatures counts these for more.
 
 Sampling a function at the nodes makes every cell err to the same side of a curve; the least-squares cube under the
-reader's own interpolation has less than half of that error.
-Points are plentiful, so the normal equations are well conditioned: conjugate gradients with a diagonal preconditioner
-take a dozen steps, and no smoothness term is needed.
+reader's own interpolation has less than half of that error. Points are plentiful, so the normal equations are well
+conditioned: conjugate gradients with a diagonal preconditioner take a dozen steps, and no smoothness term is needed.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError, LutError
-from lutforge.interpolation import Interpolation, Levels, interpolate
-from lutforge.model.lattice import grid
+from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
+from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.model.lattice import grid, snap_levels
 from lutforge.sobol import sobol
 from lutforge.solvers.lattice_regression import Prior, fit_lattice
 from lutforge.solvers.robust_weights import lawson
 
 Function = Callable[[Array], Array]
+
+LINES = 64
+"""Lines along each axis on which slope and curvature are measured, beside the grey axis, and steps of each."""
+STEPS = 256
+
+
+@dataclass(frozen=True, eq=False)
+class Axes:
+    """The axes of a cube.
+
+    levels: of the input, on the shaper's grid. curve: (m, 3), increasing from 0 to 1, or none: the cube is linear in
+    its values between two nodes.
+    """
+
+    curve: Array | None
+    levels: Levels
+
+    def stretched(self, x: Array) -> Array:
+        """Map inputs (…, 3) through the curve, which continues with slope 1 beyond 1."""
+        return x if self.curve is None else apply_curve(self.curve, x) + np.maximum(x - 1.0, 0.0)
+
+
+def fit_axes(
+    function: Function,
+    gain: Array,
+    size: int,
+    weight: Function | None = None,
+    curve: Array | None = None,
+    stops: float = 0.0,
+) -> Axes:
+    """Curve and `size` node levels per axis for a function (n, 3) in [0, 1] → (n, 3), which is measured along lines.
+
+    gain: (3,) in front of it, where it clamps at 1: inputs are taken to be even before it. weight: outputs (n, 3) →
+    (n,), how much a squared error counts there. curve: the input curve, where it is known. stops: of light that the
+    axes span beyond 1; the more, the finer the darks are looked at.
+    """
+    t = np.linspace(0.0, 1.0, STEPS + 1) ** (1.5 + 0.25 * stops)  # finer in the darks, where responses are steep
+    others = sobol(LINES, 2)
+    others[: LINES // 2] **= 2
+    lines = []  # per axis the values (LINES + 1, STEPS + 1, 3) along it; the first line is the grey axis
+    for axis in range(3):
+        across = [c for c in range(3) if c != axis]
+        x = np.empty((LINES + 1, len(t), 3))
+        x[..., axis] = t
+        x[1:, :, across] = np.minimum(others * np.maximum(gain[across], 1.0), 1.0)[:, None, :]
+        x[0] = t[:, None]
+        lines.append(function(x.reshape(-1, 3)).reshape(x.shape))
+    # The share of all inputs that each line but the grey axis stands for; half lie in the dark tones.
+    density = 0.5 + 0.125 / np.sqrt(np.maximum(others.prod(axis=1), 1e-4))
+    share = 1 / (density * np.sum(1 / density))
+    if weight is not None:  # it looks for the largest errors
+        share = np.full(LINES, 1 / LINES)
+    if curve is None:
+        squares = [np.sum((np.diff(y, axis=1) / np.diff(t)[:, None]) ** 2, axis=2) for y in lines]
+        curve = np.stack([_curve(np.sqrt(_mean(square, share)), t) for square in squares], axis=1)
+    even = np.linspace(0.0, 1.0, len(curve))
+    levels = []
+    for axis, values in enumerate(lines):  # between two levels there is equal mass
+        mass = _mass(values, t, np.interp(t, even, curve[:, axis]), share, weight)
+        total = np.concatenate([[0.0], np.cumsum(mass)])
+        levels.append(snap_levels(np.interp(np.linspace(0.0, total[-1], size), total, t), SHAPER_SIZE))
+    return Axes(curve if len(curve) > 2 else None, (levels[0], levels[1], levels[2]))  # a straight line changes nothing
+
+
+def _mean(values: Array, share: Array, grey: float = 0.25) -> Array:
+    """The mean over the lines (LINES + 1, m), of which the grey axis counts the share `grey`."""
+    return np.asarray((1 - grey) * (share @ values[1:]) + grey * values[0])
+
+
+def _curve(slope: Array, t: Array) -> Array:
+    """The running sum of a slope, from 0 to 1, at SHAPER_SIZE even steps."""
+    density = scipy.ndimage.gaussian_filter1d(slope, 4.0, mode="nearest")
+    total = float(np.sum(density * np.diff(t)))
+    # Half of a straight line beside the slope, so that the curve rises where the function is flat.
+    density = density + 0.5 * total if total > 1e-12 else np.ones_like(density)
+    u = np.concatenate([[0.0], np.cumsum(density * np.diff(t))])
+    curve = scipy.interpolate.PchipInterpolator(t, u / u[-1])(np.linspace(0.0, 1.0, SHAPER_SIZE))
+    curve[0], curve[-1] = 0.0, 1.0
+    return np.asarray(curve)
+
+
+def _mass(y: Array, t: Array, u: Array, share: Array, weight: Function | None) -> Array:
+    """Share of the nodes in each step, from the curvature that is left along u."""
+    step, wide = np.diff(t), np.diff(u)
+    bend = np.diff(np.diff(y, axis=1) / wide[:, None], axis=1) * (2 / (wide[1:] + wide[:-1]))[:, None]
+    square = np.sum(bend**2, axis=2)
+    if weight is None:
+        inputs = (step[1:] + step[:-1]) / (wide[1:] + wide[:-1])  # how many, per unit of u; half way, as the fit has it
+        density = (_mean(np.sqrt(square), share) * np.sqrt(inputs)) ** (1 / 3)
+    else:
+        square *= weight(y[:, 1:-1].reshape(-1, 3)).reshape(square.shape)
+        # The cubic mean of curvatures lies between the root mean square and the largest.
+        density = _mean(square**1.5, share, 0.5) ** (1 / 6)
+    density = scipy.ndimage.gaussian_filter1d(np.pad(density, 1, mode="edge"), 1.0, mode="nearest")
+    mass = 0.5 * (density[1:] + density[:-1]) * wide
+    total = mass.sum()
+    mass = 0.8 * mass / total + 0.2 * step if total > 1e-12 else step  # a fifth of the nodes stays evenly spread
+    return np.asarray(mass / mass.sum())
+
 
 GREY_POINTS = 1025
 """Points of the grey axis, beside those of the whole cube."""
@@ -38,7 +147,7 @@ def fit_cube(
     """Node values (N, N, N, 3) at `levels` that come nearest to a function (n, 3) in [0, 1] → (n, 3), interpolated.
 
     knots: the levels on the axes of the cube, to which `curve` takes inputs. gain: in front of the function, as
-    `measure_lines` has it. Black and white are the function's own; the grey axis counts 30 times. weight: (n, 3) of
+    `fit_axes` has it. Black and white are the function's own; the grey axis counts 30 times. weight: (n, 3) of
     outputs → (n,), how much a squared error counts there, as an output curve behind the cube magnifies it; then a
     second, reweighted fit (Lawson 1961) brings down the largest errors. limit: no node leaves the function's own range,
     whatever would fit best, so that a file keeps within the legal range. progress: called with the share of the points

@@ -16,10 +16,7 @@ from lutforge.model.lattice import uniform_levels
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Matrix:
-    """y = matrix · x + offset; a white balance is a diagonal one.
-
-    matrix: (3, 3); offset: (3,). Raises LutError where a number is not finite.
-    """
+    """y = matrix · x + offset, of shapes (3, 3) and (3,). Raises LutError where a number is not finite."""
 
     matrix: Array
     offset: Array = field(default_factory=lambda: np.zeros(3))
@@ -115,10 +112,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Cube:
-    """A three-dimensional table over [0, 1]³ with evenly spaced nodes.
-
-    values: (N_r, N_g, N_b, 3). Raises LutError where a number is not finite.
-    """
+    """A table (N_r, N_g, N_b, 3) of even nodes over [0, 1]³. Raises LutError where a number is not finite."""
 
     values: Array
     interpolation: Interpolation = "tetrahedral"

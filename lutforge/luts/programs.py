@@ -22,8 +22,8 @@ class Program:
     files itself, and feeds a LUT with what it developed, never with camera RAW.
     """
 
-    shaper: bool
     reads: tuple[str, ...]
+    shaper: bool = False
     max_size: int = 129
     size: int = 65
     interpolation: Interpolation = "trilinear"
@@ -38,43 +38,39 @@ PROGRAMS: dict[str, Program] = {
     "nuke": Program(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
     "ocio": Program(shaper=True, reads=OCIO_READS),
     "oiio": Program(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
-    "baselight": Program(shaper=False, reads=(".clf", ".cube")),
-    "flame": Program(shaper=False, reads=(".clf", ".ctf", ".3dl", ".csp", ".cube")),
+    "baselight": Program(reads=(".clf", ".cube")),
+    "flame": Program(reads=(".clf", ".ctf", ".3dl", ".csp", ".cube")),
     "houdini": Program(shaper=True, reads=OCIO_READS),
     "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
-    "photoshop": Program(shaper=False, reads=(".cube", ".3dl", ".csp")),
-    "lightroom": Program(
-        shaper=False, reads=(".cube", ".dcp"), size=33, use="in a profile made with Camera Raw", develops=True
-    ),
-    "premiere": Program(shaper=False, reads=(".cube", ".3dl")),
-    "aftereffects": Program(shaper=False, reads=(".cube", ".3dl", ".csp"), max_size=64, size=64),
-    "finalcut": Program(shaper=False, reads=(".cube",)),
-    "affinity": Program(shaper=False, reads=(".cube", ".3dl", ".csp")),
+    "photoshop": Program(reads=(".cube", ".3dl", ".csp")),
+    "lightroom": Program(reads=(".cube", ".dcp"), size=33, use="in a profile made with Camera Raw", develops=True),
+    "premiere": Program(reads=(".cube", ".3dl")),
+    "aftereffects": Program(reads=(".cube", ".3dl", ".csp"), max_size=64, size=64),
+    "finalcut": Program(reads=(".cube",)),
+    "affinity": Program(reads=(".cube", ".3dl", ".csp")),
     "ffmpeg": Program(
-        shaper=False,
         reads=(".cube", ".csp", ".3dl"),
         interpolation="tetrahedral",
         use="ffmpeg -i IN -vf lut3d=file=FILE:interp=tetrahedral OUT",
     ),
-    "mlt": Program(shaper=False, reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
-    "obs": Program(shaper=False, reads=(".cube",)),
+    "mlt": Program(reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
+    "obs": Program(reads=(".cube",)),
     "darktable": Program(
-        shaper=False,
         reads=(".icc", ".cube", ".3dl", ".png"),
         interpolation="tetrahedral",
         use="module input color profile",
         develops=True,
     ),
     "rawtherapee": Program(
-        shaper=False, reads=(*HALD, ".dcp", ".icc"), use="Film Simulation, its folder in the preferences", develops=True
+        reads=(*HALD, ".dcp", ".icc"), use="Film Simulation, its folder in the preferences", develops=True
     ),
-    "art": Program(shaper=False, reads=(*HALD, ".clf", ".dcp", ".icc"), develops=True),
-    "captureone": Program(shaper=False, reads=(".icc",), develops=True),
-    "digikam": Program(shaper=False, reads=(".icc",), develops=True),
-    "rapidraw": Program(shaper=False, reads=(".dcp", ".cube"), develops=True),
-    "gmic": Program(shaper=False, reads=(".cube", ".png")),
-    "gimp": Program(shaper=False, reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
-    "imagemagick": Program(shaper=False, reads=HALD),
+    "art": Program(reads=(*HALD, ".clf", ".dcp", ".icc"), develops=True),
+    "captureone": Program(reads=(".icc",), develops=True),
+    "digikam": Program(reads=(".icc",), develops=True),
+    "rapidraw": Program(reads=(".dcp", ".cube"), develops=True),
+    "gmic": Program(reads=(".cube", ".png")),
+    "gimp": Program(reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
+    "imagemagick": Program(reads=HALD),
 }
 """Programs that `--for` names, and what their readers take."""
 

@@ -21,8 +21,7 @@ from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.formats.clf import ACES_ID
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
-from lutforge.luts.processor import OCIO_ERRORS, evaluate
-from lutforge.luts.sequence import FORMATS, Lut, own_reader
+from lutforge.luts.sequence import FORMATS, OCIO_ERRORS, Lut, evaluate, own_reader
 
 MOST_BYTES = 128 << 20
 """Bytes of a LUT file that is read: a 129³ cube as text takes about 70 MB."""

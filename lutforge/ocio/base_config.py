@@ -79,18 +79,6 @@ def base_config(version: str) -> OCIO.Config:
     return config
 
 
-def add_displays(config: OCIO.Config, views: tuple[str, ...]) -> None:
-    """The displays, each with the shared views in this order, the one without a tone scale, and the values as such."""
-    for display in DISPLAYS:
-        for view in (*views, UN_TONE_MAPPED):
-            config.addDisplaySharedView(display, view)
-        config.addDisplayView(display, DATA, DATA, "")
-    for display in DISPLAYS:
-        config.addActiveDisplay(display)
-    for view in (*views, UN_TONE_MAPPED, DATA):  # the order of the menus; the first is the default
-        config.addActiveView(view)
-
-
 def _in_version(space: OCIO.ColorSpace, minor: int) -> OCIO.ColorSpace:
     """A space of the studio config as a config of a version can hold it."""
     if minor >= INTEROP_IDS:

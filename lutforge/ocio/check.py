@@ -13,8 +13,7 @@ from lutforge.arrays import Pixels
 from lutforge.boundary import reading, require_file
 from lutforge.errors import ConfigError, one_line
 from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL, stated_errors
-from lutforge.luts.processor import OCIO_ERRORS
-from lutforge.ocio.base_config import LUT_SUFFIXES
+from lutforge.luts.sequence import OCIO_ERRORS
 from lutforge.sobol import sobol
 
 WANTED_ROLES = (
@@ -63,21 +62,17 @@ def load_config(path: str | Path) -> OCIO.Config:
             raise ConfigError(f"{path}: OpenColorIO cannot read it: {error}") from error
 
 
-def converts(path: str, source: str, target: str) -> None:
-    """Make the processor between two colour spaces of a config, for `guarded`: a LUT that it names may never end."""
-    OCIO.Config.CreateFromFile(path).getProcessor(source, target).getDefaultCPUProcessor()
-
-
-def read_named(path: str, name: str) -> None:
-    """Make the processor of a file that a config names, for `guarded`, as `converts`."""
-    OCIO.Config.CreateFromFile(path).getProcessor(OCIO.FileTransform(name)).getDefaultCPUProcessor()
+def make_processor(path: str, *names: str) -> None:
+    """Make the processor between two spaces of a config, or of a file that it names: for `guarded`."""
+    arguments = names if len(names) == 2 else (OCIO.FileTransform(*names),)
+    OCIO.Config.CreateFromFile(path).getProcessor(*arguments).getDefaultCPUProcessor()
 
 
 def check_config(config: OCIO.Config) -> list[Finding]:
     """What ociocheck checks and more; an empty list is a sound config.
 
     Pixels go through each colour space, named transform, view and look, in both directions; round trips are measured,
-    files looked for, equality groups compared. OpenColorIO loads no config in which a name stands for two things.
+    files looked for. OpenColorIO loads no config in which a name stands for two things.
     """
     findings: list[Finding] = []
     try:
@@ -112,7 +107,7 @@ def check_config(config: OCIO.Config) -> list[Finding]:
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
         what = f"to the reference and back, RGB is off by {lost}"
         findings.append(Finding("warning", f"colour space {names[0]}{others}", what))
-    return [*findings, *_equality_groups(config)]
+    return findings
 
 
 def round_trips(config: OCIO.Config) -> Iterator[tuple[str, float, float]]:
@@ -185,26 +180,14 @@ def _transforms(config: OCIO.Config) -> Iterator[tuple[str, Callable[[], OCIO.Pr
 
 
 def _files(config: OCIO.Config) -> Iterator[Finding]:
-    """Files that are named but missing, and LUT files beside the config that nothing names."""
+    """Files that are named but missing; names with variables are left out."""
     context = config.getCurrentContext()
-    named = set()
     for source, where in sorted(file_names(config).items()):
-        if "$" in source:
-            continue
         try:
-            named.add(Path(context.resolveFileLocation(source)).resolve())
+            if "$" not in source:
+                context.resolveFileLocation(source)
         except OCIO_ERRORS:
             yield Finding("error", f"file {source}", f"missing; {where} needs it")
-    root = Path(config.getWorkingDir())
-    if not config.getWorkingDir() or not root.is_dir():  # from memory, or an archive
-        return
-    for entry in filter(None, config.getSearchPaths()):
-        if Path(entry).is_absolute():
-            yield Finding("warning", f"search path {entry}", "is absolute: the config works on one machine")
-        elif "$" not in entry and (root / entry).is_dir():
-            files = {path.resolve() for path in (root / entry).iterdir() if path.suffix.lower() in LUT_SUFFIXES}
-            for path in sorted(files - named):
-                yield Finding("warning", f"file {path.name}", "nothing in the config refers to it")
 
 
 def file_names(config: OCIO.Config) -> dict[str, str]:
@@ -233,15 +216,3 @@ def _leaves(transform: OCIO.Transform | None) -> Iterator[OCIO.Transform]:
             yield from _leaves(part)
     elif transform is not None:
         yield transform
-
-
-def _equality_groups(config: OCIO.Config) -> Iterator[Finding]:
-    """Colour spaces of one equality group are taken for each other: they must be the same."""
-    firsts: dict[str, tuple[str, Pixels]] = {}
-    for name, reference in sorted(_convertible(config)):
-        group = config.getColorSpace(name).getEqualityGroup()
-        if group:
-            result = _applied(_processor(config, name, reference), np.abs(_PIXELS))
-            first, expected = firsts.setdefault(group, (name, result))
-            if np.abs(result - expected).max() > 1e-4:  # what no 8-bit or 10-bit file tells apart
-                yield Finding("error", f"equality group {group}", f"{first} and {name} differ")

@@ -13,9 +13,9 @@ from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.errors import ConfigError
 from lutforge.inverse.linearization import SIZE
 from lutforge.luts.formats.text import write_text
-from lutforge.luts.processor import OCIO_ERRORS
+from lutforge.luts.sequence import OCIO_ERRORS
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio.base_config import DEFAULT_VERSION, LUT_FOLDER, OLDEST, add_displays, base_config
+from lutforge.ocio.base_config import DATA, DEFAULT_VERSION, DISPLAYS, LUT_FOLDER, OLDEST, UN_TONE_MAPPED, base_config
 from lutforge.ocio.cameras import Camera, UniqueNames, config_names, name_cameras
 from lutforge.ocio.merge import BaseConfig, merged, open_base
 from lutforge.ocio.renderings import STEPS, Rendering, baked, compact_text, renderings
@@ -204,7 +204,13 @@ def _assembled(
         looks.remove(REFINISH.lower())  # of an earlier merge: it is used again
     add_looks(config, cameras, parts, UniqueNames(looks), any_camera[0])
     views = add_views(config, parts, defaults, UniqueNames(base.views if base is not None else ()))
-    add_displays(config, views)
+    for display in DISPLAYS:  # the shared views in this order, the one without a tone scale, and the values as such
+        for view in (*views, UN_TONE_MAPPED):
+            config.addDisplaySharedView(display, view)
+        config.addDisplayView(display, DATA, DATA, "")
+        config.addActiveDisplay(display)
+    for view in (*views, UN_TONE_MAPPED, DATA):  # the order of the menus; the first is the default
+        config.addActiveView(view)
     rules = camera_rules(cameras, parts)
     if base is not None:
         config = merged(base, config, views, rules, version)

@@ -17,7 +17,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.atomic_write import scratch_folder
 from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
-from lutforge.luts.processor import OCIO_ERRORS
+from lutforge.luts.sequence import OCIO_ERRORS
 from lutforge.ocio.base_config import (
     DATA,
     DISPLAY_REFERENCE,
@@ -26,7 +26,7 @@ from lutforge.ocio.base_config import (
     REFERENCE,
     UN_TONE_MAPPED,
 )
-from lutforge.ocio.check import file_names, read_named
+from lutforge.ocio.check import file_names, make_processor
 from lutforge.ocio.spaces import put_first
 
 BUILTIN = "ocio://"
@@ -185,7 +185,7 @@ def _read(source: str, label: str, folder: Path | None) -> BaseConfig:
         raise ConfigError(f"{label}: OpenColorIO cannot read it: {error}") from error
     for name in file_names(config):
         try:
-            guarded(read_named, source, name)
+            guarded(make_processor, source, name)
         except OverrunError as error:
             raise ConfigError(f"{label}: {name}: {error}") from error
         except LutForgeError:

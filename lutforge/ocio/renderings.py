@@ -123,28 +123,20 @@ class Rendering:
     render: Transform | None
     linearize: Transform | None
 
-    @property
-    def render_file(self) -> str:
-        """Name of the file white-balanced RAW → JPEG."""
-        return f"{self.stem}_render.clf"
+    def file(self, way: str) -> str:
+        """Name of a file: "render" is white-balanced RAW → JPEG, "linearize" its exact inverse.
 
-    @property
-    def linearize_file(self) -> str:
-        """Name of the file JPEG → white-balanced RAW."""
-        return f"{self.stem}_linearize.clf"
-
-    @property
-    def calibrated_file(self) -> str:
-        """Name of the file JPEG → white-balanced RAW as calibrated, for looks: not the render's exact inverse."""
-        return f"{self.stem}_calibrated.clf"
+        "calibrated" is JPEG → white-balanced RAW as calibrated, for looks.
+        """
+        return f"{self.stem}_{way}.clf"
 
     def refinish_files(self, source: str, target: str) -> tuple[str, str, str]:
         """Names of the files of a look from JPEGs of one white balance to those of another, one after the other."""
-        return self.calibrated_file, self.balance_file(source, target), self.render_file
+        return self.file("calibrated"), self.balance_file(source, target), self.file("render")
 
     def balance_file(self, source: str, target: str) -> str:
         """Name of the file from RAW under one white balance to RAW under another, which keeps white neutral."""
-        return f"{self.stem}_{file_stem(self.camera.balances[source], 'to', self.camera.balances[target])}.clf"
+        return self.file(file_stem(self.camera.balances[source], "to", self.camera.balances[target]))
 
     def refinishes(self) -> Iterator[tuple[str, str, Transform]]:
         """Each pair of white balances that render differently, and the refinish from the first to the second.
@@ -211,7 +203,7 @@ def baked(
         render = bake(rendering.render, title=f"{title} render")
         render = render if render.cube is None else compact(render)
         errors.append(f"render LUT against the model: {_error(render, rendering.render)}")
-        luts[rendering.render_file] = replace(render, comments=tuple(errors))
+        luts[rendering.file("render")] = replace(render, comments=tuple(errors))
     if rendering.linearize is not None:
         model: ColourFunction = rendering.linearize
         trip: list[str] = []
@@ -238,14 +230,14 @@ def baked(
             trip = str(measure(render, linearize, shown=lambda jpeg: ~uncovered(style, jpeg))).splitlines()
         tell("comparing with the model")
         lines = [f"linearize LUT against the model: {_error(linearize, model, rendering.render)}", *trip]
-        luts[rendering.linearize_file] = replace(linearize, comments=tuple(lines))
+        luts[rendering.file("linearize")] = replace(linearize, comments=tuple(lines))
         errors += lines
         for source, target, refinish in rendering.refinishes():
-            if rendering.calibrated_file not in luts:  # the same for all pairs
+            if rendering.file("calibrated") not in luts:  # the same for all pairs
                 calibrated = bake(
                     rendering.linearize, display_referred=False, title=f"{title} linearize, as calibrated"
                 )
-                luts[rendering.calibrated_file] = compact(calibrated)
+                luts[rendering.file("calibrated")] = compact(calibrated)
             # A look changes the white balance between linearization and render, and keeps white white.
             _, _, highlights, _ = grading_steps(refinish)
             gain = rendering.camera.gain(target) / rendering.camera.gain(source)

@@ -12,7 +12,7 @@ from itertools import permutations
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.luts.processor import matrix_transform
+from lutforge.luts.sequence import matrix_transform
 from lutforge.model.camera_profile import has_own_raw
 from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera, UniqueNames, config_names, file_stem, space_name
 from lutforge.ocio.renderings import Rendering
@@ -45,31 +45,33 @@ def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> N
             kelvin = f", about {setting.kelvin:.0f} K" if setting.kelvin is not None else ""
             r, g, b = setting.multipliers
             what += f"after white balance {balance}{kelvin}: multipliers {r:.4f}, {g:.4f}, {b:.4f}"
-        config.addColorSpace(
-            OCIO.ColorSpace(
-                name=name,
-                aliases=[file_stem(name)],
-                family=camera.family,
-                equalityGroup=groups.setdefault(matrix.tobytes(), file_stem(name)),
-                encoding="scene-linear",
-                categories=["file-io"],
-                description=what,
-                bitDepth=OCIO.BIT_DEPTH_F32,
-                toReference=matrix_transform(matrix),
-            )
+        group = groups.setdefault(matrix.tobytes(), file_stem(name))
+        _add(
+            config, name, camera.family, what, "scene-linear", equalityGroup=group, toReference=matrix_transform(matrix)
         )
+
+
+def _add(
+    config: OCIO.Config, name: str, family: str, description: str, encoding: str, *aliases: str, **more: object
+) -> None:
+    """Add a colour space of files, under aliases beside its name's own."""
+    space = OCIO.ColorSpace(
+        name=name, aliases=[file_stem(name), *aliases], family=family, encoding=encoding, categories=["file-io"],
+        description=description, bitDepth=OCIO.BIT_DEPTH_F32, **more,
+    )  # fmt: skip
+    config.addColorSpace(space)
 
 
 def jpeg_to_reference(rendering: Rendering, balance: str) -> OCIO.GroupTransform:
     """JPEG → ACES2065-1."""
     matrix = rendering.camera.to_reference(balance)
-    return OCIO.GroupTransform([file_transform(rendering.linearize_file), matrix_transform(matrix)])
+    return OCIO.GroupTransform([file_transform(rendering.file("linearize")), matrix_transform(matrix)])
 
 
 def reference_to_jpeg(rendering: Rendering, balance: str) -> OCIO.GroupTransform:
     """ACES2065-1 → JPEG."""
     to_raw = np.asarray(np.linalg.inv(rendering.camera.to_reference(balance)), dtype=np.float64)
-    return OCIO.GroupTransform([matrix_transform(to_raw), file_transform(rendering.render_file)])
+    return OCIO.GroupTransform([matrix_transform(to_raw), file_transform(rendering.file("render"))])
 
 
 HELD_OUT = (
@@ -85,33 +87,21 @@ HELD_OUT = (
 def add_jpegs(
     config: OCIO.Config, rendering: Rendering, default: str, groups: dict[object, str], errors: Sequence[str]
 ) -> None:
-    """The JPEGs of a rendering, a colour space for each white balance.
-
-    default: the white balance that the style is known by; errors: of the LUTs, a line each.
-    """
+    """The JPEGs of a rendering by white balance, of which the style is known by `default`. errors: of its LUTs."""
     camera, style = rendering.camera, rendering.camera.profile.styles[rendering.style]
     held_out = "; ".join(f"{words} {style.errors[name]:.3g}" for name, words in HELD_OUT if name in style.errors)
     for balance in rendering.white_balances:
         name = camera.jpeg(rendering.style, balance)
         what = f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}"
-        aliases = [file_stem(name)]
-        if balance == default:
-            aliases.append(space_name(camera.name, camera.styles[rendering.style], DEFAULT))
-        space = OCIO.ColorSpace(
-            name=name,
-            aliases=aliases,
-            family=camera.family,
-            equalityGroup=groups.setdefault((rendering.stem, camera.to_reference(balance).tobytes()), aliases[0]),
-            encoding="sdr-video",
-            categories=["file-io"],
-            description="\n".join((what, f"held-out error of the profile: {held_out or 'not measured'}", *errors)),
-            bitDepth=OCIO.BIT_DEPTH_F32,
-        )
+        what = "\n".join((what, f"held-out error of the profile: {held_out or 'not measured'}", *errors))
+        aliases = [space_name(camera.name, camera.styles[rendering.style], DEFAULT)] if balance == default else []
+        group = groups.setdefault((rendering.stem, camera.to_reference(balance).tobytes()), file_stem(name))
+        ways = {}
         if rendering.linearize is not None:
-            space.setTransform(jpeg_to_reference(rendering, balance), OCIO.COLORSPACE_DIR_TO_REFERENCE)
+            ways["toReference"] = jpeg_to_reference(rendering, balance)
         if rendering.render is not None:
-            space.setTransform(reference_to_jpeg(rendering, balance), OCIO.COLORSPACE_DIR_FROM_REFERENCE)
-        config.addColorSpace(space)
+            ways["fromReference"] = reference_to_jpeg(rendering, balance)
+        _add(config, name, camera.family, what, "sdr-video", *aliases, equalityGroup=group, **ways)
 
 
 def default_balances(renderings: Sequence[Rendering]) -> dict[tuple[str, str], str]:
@@ -156,30 +146,20 @@ def add_contextual(config: OCIO.Config, cameras: Sequence[Camera], any_camera: t
         (TO_BALANCE_VAR, DEFAULT),
     ):
         config.addEnvironmentVar(variable, value)
+
+    def add(name: str, settings: str, family: str, what: str) -> None:
+        same = OCIO.ColorSpaceTransform(src=settings, dst=OCIO.ROLE_INTERCHANGE_SCENE)
+        _add(config, name, family, f"JPEG of {what}", "sdr-video", toReference=same)
+
     for camera in cameras:
         for name in camera.styles.values():
             settings = space_name(camera.name, name, f"${{{BALANCE_VAR}}}")
-            what = f"JPEG of the {camera.name}, {name}, white balance as the context variable {BALANCE_VAR} says"
-            _add_named(config, space_name(camera.name, name, AS_SHOT), settings, camera.family, what)
+            what = f"the {camera.name}, {name}, white balance as the context variable {BALANCE_VAR} says"
+            add(space_name(camera.name, name, AS_SHOT), settings, camera.family, what)
     names = ", ".join((CAMERA_VAR, STYLE_VAR, BALANCE_VAR))
-    _add_named(config, any_camera[0], SOURCE_NAME, ANY_FAMILY, f"JPEG of the settings that {names} name")
+    add(any_camera[0], SOURCE_NAME, ANY_FAMILY, f"the settings that {names} name")
     names = ", ".join((TO_CAMERA_VAR, TO_STYLE_VAR, TO_BALANCE_VAR))
-    _add_named(config, any_camera[1], TARGET_NAME, ANY_FAMILY, f"JPEG of the settings that {names} name")
-
-
-def _add_named(config: OCIO.Config, name: str, settings: str, family: str, description: str) -> None:
-    config.addColorSpace(
-        OCIO.ColorSpace(
-            name=name,
-            aliases=[file_stem(name)],
-            family=family,
-            encoding="sdr-video",
-            categories=["file-io"],
-            description=description,
-            bitDepth=OCIO.BIT_DEPTH_F32,
-            toReference=OCIO.ColorSpaceTransform(src=settings, dst=OCIO.ROLE_INTERCHANGE_SCENE),
-        )
-    )
+    add(any_camera[1], TARGET_NAME, ANY_FAMILY, f"the settings that {names} name")
 
 
 def add_views(
@@ -232,10 +212,7 @@ REFINISH = "Camera refinish"
 def add_looks(
     config: OCIO.Config, cameras: Sequence[Camera], renderings: Sequence[Rendering], looks: UniqueNames, as_shot: str
 ) -> None:
-    """Add all looks of the cameras to a config.
-
-    looks: the names that are taken; as_shot: the space of photographs by any camera.
-    """
+    """Add all looks. looks: the names that are taken; as_shot: the space of photographs by any camera."""
 
     def add(name: str, space: str, transform: OCIO.Transform, back: OCIO.Transform | None, description: str) -> None:
         inverse = {} if back is None else {"inverseTransform": back}

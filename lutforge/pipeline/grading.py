@@ -10,8 +10,7 @@ from pathlib import Path
 
 from lutforge.apply.batch import BatchResult, apply_batch, plan_jobs
 from lutforge.apply.grade import ConfigRecipe, LutRecipe, Recipe
-from lutforge.apply.inputs import Inputs, find_inputs, is_picture
-from lutforge.apply.job import Failure
+from lutforge.apply.inputs import Failure, Inputs, find_inputs, is_picture
 from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, check_output, one_of, several

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image, ImageOps
 
 from lutforge.apply.candidates import read_small
-from lutforge.apply.source_settings import choose_camera, source_selector
+from lutforge.apply.profile_recipe import choose_camera, source_selector
 from lutforge.boundary import reading
 from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
 from lutforge.images.heif import HEIF_SUFFIXES

@@ -13,7 +13,6 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 
 from lutforge.apply.grade import ConfigRecipe
-from lutforge.apply.job import JOURNAL, read_journal
 from lutforge.errors import ConfigError, ImageError
 from lutforge.images.read import ImageReader
 from lutforge.ocio.config import write_config
@@ -125,8 +124,3 @@ def test_an_exr_whose_attributes_are_no_text_is_one_line(tmp_path: Path) -> None
     path.write_bytes(path.read_bytes().replace(b"chlist\0", b"\xff\xfelist\0"))
     with pytest.raises(ImageError, match=r"a\.exr: cannot be read as an image \(it holds bytes that are not text\)"):
         ImageReader(path)
-
-
-def test_a_journal_that_is_nested_too_deeply_is_as_good_as_none(tmp_path: Path) -> None:
-    (tmp_path / JOURNAL).write_text("[" * 100_000 + "\n" + json.dumps({"recipe": 1}) + "\n")
-    assert read_journal(tmp_path) == {}

@@ -7,13 +7,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
+import distributed
 import pytest
 
 from lutforge.apply.batch import BatchResult, apply_batch, plan_jobs
 from lutforge.apply.grade import LutRecipe
-from lutforge.apply.inputs import Input, find_inputs, parse_frames
-from lutforge.apply.job import JOURNAL
+from lutforge.apply.inputs import JOURNAL, Input, find_inputs, parse_frames
 from lutforge.errors import ImageError, SettingsError
 from tests.cases.pictures import write_cube, write_picture
 
@@ -141,7 +142,7 @@ def test_a_damaged_journal_costs_time_only(tmp_path: Path, pictures: list[Path])
     recipe, out = LutRecipe(write_cube(tmp_path / "look.cube")), tmp_path / "out"
     apply_batch(recipe, pictures, out)
     lines = (out / JOURNAL).read_bytes().split(b"\n")
-    (out / JOURNAL).write_bytes(b"\xff{]\n[]\nnull\n" + b"\n".join(lines[:-1])[:-40])
+    (out / JOURNAL).write_bytes(b"\xff{]\n[]\nnull\n" + b"[" * 100_000 + b"\n" + b"\n".join(lines[:-1])[:-40])
     result = apply_batch(recipe, pictures, out, resume=True)
     assert (len(result.done), len(result.skipped), result.failed) == (1, 3, ())
     assert len(apply_batch(recipe, pictures, out, resume=True).skipped) == 4
@@ -180,3 +181,43 @@ def test_killed_runs_end_with_the_same_files(tmp_path: Path) -> None:
     last = subprocess.run(words, capture_output=True, text=True, check=False)
     assert last.returncode == 0, last.stderr
     assert contents(out) == contents(tmp_path / "undisturbed")
+
+
+# --- A Dask cluster, one of whose workers is killed, gives the files of a batch on one machine -----------------------
+
+
+@pytest.mark.slow
+def test_a_killed_worker_changes_nothing(tmp_path: Path) -> None:
+    cube = write_cube(tmp_path / "look.cube")
+    pictures = [tmp_path / f"{seed}.tif" for seed in range(16)]
+    for seed, path in enumerate(pictures):
+        write_picture(path, (300, 400), "uint16", seed=seed)
+    (tmp_path / "zero.png").touch()
+    here = apply_batch(LutRecipe(cube), pictures, tmp_path / "here")
+    local_cluster: Any = distributed.LocalCluster
+    with local_cluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        victim = next(iter(cluster.workers.values())).pid
+        killed: list[int] = []
+
+        def watch(what: str, share: float) -> None:
+            if share >= 3 / 17 and not killed:
+                killed.append(victim)
+                os.kill(victim, signal.SIGKILL)
+
+        there = apply_batch(
+            LutRecipe(cube),
+            [*pictures, tmp_path / "zero.png"],
+            tmp_path / "there",
+            progress=watch,
+            scheduler=cluster.scheduler_address,
+        )
+        assert killed
+        again = apply_batch(
+            LutRecipe(cube), pictures, tmp_path / "there", scheduler=cluster.scheduler_address, resume=True
+        )
+    assert [failure.reason for failure in there.failed] == [f"{tmp_path / 'zero.png'}: the file is empty"]
+    assert [done.source for done in there.done] == [done.source for done in here.done] == pictures
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+    assert (len(again.done), len(again.skipped)) == (0, 16)

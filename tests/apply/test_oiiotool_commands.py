@@ -13,8 +13,7 @@ import pytest
 
 from lutforge.apply.batch import apply_batch, plan_jobs
 from lutforge.apply.grade import ConfigRecipe, Grade, LutRecipe, Recipe
-from lutforge.apply.inputs import Input
-from lutforge.apply.job import Failure
+from lutforge.apply.inputs import Failure, Input
 from lutforge.apply.oiiotool_commands import oiiotool_commands
 from lutforge.images.read import read_image
 from lutforge.luts.ops import Cube

@@ -23,7 +23,7 @@ from lutforge.images.jpeg import read_header
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
 from lutforge.luts.ops import Cube
-from lutforge.luts.processor import evaluate
+from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate

@@ -12,7 +12,7 @@ from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.grade import Grade, LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.errors import ImageError
-from lutforge.images.read import ImageReader, is_premultiplied, read_image
+from lutforge.images.read import is_premultiplied, read_image
 from tests.cases.pictures import write_cube, write_picture
 
 
@@ -97,19 +97,6 @@ def test_a_truncated_file_is_noticed_and_leaves_nothing(tmp_path: Path, grade: G
     with pytest.raises(ImageError, match="damaged or cut short"):
         apply_image(grade, source, tmp_path / "out" / source.name, 2, region_samples=10_000)
     assert list(tmp_path.glob("out/*")) == []
-
-
-def test_regions_follow_strips_and_tiles(tmp_path: Path) -> None:
-    write_picture(tmp_path / "a.tif", (300, 100), "uint8", tiff_RowsPerStrip=10)
-    write_picture(tmp_path / "t.tif", (300, 100), "uint8", 32)
-    with ImageReader(tmp_path / "a.tif") as reader:
-        assert {region.top % 10 for region in reader.regions(100 * 35, rows_only=False)} == {0}
-    with ImageReader(tmp_path / "t.tif") as reader:
-        narrow = reader.regions(40 * 32, rows_only=False)
-        assert {region.left % 32 for region in narrow} == {region.top % 32 for region in narrow} == {0}
-        assert max(region.pixels for region in narrow) == 32 * 32
-        assert {region.left for region in reader.regions(40 * 32, rows_only=True)} == {0}
-        assert sum(region.pixels for region in narrow) == 300 * 100
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lutforge.apply.source_settings import source_selector
+from lutforge.apply.profile_recipe import source_selector
 from lutforge.errors import SettingsError, in_common
 from lutforge.pipeline.grading import Grading
 from lutforge.settings import parse_selector

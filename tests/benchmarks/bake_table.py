@@ -28,9 +28,9 @@ from lutforge.arrays import ColourFunction
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.luts.bake import bake_forms, bake_steps
-from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import target_of
 from lutforge.luts.reading import file_processor
+from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.published_model import import_published
 from tests.benchmarks.common import Array, chosen, heading, real_data, row

@@ -100,7 +100,7 @@ def round_trip(rendering: Rendering, jpegs: list[Path]) -> tuple[float, float, l
     began = time.perf_counter()
     luts, errors = baked(rendering)
     seconds = time.perf_counter() - began
-    render, linearize = luts[rendering.render_file], luts[rendering.linearize_file]
+    render, linearize = luts[rendering.file("render")], luts[rendering.file("linearize")]
     raw = raw_colours()
     by_model = np.clip(rendering.render(raw), 0.0, 1.0)
     by_file = np.clip(render(raw), 0.0, 1.0)

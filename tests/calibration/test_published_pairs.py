@@ -14,9 +14,8 @@ from scipy.interpolate import RBFInterpolator
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
-from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import Lut, evaluate
 from lutforge.luts.shaper import lattice_ops
 from lutforge.model.lattice import Lattice
 from tests.cases.real_data import PublishedPairs

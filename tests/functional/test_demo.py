@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 import lutforge as lf
 from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.images.read import read_image
-from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
+from lutforge.luts.sequence import evaluate
 from lutforge.ocio.check import check_config, load_config
 from lutforge.simulate.camera import nikon_d5100
 

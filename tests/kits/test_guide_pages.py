@@ -18,6 +18,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.kits import KITS
 from lutforge.samples.sample_set import SampleSet
+from tests.cases.pictures import write_picture
 
 pytestmark = pytest.mark.slow
 
@@ -104,14 +105,9 @@ def prepare(folder: Path, camera: Path, data: Path, lines: str) -> None:
 
 def export(raw: Path, path: Path) -> None:
     """As another program would: ProPhoto RGB behind its own curve, 16 bit."""
-    import OpenImageIO
-
     with rawpy.imread(str(raw)) as opened:
         pixels = opened.postprocess(
             output_color=rawpy.ColorSpace.ProPhoto, gamma=(1.8, 16), no_auto_bright=True, use_camera_wb=True,
             output_bps=16, user_flip=0,
         )  # fmt: skip
-    spec = OpenImageIO.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
-    buffer = OpenImageIO.ImageBuf(spec)
-    buffer.set_pixels(OpenImageIO.ROI(), np.ascontiguousarray(pixels))
-    assert buffer.write(str(path))
+    write_picture(path, kind="uint16", pixels=(pixels / 65535).astype(np.float32))

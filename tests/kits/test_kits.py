@@ -3,13 +3,14 @@
 import json
 import os
 import re
+import struct
 import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO
 import pytest
+from numpy.typing import NDArray
 
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
@@ -20,14 +21,12 @@ from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.kits.dcp import fit_dng_profile, read_dcp
 from lutforge.kits.kit import look_of
-from lutforge.luts.processor import evaluate
-from lutforge.luts.reading import file_processor
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.kits import KITS, check_kit, compare_with_jpeg, write_kit
 from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.samples.sample_set import SampleSet
+from tests.cases.pictures import write_picture
 from tests.conftest import CommandLine
-from tests.kits.kit_readers import dcp_tags, developed_by_dcp
 
 SETTING = "standard/auto"
 
@@ -102,14 +101,6 @@ def test_a_look_within_a_space_is_the_cameras(
     assert np.abs(shown - np.clip(look.render(x), 0.0, 1.0)).max() < 2e-3
 
 
-def test_resolves_files_agree(profile: CameraProfile, tmp_path: Path) -> None:
-    folder = write_kit(profile, SETTING, tmp_path / "kit", "resolve")
-    x = np.random.default_rng(5).uniform(0.05, 0.5, (2000, 3))
-    shaped = evaluate(file_processor(folder / "Canon PowerShot S40 standard davinci-intermediate.resolve.cube"), x)
-    plain = evaluate(file_processor(folder / "Canon PowerShot S40 standard davinci-intermediate.plain.cube"), x)
-    assert np.abs(shaped - plain).mean() < 2e-3
-
-
 def test_what_a_profile_cannot_give_is_refused_with_the_way(
     profile: CameraProfile, developed_profile: CameraProfile, tmp_path: Path
 ) -> None:
@@ -154,10 +145,8 @@ def test_a_picture_is_compared_with_the_jpeg(shared_data: Path, s40_samples: Sam
     assert check.maximum < 0.1
     # What a program clips is an error of its picture, and counts; how its picture lies does not.
     pixels = read_image(tmp_path / "same.jpg").pixels
-    turned = np.ascontiguousarray(np.rot90(np.minimum(pixels * 1.5, 1.0)), dtype=np.float32)
-    buffer = OpenImageIO.ImageBuf(OpenImageIO.ImageSpec(turned.shape[1], turned.shape[0], 3, "uint16"))
-    buffer.set_pixels(OpenImageIO.ROI(), turned)
-    assert buffer.write(str(tmp_path / "clipped.tif"))
+    turned = np.ascontiguousarray(np.rot90(np.minimum(pixels * 1.5, 1.0)), np.float32)
+    write_picture(tmp_path / "clipped.tif", kind="uint16", pixels=turned)
     clipped = compare_with_jpeg(raw, tmp_path / "clipped.tif")
     assert clipped.tiles == check.tiles
     assert clipped.mean > 5.0
@@ -176,6 +165,10 @@ def test_scripts_say_what_is_missing(profile: CameraProfile, tmp_path: Path) -> 
     usage = subprocess.run([script], capture_output=True, text=True, check=False)
     assert usage.returncode == 2
     assert len(usage.stderr.splitlines()) == 1
+    env = stand_in(tmp_path / "bin", "rawtherapee-cli", "", "picture")
+    command = [script, str(tmp_path / "none.CRW"), str(tmp_path / "out.tif")]
+    unreadable = subprocess.run(command, capture_output=True, text=True, check=False, env=env)
+    assert (unreadable.returncode, unreadable.stderr) == (2, f"{tmp_path}/none.CRW: cannot be read\n")
     missing = subprocess.run(
         ["/bin/sh", script, "a", "b"], capture_output=True, text=True, check=False, env={"PATH": "/nowhere"}
     )
@@ -233,14 +226,6 @@ def test_darktable_is_believed_only_where_it_used_the_profile_alone(
     assert re.search(words.replace("[", r"\["), run.stderr)
 
 
-def test_a_script_names_a_file_that_is_not_there(profile: CameraProfile, tmp_path: Path) -> None:
-    folder = write_kit(profile, SETTING, tmp_path / "kit", "rawtherapee")
-    env = stand_in(tmp_path / "bin", "rawtherapee-cli", "", "picture")
-    command = [str(folder / "develop.sh"), str(tmp_path / "none.CRW"), str(tmp_path / "out.tif")]
-    run = subprocess.run(command, capture_output=True, text=True, check=False, env=env)
-    assert (run.returncode, run.stderr) == (2, f"{tmp_path}/none.CRW: cannot be read\n")
-
-
 def test_a_camera_profile_is_a_format_of_bake(profile: CameraProfile, tmp_path: Path, lutforge: CommandLine) -> None:
     profile.save(tmp_path / "camera.npz")
     words = ("bake", "camera.npz", "render", "--to", SETTING, "-o", "look.dcp")
@@ -280,3 +265,75 @@ def test_a_kit_that_cannot_be_written_names_its_folder(profile: CameraProfile, t
     (tmp_path / "file").write_bytes(b"not a folder")
     with pytest.raises(LutForgeError, match=r"file is a file, not a folder; choose another output folder"):
         write_kit(profile, SETTING, tmp_path / "file" / "kit", "rawtherapee")
+
+
+# --- A second reader of .dcp, by the DNG specification ---------------------------------------------------------------
+
+
+Array = NDArray[np.float64]
+
+
+def dcp_tags(path: Path) -> dict[int, Array | str]:
+    """The tags of a DNG camera profile: text, or numbers."""
+    data = path.read_bytes()
+    order, magic, at = struct.unpack_from("<2sHI", data)
+    assert (order, magic) == (b"II", 0x4352)
+    (count,) = struct.unpack_from("<H", data, at)
+    found: dict[int, Array | str] = {}
+    previous = 0
+    for entry in range(count):
+        tag, kind, number = struct.unpack_from("<HHI", data, at + 2 + 12 * entry)
+        assert tag > previous
+        previous = tag
+        size = {2: 1, 3: 2, 4: 4, 10: 8, 11: 4}[kind] * number
+        place = at + 10 + 12 * entry
+        if size > 4:
+            (place,) = struct.unpack_from("<I", data, place)
+        value = data[place : place + size]
+        assert len(value) == size
+        if kind == 2:
+            found[tag] = value.rstrip(b"\0").decode()
+        elif kind == 10:
+            pairs = np.frombuffer(value, "<i4").reshape(-1, 2)
+            found[tag] = pairs[:, 0] / pairs[:, 1]
+        else:
+            found[tag] = np.frombuffer(value, {3: "<u2", 4: "<u4", 11: "<f4"}[kind]).astype(np.float64)
+    return found
+
+
+def developed_by_dcp(tags: dict[int, Array | str], balanced: Array) -> Array:
+    """What a DNG developer makes of balanced camera RGB (n, 3): encoded sRGB (DNG specification 1.7, chapter 6)."""
+    forward, dims = np.asarray(tags[50964], dtype=np.float64).reshape(3, 3), np.asarray(tags[50981], dtype=int)
+    curve = np.asarray(tags[50940]).reshape(-1, 2)
+    hues, saturations, values = dims
+    table = np.asarray(tags[50982]).reshape(values, hues, saturations, 3)
+    to_xyz = np.array([[0.7976749, 0.1351917, 0.0313534], [0.2880402, 0.7118741, 0.0000857], [0.0, 0.0, 0.8252100]])
+    rgb = np.clip(balanced @ (np.linalg.inv(to_xyz) @ forward).T, 0.0, 1.0)
+    looked = np.array([_looked_up(pixel, table) for pixel in rgb])
+    order = np.argsort(looked, axis=1)
+    low, middle, high = np.take_along_axis(looked, order, axis=1).T
+    top, bottom = np.interp(high, *curve.T), np.interp(low, *curve.T)
+    share = np.where(high > low, (middle - low) / np.where(high > low, high - low, 1.0), 0.0)
+    toned = np.empty_like(looked)
+    np.put_along_axis(toned, order, np.stack([bottom, bottom + share * (top - bottom), top], axis=1), axis=1)
+    light = toned @ matrix_between("linear-prophoto", "linear-srgb").T
+    return rgb_space("srgb").encode(np.clip(light, 0.0, 1.0))
+
+
+def _looked_up(rgb: Array, table: Array) -> Array:
+    """One colour through the look table, whose values are spaced and scaled behind sRGB's curve."""
+    import colorsys
+
+    values, hues, saturations = table.shape[:3]
+    hue, saturation, value = colorsys.rgb_to_hsv(*(float(channel) for channel in rgb))
+    encoded = float(rgb_space("srgb").encode(value))
+    place = np.array([encoded * (values - 1), hue * hues, saturation * (saturations - 1)])
+    low = np.minimum(place.astype(int), [values - 2, hues - 1, saturations - 2])
+    share = place - low
+    entry = np.zeros(3)
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.prod(np.where(corner, share, 1 - share))
+        v, h, s = low + corner
+        entry += weight * table[v, h % hues, s]
+    lit = float(rgb_space("srgb").linearize(min(encoded * entry[2], 1.0)))
+    return np.array(colorsys.hsv_to_rgb((hue + entry[0] / 360) % 1, min(saturation * entry[1], 1.0), lit))

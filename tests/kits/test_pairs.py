@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO
 import pytest
 import rawpy
 
@@ -12,13 +11,14 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import LutForgeError, SettingsError, ShotError
-from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
+from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import load_profile
 from lutforge.pipeline.calibration import calibrate as calibrate_profile
 from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
+from tests.cases.pictures import write_picture
 from tests.conftest import CommandLine
 
 
@@ -38,9 +38,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         picture = np.kron(squares, np.ones((80, 80, 1)))
         for side, pixels in (("before", picture), ("after", look(picture))):
             (folder / side).mkdir(exist_ok=True)
-            buffer = OpenImageIO.ImageBuf(OpenImageIO.ImageSpec(640, 480, 3, "uint16"))
-            buffer.set_pixels(OpenImageIO.ROI(), np.ascontiguousarray(pixels, dtype=np.float32))
-            assert buffer.write(str(folder / side / f"{name}.tif"))
+            write_picture(folder / side / f"{name}.tif", kind="uint16", pixels=np.ascontiguousarray(pixels, np.float32))
     return folder / "before", folder / "after"
 
 
@@ -136,10 +134,7 @@ def test_a_picture_of_any_size_or_turn_is_paired_and_a_cropped_one_is_one_line(
         ("cropped", whole[200:-200, 250:-250], False),
     ):
         (tmp_path / name).mkdir()
-        shape = OpenImageIO.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
-        buffer = OpenImageIO.ImageBuf(shape)
-        buffer.set_pixels(OpenImageIO.ROI(), np.ascontiguousarray(pixels, dtype=np.float32))
-        assert buffer.write(str(tmp_path / name / "CRW_0101.tif"))
+        write_picture(tmp_path / name / "CRW_0101.tif", kind="uint16", pixels=np.ascontiguousarray(pixels, np.float32))
         substitute = raw_substitute(tmp_path / name, developed_space="srgb")
         if fits:
             assert len(gather_samples([raw], substitute=substitute).samples) > 50, name

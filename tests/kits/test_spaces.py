@@ -13,8 +13,8 @@ from lutforge.colour.spectra import surface_reflectances
 from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.errors import SettingsError
 from lutforge.luts.check import check_lut
-from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
+from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.baking import bake, bake_files
 from lutforge.pipeline.transforms import TransformRequest, transform
@@ -76,7 +76,6 @@ def test_a_jpeg_in_a_log_space_is_as_near_to_the_truth_as_in_linear_light(
         bake(transform(truth.profile, "linearize", DAYLIGHT, space=name), path, size=33)
         light = evaluate(file_processor(path), np.rint(255 * truth.jpeg) / 255).astype(np.float64)
         errors[name] = delta_e_2000(shown(light, name), shown(truth.light, "linear-srgb")).mean()
-    print(f"standard → {space}, {suffix}: {errors}")
     assert errors[space] <= 1.1 * errors[rgb_space(space).linear.name]
 
 
@@ -92,7 +91,6 @@ def test_log_footage_is_rendered_as_near_to_the_truth_as_linear_light(
         footage = rgb_space(name).encode(truth.light @ matrix_between("linear-srgb", rgb_space(name).linear.name).T)
         jpeg = evaluate(file_processor(path), footage).astype(np.float64)
         errors[name] = delta_e_2000(np.clip(jpeg, 0.0, 1.0), truth.jpeg).mean()
-    print(f"{space} → standard, {suffix}: {errors}")
     assert errors[space] <= 1.1 * errors[rgb_space(space).linear.name]
 
 
@@ -117,7 +115,6 @@ def test_codes_are_those_of_the_published_curves(
     assert np.abs(codes[1] - grey).max() < 4 / 1023
     cube = read_lut(path).cube
     assert cube is not None
-    print(f"{space}: black {codes[0]}, mid grey {codes[1]}, nodes {cube.values.min():.4f} to {cube.values.max():.4f}")
     assert cube.values.min() >= 0.0
     assert np.abs(codes[2] - highest).max() < 4 / 1023
     # A strong colour of RAW within [0, 1] may lie beyond 1 in another space: where the matrix subtracts nothing.
@@ -131,14 +128,6 @@ def shown(values: np.ndarray, space: str) -> np.ndarray:
     encoding = rgb_space(space)
     light = encoding.linearize(values) @ matrix_between(encoding.linear.name, "linear-srgb").T
     return srgb_encode(np.clip(light, 0.0, 1.0))
-
-
-@pytest.mark.parametrize("space", ["vlog", "slog3", "logc3", "clog3"])
-def test_legal_ranges_are_kept(space: str, profile: CameraProfile) -> None:
-    """Black and white of the JPEG lie between the code values that the camera's makers give to black and saturation."""
-    ends = transform(profile, "linearize", SETTING, space=space)(np.array([[0.0] * 3, [1.0] * 3]))
-    assert ends[0].min() > 0.05
-    assert ends[1].max() < 0.75
 
 
 @pytest.mark.parametrize("program", ["darktable", "RawTherapee", "art", "lightroom"])

@@ -12,10 +12,9 @@ from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake_forms, bake_steps
 from lutforge.luts.check import verify
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import Target
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import FORMATS, FORMS, Form
+from lutforge.luts.sequence import FORMS, Form, evaluate
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
@@ -157,14 +156,6 @@ def test_a_physical_model_keeps_its_curves(tmp_path: Path, suffix: str) -> None:
         np.testing.assert_allclose(got, staged(x), atol=1e-5)
 
 
-def test_a_gamut_map_lies_on_axes_of_linear_light() -> None:
-    """Between a matrix and an output response nothing bends that an input curve could even out."""
-    ops = bake(render(), size=9).ops
-    (shaper,) = (op for op in ops[: [isinstance(op, Cube) for op in ops].index(True)] if isinstance(op, Curve))
-    knots = np.unique(np.round(np.diff(shaper.outputs, axis=0), 7), axis=0)
-    assert len(knots) <= 3 * 8  # one slope an interval of the cube and channel: levels, not a curve
-
-
 def test_stages_at_17_beat_one_cube_at_33(shared_data: Path) -> None:
     """A real camera's model, both ways: half the error with an eighth of the nodes."""
     folder = shared_data / "nus_nikon_d40"
@@ -253,22 +244,6 @@ def test_what_is_not_a_transform_of_colours_is_refused() -> None:
         bake(lambda x: np.where(np.asarray(x) > 0.5, np.nan, 0.5), size=5)
     with pytest.raises(LutError, match="keep the shape"):
         bake(lambda x: np.asarray(x)[..., :1], size=5)
-
-
-def test_each_program_gets_its_own_fit(tmp_path: Path) -> None:
-    ffmpeg = bake(look, tmp_path / "a.cube", program="ffmpeg", size=17)
-    resolve = bake(look, tmp_path / "b.cube", program="resolve", size=17, title="a look")
-    assert (ffmpeg.interpolation, ffmpeg.summary) == ("tetrahedral", "Cube 17³")
-    assert (resolve.interpolation, resolve.summary) == ("trilinear", "Curve 65536 → Cube 17³")
-    assert bake(look, tmp_path / "c.cube", tolerance=1.0).size < 65
-    with pytest.raises(LutError, match="unknown program"):
-        bake(look, tmp_path / "c.cube", program="paint")
-
-
-def test_a_program_gets_only_what_it_reads(tmp_path: Path) -> None:
-    with pytest.raises(LutError, match="rawtherapee does not read"):
-        bake(look, tmp_path / "a.cube", program="rawtherapee")
-    assert set(FORMATS) >= {".clf", ".cube", ".csp", ".3dl", ".png", ".tif"}
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -14,9 +14,8 @@ from lutforge.errors import LutError
 from lutforge.luts.check import check_lut, report_lines
 from lutforge.luts.input_and_output import input_and_output_of
 from lutforge.luts.ops import Cube, Curve, Matrix
-from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import Lut, evaluate
 from lutforge.model.lattice import grid, uniform_levels
 from tests.cases.luts import lut_of_nodes
 
@@ -241,11 +240,6 @@ def test_baked_3dl_files_in_ffmpeg(format: str, size: int, tmp_path: Path) -> No
     tried = through_ffmpeg(path)
     right = tried is not None and 255 * np.abs(tried[1] - read_lut(path)(tried[0])).max() < 2
     assert (check_lut(path).readers["ffmpeg"] == "reads it") == right
-
-
-def test_a_cube_with_red_and_blue_exchanged(tmp_path: Path) -> None:
-    path = Lut((Cube(np.ascontiguousarray(NODES[..., ::-1])),)).write(tmp_path / "a.cube")
-    assert any("channels are exchanged" in text for text in check_lut(path).problems)
 
 
 def test_wide_outputs_have_no_limits(tmp_path: Path) -> None:

@@ -1,19 +1,19 @@
 """What `lutforge bake` makes for a program, and which files it writes."""
 
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import PROGRAMS, files_for, target_of
 from lutforge.luts.reading import file_processor
+from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.lattice import Lattice, uniform_levels
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
+from tests.conftest import CommandLine
 
 NAMED = (
     *("resolve", "premiere", "photoshop", "aftereffects", "finalcut", "nuke", "baselight"),
@@ -36,11 +36,6 @@ def profile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("profile") / "camera.npz"
     camera.save(path)
     return path
-
-
-def bake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "lutforge", "bake", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
 
 
 @pytest.mark.parametrize("program", NAMED)
@@ -68,22 +63,27 @@ def test_no_dialect_takes_the_place_of_another() -> None:
 
 
 @pytest.mark.slow
-def test_a_program_without_a_name_and_one_file_named_twice(tmp_path: Path, profile: Path) -> None:
+def test_a_program_without_a_name_and_one_file_named_twice(
+    tmp_path: Path, profile: Path, lutforge: CommandLine
+) -> None:
+    bake = partial(lutforge, "bake", profile, cwd=tmp_path)
     wanted = ("refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--size", "5")
-    run = bake(tmp_path, str(profile), *wanted, "--for", "resolve")
+    run = bake(*wanted, "--for", "resolve")
     assert run.returncode == 0, run.stderr
     assert len(list(tmp_path.glob("*.cube"))) == 2
-    run = bake(tmp_path, str(profile), *wanted, "-o", "a.clf", "-o", "./a.clf")
+    run = bake(*wanted, "-o", "a.clf", "-o", "./a.clf")
     assert run.returncode == 0, run.stderr
     assert "named twice, written once" in run.stderr
     assert run.stdout.count("a.clf:") == 1
 
 
 @pytest.mark.slow
-def test_stages_of_lattices_are_the_model_and_files_say_what_goes_in(tmp_path: Path, profile: Path) -> None:
+def test_stages_of_lattices_are_the_model_and_files_say_what_goes_in(
+    tmp_path: Path, profile: Path, lutforge: CommandLine
+) -> None:
+    bake = partial(lutforge, "bake", profile, cwd=tmp_path)
     run = bake(
-        tmp_path, str(profile), "refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--ev", "-1",
-        "--stages", "-o", "a.clf",
+        "refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--ev", "-1", "--stages", "-o", "a.clf"
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
     # Colours near white fade into it in the cube between.
@@ -92,14 +92,14 @@ def test_stages_of_lattices_are_the_model_and_files_say_what_goes_in(tmp_path: P
     codes = np.random.default_rng(1).integers(0, 256, (4096, 3)) / 255
     model = load_profile(profile).refinish("standard/daylight", "standard/daylight", -1.0)
     assert np.abs(evaluate(file_processor(tmp_path / "a.clf"), codes) - model(codes)).mean() < 1 / 255
-    refused = bake(tmp_path, str(profile), "render", "--to", "standard/daylight", "--stages", "-o", "a.cube")
+    refused = bake("render", "--to", "standard/daylight", "--stages", "-o", "a.cube")
     assert refused.returncode == 2
     assert "--stages writes .clf and .ctf" in refused.stderr
-    linear = bake(tmp_path, str(profile), "linearize", "--from", "standard/daylight", "-o", "b.png", "--size", "9")
+    linear = bake("linearize", "--from", "standard/daylight", "-o", "b.png", "--size", "9")
     assert linear.returncode == 0, linear.stderr
     assert "whole numbers band the darks of linear light" in linear.stderr
     assert "8 bits would show bands" in linear.stderr
     scene = ("render", "--space", "acescg", "--ev", "-1", "--to", "standard/daylight", "-o", "c.clf")
-    assert bake(tmp_path, str(profile), *scene).returncode == 0
+    assert bake(*scene).returncode == 0
     assert "not for JPEGs" in (tmp_path / "c.clf").read_text()
     assert "input: scene-linear acescg" in (tmp_path / "c.clf").read_text()

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
+from lutforge.luts.sequence import evaluate
 from lutforge.pipeline.baking import bake
 from tests.luts.reader_programs import PROGRAMS, Program, baked, rendered, smooth_look
 

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.errors import LutError
 from lutforge.luts.formats.text import DIGITS, EXACT, rows
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import Lut, evaluate
 from lutforge.pipeline.baking import bake
 
 MACROS = r"""

@@ -11,9 +11,8 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError, SettingsError
 from lutforge.luts.check import verify
 from lutforge.luts.ops import Matrix
-from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
-from lutforge.luts.shaper import node_levels
+from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.published_model import import_published
 from lutforge.model.transform import Transform
@@ -40,16 +39,6 @@ def light(highest: float) -> Array:
     grey = np.repeat(np.geomspace(1e-4, highest, 500)[:, None], 3, axis=1)
     x: Array = np.concatenate([colours, grey]).astype(np.float32).astype(np.float64)
     return x
-
-
-def test_footage_is_what_linearize_gives(profile: CameraProfile) -> None:
-    """A JPEG, linearized to ACEScg and photographed again, is the JPEG: the model's own round trip."""
-    jpeg = np.random.default_rng(0).uniform(0.2, 0.8, (500, 3))
-    linear = profile.linearize("standard/daylight", "acescg")(jpeg)
-    direct = profile.render("standard/daylight")(profile.linearize("standard/daylight")(jpeg))
-    again = through_camera(profile, "standard/daylight", "acescg")(linear)
-    # The published Ts of the fit and the row-normalized Ts of the profile differ a little.
-    assert np.abs(again - direct).mean() < 0.02
 
 
 def test_exposure_makes_room_for_highlights(profile: CameraProfile) -> None:
@@ -79,15 +68,9 @@ def test_a_process_list_takes_any_light(tmp_path: Path, footage: Transform, suff
 
 
 def test_tables_are_fine_enough_for_the_darks(tmp_path: Path, footage: Transform) -> None:
-    """65,536 even entries, down to 2^-12 of saturation: node levels lie on them, and go to even steps."""
+    """Down to 2^-12 of saturation."""
     lut = bake(footage, tmp_path / "a.clf")
-    assert lut.shaper is not None and lut.cube is not None
     raw = 2.0 ** np.arange(-12.0, -4.0, 0.125)[:, None] * np.ones(3)
-    levels, even = node_levels(lut.shaper, lut.cube), np.linspace(0.0, 1.0, lut.size)
-    entries = np.stack(levels, axis=1) * 65535
-    np.testing.assert_allclose(entries, np.rint(entries), atol=1e-6)
-    steps = np.repeat(even[:, None], 3, axis=1)
-    np.testing.assert_allclose(lut.shaper(np.stack(levels, axis=1)), steps, rtol=1e-9, atol=1e-12)
     front = lut.ops[0]
     assert isinstance(front, Matrix)
     x = raw @ np.linalg.inv(front.matrix).T

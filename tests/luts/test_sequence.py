@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lutforge.errors import ImageError, LutError
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
-from lutforge.luts.processor import evaluate
-from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, on_grid, shaper
+from lutforge.luts.sequence import Lut, evaluate
+from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, node_levels, shaper
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from tests.cases.luts import lut_of_nodes
 
@@ -80,16 +77,6 @@ def test_a_sequence_says_what_it_is() -> None:
         Lut(())
 
 
-def test_it_is_the_lattice_behind_gain_and_clamp_and_before_the_matrix() -> None:
-    rng = np.random.default_rng(1)
-    lattice = Lattice(bunched(), rng.random((17, 17, 17, 3)), "tetrahedral")
-    gain = np.array([1.9, 1.0, 1.4])
-    lut = Lut((Matrix(np.diag(gain)), Range(), *lattice_ops(lattice), Matrix(MATRIX)))
-    x = rng.random((500, 3))
-    np.testing.assert_allclose(lut(x), lattice(np.minimum(x * gain, 1)) @ MATRIX.T, atol=1e-11)
-    np.testing.assert_array_equal(lut(np.array([[np.nan, -1.0, 9.0]])), lut(np.array([[0.0, 0.0, 1.0]])))
-
-
 def test_the_shaper_holds_the_node_levels_exactly() -> None:
     levels = bunched(33, 3.0)
     curve = shaper(levels)
@@ -100,19 +87,6 @@ def test_the_shaper_holds_the_node_levels_exactly() -> None:
     np.testing.assert_allclose(at_nodes, np.repeat(np.arange(33)[:, None] / 32, 3, axis=1), atol=1e-12)
     np.testing.assert_allclose(half_way, np.repeat((np.arange(32)[:, None] + 0.5) / 32, 3, axis=1), atol=1e-12)
     np.testing.assert_allclose(node_levels(curve, Cube(np.zeros((33, 33, 33, 3)))), levels, atol=1e-12)
-
-
-@given(st.integers(2, 65), st.floats(0.5, 8.0), st.floats(0.3, 4.0))
-@settings(max_examples=60, deadline=None)
-def test_levels_in_front_of_a_gain_keep_a_grid_point_each(size: int, power: float, gain: float) -> None:
-    axis = snap_levels(np.linspace(0, 1, size) ** power, SHAPER_SIZE)
-    scaled = levels_behind_gain((axis,) * 3, np.full(3, gain))[1]
-    assert scaled[0] == 0
-    assert np.all(np.diff(scaled) > 0)
-    assert on_grid(scaled, SHAPER_SIZE)
-    assert scaled[-1] * gain >= 1 - 1e-9
-    if gain == 1.0:
-        np.testing.assert_allclose(scaled, axis, atol=1e-12)
 
 
 def test_a_lattice_off_the_grid_or_of_unequal_sizes_becomes_a_lut() -> None:

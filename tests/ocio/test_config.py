@@ -32,6 +32,7 @@ from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config
 from lutforge.ocio.renderings import compact_text
 from tests.cases.profiles import MATRIX, plain_profile, small_profile
+from tests.conftest import CommandLine
 
 GAINS = {"daylight": (2.0, 1.0, 1.4), "tungsten": (1.2, 1.0, 2.4)}
 KELVIN = {"daylight": 5200.0, "tungsten": 3200.0}
@@ -366,15 +367,6 @@ def test_a_folder_in_use_is_not_written_into(tmp_path: Path) -> None:
         write_config([plain_profile("A")], tmp_path / "notes.txt")
 
 
-def test_progress_tells_the_steps_within_each_style(tmp_path: Path) -> None:
-    told: list[tuple[str, float]] = []
-    write_config([plain_profile("A"), plain_profile("B")], tmp_path / "ocio", progress=lambda *step: told.append(step))
-    shares = [share for _, share in told]
-    assert shares == [*(step / 8 for step in range(8)), 1.0]
-    assert {what.partition(": ")[0] for what, _ in told[:-1]} == {"A standard", "B standard"}
-    assert len({what for what, _ in told[:-1]}) == 8
-
-
 def test_spaces_of_a_camera_without_raw_are_of_the_light_of_its_jpegs() -> None:
     """A camera that was calibrated through another camera's RAW: no space claims to be RAW."""
     own = small_profile()
@@ -389,32 +381,27 @@ def test_spaces_of_a_camera_without_raw_are_of_the_light_of_its_jpegs() -> None:
 # --- `lutforge config` as users type it ------------------------------------------------------------------------------
 
 
-def lutforge(*words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "lutforge", "config", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-
-
 @pytest.mark.slow
-def test_versions_merging_and_folders_in_use(tmp_path: Path) -> None:
+def test_versions_merging_and_folders_in_use(tmp_path: Path, lutforge: CommandLine) -> None:
     profile = tmp_path / "camera.npz"
     plain_profile("Nikon D40").save(profile)
-    made = lutforge(profile, "-o", tmp_path / "ocio", "--ocio-version", "2.3")
+    made = lutforge("config", profile, "-o", tmp_path / "ocio", "--ocio-version", "2.3")
     assert made.returncode == 0, made.stderr
     assert "no interop IDs (2.5)" in made.stderr
     assert "profile version 2.3, checked: " in made.stdout and "input colour spaces" in made.stdout
     assert len(made.stdout.splitlines()) == 1  # counts: names of a hundred spaces would hide the notes
     assert load_config(tmp_path / "ocio" / "config.ocio").getMinorVersion() == 3
-    again = lutforge(profile, "-o", tmp_path / "ocio")
+    again = lutforge("config", profile, "-o", tmp_path / "ocio")
     assert again.returncode == 2
     assert len(again.stderr.strip().splitlines()) == 1
     assert "--replace" in again.stderr
-    assert lutforge(profile, "-o", tmp_path / "ocio", "--replace").returncode == 0
-    merged = lutforge(profile, "-o", tmp_path / "all.ocioz", "--merge", tmp_path / "ocio" / "config.ocio")
+    assert lutforge("config", profile, "-o", tmp_path / "ocio", "--replace").returncode == 0
+    merged = lutforge("config", profile, "-o", tmp_path / "all.ocioz", "--merge", tmp_path / "ocio" / "config.ocio")
     assert merged.returncode == 0, merged.stderr
     spaces = load_config(tmp_path / "all.ocioz").getColorSpaceNames()
     assert any("Nikon D40 2 standard daylight" in name for name in spaces)
     for wrong in (("--merge", "nothing.ocio"), ("--ocio-version", "3.0"), (profile,)):
-        failed = lutforge(profile, "-o", tmp_path / "other", *wrong)
+        failed = lutforge("config", profile, "-o", tmp_path / "other", *wrong)
         assert failed.returncode == 2, wrong
         assert len(failed.stderr.strip().splitlines()) == 1, failed.stderr
         assert not (tmp_path / "other").exists()

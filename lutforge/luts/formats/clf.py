@@ -13,8 +13,7 @@ from lutforge.arrays import Array
 from lutforge.errors import LutError, one_line
 from lutforge.luts.formats.text import write_text
 from lutforge.luts.ops import Cube, Curve, Matrix
-from lutforge.luts.processor import group_of
-from lutforge.luts.sequence import FileFormat, Lut
+from lutforge.luts.sequence import FileFormat, Lut, group_of
 
 ACES_ID = "ACEStransformID"
 """The element of Info that names an ACES transform (SMPTE ST 2136-1, Info), and its key in the metadata of a Lut."""
