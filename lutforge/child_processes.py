@@ -1,6 +1,7 @@
 """Run programs, and functions on strangers' files, in processes that do not outlive a command that Ctrl-C ends."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,11 +12,13 @@ from pathlib import Path
 from threading import Lock, RLock, Timer
 from typing import Any, ParamSpec, TypeVar
 
-from lutforge.errors import LutForgeError
+from lutforge.errors import LutForgeError, ShotError, one_line
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
+MOST_SECONDS = 600
+"""A program that takes longer than this is given up: programs wait for a screen that is not there."""
 SECONDS = 10
 """Processor time of a guarded call; the largest LUTs and configs that OpenColorIO reads take three."""
 WAIT = 6 * SECONDS
@@ -52,6 +55,27 @@ def run(
     finally:
         _running.discard(process)
     return subprocess.CompletedProcess(command, process.returncode, output, errors)
+
+
+def run_command(command: Sequence[str], name: str, source: Path, output: Path) -> str:
+    """Run a command that makes `output` of `source`, and require that it did; return what it wrote to standard error.
+
+    name: of the program, for people. Raises ShotError with the line in which the program says why.
+    """
+    # Without a display variable no program waits for a window.
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    try:
+        done = run(command, MOST_SECONDS, environment)
+    except subprocess.TimeoutExpired:
+        raise ShotError(f"{source}: {name} did not finish within {MOST_SECONDS // 60} minutes") from None
+    except OSError as error:
+        raise ShotError(f"{command[0]} cannot be run ({error.strerror or error})") from None
+    if not output.is_file() or output.stat().st_size == 0:
+        lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
+        telling = [line for line in lines if re.search("fail|error|cannot|unsupported|mismatch", line, re.IGNORECASE)]
+        reason = one_line((telling or lines[-1:] or ["it gave no reason"])[0].removeprefix(f"{source}: "), 200)
+        raise ShotError(f"{source}: {name} made no picture of it: {reason}")
+    return done.stderr
 
 
 def end_all() -> None:

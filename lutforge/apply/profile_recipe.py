@@ -12,8 +12,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.apply.grade import Grade, Recipe
 from lutforge.apply.image import TELL_ADOBE_RGB
-from lutforge.colour.chromaticities import CHROMATICITIES
-from lutforge.colour.rgb_spaces import INTEROP_IDS, from_linear_srgb, rgb_space
+from lutforge.colour.rgb_spaces import CHROMATICITIES, INTEROP_IDS, from_linear_srgb, rgb_space
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB
 from lutforge.luts.ops import Matrix

@@ -4,10 +4,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
-from lutforge.colour.chromaticities import xyz_matrix
 from lutforge.errors import ImageError
 
-SRGB_TO_XYZ = xyz_matrix("linear-srgb")
+Chromaticities = tuple[tuple[float, float], ...]
+"""(x, y) of red, green, blue and white."""
+
+SRGB: Chromaticities = ((0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.3290))
+
+
+def xyz_matrix(chromaticities: Chromaticities) -> Array:
+    """(3, 3): linear RGB of a space → CIE XYZ, with Y = 1 for white (SMPTE RP 177-1993)."""
+    x, y = np.array(chromaticities).T
+    directions = np.stack([x / y, np.ones(4), (1.0 - x - y) / y])
+    return np.asarray(directions[:, :3] * np.linalg.solve(directions[:, :3], directions[:, 3]))
+
+
+SRGB_TO_XYZ = xyz_matrix(SRGB)
 """(3, 3): linear sRGB → XYZ, as derived from its chromaticities; the standard rounds it to four digits."""
 D65 = SRGB_TO_XYZ.sum(axis=1)
 """XYZ of sRGB's white."""

@@ -10,7 +10,8 @@ import PIL.Image
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import MAX_SAMPLES, reading, require_file
-from lutforge.errors import ImageError, one_line
+from lutforge.colour.rgb_spaces import rgb_space
+from lutforge.errors import ImageError, ShotError, one_line
 from lutforge.images.heif import Heif, is_heif, read_heif
 from lutforge.images.jpeg import read_header
 
@@ -214,3 +215,32 @@ def _reason(text: str) -> str:
     if "could not find a format reader" in text:
         return "OpenImageIO knows no such format"
     return one_line(text, 160).rstrip(".") or "unreadable"
+
+
+# --- Pictures that a program developed from RAW files: calibration can use them instead of the RAW --------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Development:
+    """A white-balanced linear picture, in any of the four orientations.
+
+    pixels: (h, w, 3) float32, linear RGB. space: a name of `lutforge.colour.rgb_spaces`, in which the picture was
+    encoded: the pixels have its primaries. developer: what made it.
+    """
+
+    pixels: Pixels
+    space: str
+    developer: str
+
+
+def read_developed(path: Path, space: str) -> Development:
+    """Read a picture that any program developed: 16-bit TIFF or EXR, encoded in `space`.
+
+    Raises ImageError where it cannot be read, ShotError where it has no colour, SettingsError on an unknown space.
+    """
+    encoding = rgb_space(space)
+    pixels = read_image(path).pixels
+    if pixels.ndim != 3 or pixels.shape[2] < 3:
+        raise ShotError(f"{path}: its development is not a colour picture")
+    linear = encoding.linearize(pixels[..., :3]).astype(np.float32)
+    return Development(linear, encoding.name, f"pictures in {encoding.name}")

@@ -12,10 +12,10 @@ import numpy as np
 
 from lutforge import __version__
 from lutforge.atomic_write import scratch_folder
+from lutforge.child_processes import run_command
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError, ShotError
-from lutforge.images.development import Development, run_command
-from lutforge.images.read import read_image
+from lutforge.images.read import Development, read_image
 from lutforge.kits.darktable import DARKTABLE
 from lutforge.kits.kit import Kit, Look, look_of, write_develop_script
 from lutforge.kits.lumix import lumix_kit

@@ -18,8 +18,8 @@ from lutforge.atomic_write import scratch_folder
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
 from lutforge.calibration.physical.response_from_exposures import ExposurePairs, pairs_of_bracket
 from lutforge.calibration.physical.unsaturated import BETA
+from lutforge.child_processes import run_command
 from lutforge.errors import CalibrationError, ShotError
-from lutforge.images.development import run_command
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, profile_of_response

@@ -19,7 +19,7 @@ from lutforge.samples.table import read_samples
 from lutforge.threads import cores
 
 if TYPE_CHECKING:  # tables are read without what decodes RAW files
-    from lutforge.images.development import Development
+    from lutforge.images.read import Development
     from lutforge.model.camera_profile import CameraProfile
     from lutforge.samples.extract import ShotSamples
     from lutforge.shots.geometry import Placement
@@ -238,7 +238,7 @@ def raw_substitute(developed: str | Path | None, developed_space: str | None) ->
         return None
     if developed_space is None:
         raise SettingsError("--developed needs --developed-space, the space that its pictures are encoded in")
-    from lutforge.images.development import read_developed
+    from lutforge.images.read import read_developed
 
     space = rgb_space(developed_space).name
     pictures = _pictures(Path(developed))
@@ -259,7 +259,7 @@ def sample_pairs(
 
     from_space: the space that the pictures of the first folder are encoded in; those of the second are sRGB.
     """
-    from lutforge.images.development import read_developed
+    from lutforge.images.read import read_developed
     from lutforge.shots.read import read_pair
 
     space = rgb_space(from_space).name

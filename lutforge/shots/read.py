@@ -12,12 +12,11 @@ from lutforge.arrays import Codes
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import MAX_SAMPLES
 from lutforge.errors import ImageError, ShotError
-from lutforge.images.development import Development
 from lutforge.images.heif import is_heif, read_heif
 from lutforge.images.icc import is_srgb, profile_name, to_srgb
 from lutforge.images.jpeg import decode, read_header
 from lutforge.images.raw import RawImage, read_raw
-from lutforge.images.read import read_image
+from lutforge.images.read import Development, read_image
 from lutforge.shots.align import IS_WARPED, register_rotated
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
 from lutforge.shots.geometry import Placement, Registration

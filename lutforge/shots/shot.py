@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.images.development import Development
 from lutforge.images.raw import RawImage
+from lutforge.images.read import Development
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.metadata import ShotMetadata

@@ -32,11 +32,11 @@ import numpy as np
 import lutforge as lf
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import style_data
+from lutforge.child_processes import run_command
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError
 from lutforge.evaluation.methods import LATTICE, fit_baselines
-from lutforge.images.development import run_command
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.kits.darktable import NEUTRAL

@@ -6,8 +6,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import pytest
 
 from lutforge.arrays import Array
-from lutforge.colour.chromaticities import CHROMATICITIES
-from lutforge.colour.rgb_spaces import SPACES, matrix_between, rgb_space
+from lutforge.colour.rgb_spaces import CHROMATICITIES, SPACES, matrix_between, rgb_space
 from lutforge.colour.srgb import SRGB_TO_XYZ, lab_delta_e_2000, srgb_to_lab
 from lutforge.errors import SettingsError
 
