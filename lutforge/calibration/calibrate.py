@@ -1,7 +1,7 @@
 """From samples to a camera profile: the stages of the calibration in order."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,12 +46,12 @@ def calibrate(
     if options.model == "rbf":
         progress("response, matrix and white balances", 0.0)
         if stages is None:
-            fitted = fit_camera_stages(samples, multipliers, options)
+            fitted, usable = fit_camera_stages(samples, multipliers, options)
         else:
-            fitted = stages_of(stages, samples, multipliers)
+            fitted, usable = stages_of(stages, samples, multipliers)
         multipliers = fitted.multipliers
         if options.preset == "thesis":
-            physical = fitted.maps(samples, options)
+            physical = _gamut_maps(fitted, samples, usable, options)
             matrix = fitted.matrix if matrix is None else matrix
     data, clipped = style_data(samples, multipliers)
     for name, of_style in data.items():
@@ -102,11 +102,17 @@ def calibrate_stages(
     progress("checking white balances and shots", 0.0)
     prepared = prepare(samples, options)
     progress("response, matrix and white balances", 0.0)
-    stages = fit_camera_stages(prepared.samples, prepared.multipliers, options)
+    stages, _ = fit_camera_stages(prepared.samples, prepared.multipliers, options)
     balances = named_white_balances(prepared.samples, stages.multipliers, stages.matrix)
     progress("done", 1.0)
     matrix = stages.matrix / stages.matrix.sum(axis=1, keepdims=True)
-    return prepared.profile(matrix, balances, stages.styles(tuple(balances)), options)
+    none = identity_gamut_map()
+    models = {
+        name: PhysicalModel(tuple(balances), stages.matrix, response, none, none)
+        for name, response in stages.responses.items()
+    }
+    styles = {name: PictureStyle(physical=(model,)) for name, model in models.items()}
+    return prepared.profile(matrix, balances, styles, options)
 
 
 def thin_settings(samples: SampleSet) -> list[str]:
@@ -156,37 +162,26 @@ def thin_colours(encoded: Array, style: str, *, monochrome: bool) -> list[str]:
     return notes
 
 
-@dataclass(frozen=True, eq=False)
-class Stages(CameraStages):
-    """The stages of one camera, for all its samples. usable: (n,) those that a gamut map can be fitted to."""
-
-    usable: Mask
-
-    def maps(self, samples: SampleSet, options: CalibrationOptions) -> dict[str, PhysicalModel]:
-        """Fit h and h⁻¹ of each style that has samples. Raises CalibrationError."""
-        balances, maps = tuple(str(name) for name in np.unique(samples.white_balance)), {}
-        for name, response in self.responses.items():
-            rows = self.usable & (samples.style == name)
-            if rows.any():
-                maps[name] = fit_gamut_maps(
-                    samples.raw[rows] * self.multipliers[rows], samples.srgb[rows], samples.shot[rows], self.matrix,
-                    response, balances, options.physical,
-                )  # fmt: skip
-        return maps
-
-    def styles(self, white_balances: tuple[str, ...]) -> dict[str, PictureStyle]:
-        """The styles as a profile has them, with gamut maps that change nothing."""
-        none = identity_gamut_map()
-        return {
-            name: PictureStyle(physical=(PhysicalModel(white_balances, self.matrix, response, none, none),))
-            for name, response in self.responses.items()
-        }
+def _gamut_maps(
+    stages: CameraStages, samples: SampleSet, usable: Mask, options: CalibrationOptions
+) -> dict[str, PhysicalModel]:
+    """Fit h and h⁻¹ of each style that has usable samples (n,). Raises CalibrationError."""
+    balances, maps = tuple(str(name) for name in np.unique(samples.white_balance)), {}
+    for name, response in stages.responses.items():
+        rows = usable & (samples.style == name)
+        if rows.any():
+            balanced, shot = samples.raw[rows] * stages.multipliers[rows], samples.shot[rows]
+            maps[name] = fit_gamut_maps(
+                balanced, samples.srgb[rows], shot, stages.matrix, response, balances, options.physical
+            )
+    return maps
 
 
-def fit_camera_stages(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -> Stages:
+def fit_camera_stages(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -> tuple[CameraStages, Mask]:
     """Fit f of every style, Ts and the unknown Tw of samples of one camera; black-and-white styles are left out.
 
-    multipliers: (n, 3), guesses where the samples tell none. Raises CalibrationError.
+    multipliers: (n, 3), guesses where the samples tell none. Returns the stages for all samples, and which (n,) a gamut
+    map can be fitted to. Raises CalibrationError.
     """
     without = [name for name, style in style_data(samples, multipliers)[0].items() if style.monochrome]
     usable = unclipped(samples, multipliers) & ~np.isin(samples.style, without)
@@ -203,10 +198,10 @@ def fit_camera_stages(samples: SampleSet, multipliers: Array, options: Calibrati
         rows = ~known & (samples.settings == setting)
         if (rows & usable).any():
             completed[rows] = completed[rows & usable][0]
-    return Stages(stages.matrix, completed, stages.responses, usable)
+    return replace(stages, multipliers=completed), usable
 
 
-def stages_of(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> Stages:
+def stages_of(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> tuple[CameraStages, Mask]:
     """Take the stages of a profile for samples with multipliers Tw (n, 3). Raises CalibrationError: it has none."""
     models = {name: style.physical[0] for name, style in profile.styles.items() if style.physical}
     responses = {name: model.response for name, model in models.items()}
@@ -216,7 +211,7 @@ def stages_of(profile: CameraProfile, samples: SampleSet, multipliers: Array) ->
             f"the given response and matrix are of the styles {', '.join(responses) or 'none'}; the samples are of "
             f"{', '.join(np.unique(samples.style))}"
         )
-    return Stages(next(iter(models.values())).matrix, multipliers, responses, usable)
+    return CameraStages(next(iter(models.values())).matrix, multipliers, responses), usable
 
 
 def _given(profile: CameraProfile, style: str) -> MatrixAndResponse | None:

@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.response_from_exposures import (
     ExposurePairs,
-    fit_response_to_all_colours,
     fit_response_to_exposures,
     pairs_of_samples,
 )
@@ -61,7 +60,10 @@ def response_deltas(pairs: ExposurePairs, light: Array | None = None) -> dict[st
     that of the first f. Empty where the pairs do not determine a response.
     """
     try:
-        fits = {"outliers removed": fit_response_to_exposures(pairs), "all colours": fit_response_to_all_colours(pairs)}
+        fits = {
+            "outliers removed": fit_response_to_exposures(pairs),
+            "all colours": fit_response_to_exposures(pairs, "thesis", np.inf),
+        }
     except CalibrationError:
         return {}
     plain, found = pairs.select(_plain(pairs)), dict[str, tuple[float, float, float]]()

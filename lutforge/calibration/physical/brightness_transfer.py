@@ -14,11 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.physical.response_from_exposures import (
-    ExposurePairs,
-    fit_response_to_all_colours,
-    fit_response_to_exposures,
-)
+from lutforge.calibration.physical.response_from_exposures import ExposurePairs, fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out
@@ -94,7 +90,8 @@ def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
 
     Raises CalibrationError where the pairs do not determine a response.
     """
-    response, of_all = fit_response_to_exposures(pairs).response, fit_response_to_all_colours(pairs).response
+    response = fit_response_to_exposures(pairs).response
+    of_all = fit_response_to_exposures(pairs, "thesis", np.inf).response
     stops = pairs.log_ratio / np.log(2.0)
     result = []
     for centre in _centres(stops):

@@ -303,24 +303,15 @@ def fit_response_to_exposures(
 ) -> ExposureResponseFit:
     """Fit f to JPEG values of the same surfaces in differently exposed shots, and each shot's exposure error.
 
-    basis: the curves that log f⁻¹ is one of; EMoR's 15 unless given.
+    basis: the curves that log f⁻¹ is one of; EMoR's 15 unless given. With the preset "thesis" and a β of infinity no
+    outlier is removed: the conventional way that the thesis compares with (Fig. 4.2, [24]).
     Raises CalibrationError where there are no pairs of unsaturated colours, or they span too few tones.
     """
     chroma = np.maximum(saturation(pairs.first), saturation(pairs.second))
     low = chroma < starting_beta(chroma, preset, beta)
     check_tones(np.concatenate([pairs.first, pairs.second]), np.tile(low, 2))
-    return _fit(pairs, low, preset, basis or log_emor_basis())
-
-
-def fit_response_to_all_colours(pairs: ExposurePairs) -> ExposureResponseFit:
-    """Fit f without the removal of outliers: the conventional way that the thesis compares with (Fig. 4.2, [24])."""
-    return fit_response_to_exposures(pairs, "thesis", beta=np.inf)
-
-
-def _fit(pairs: ExposurePairs, low: Mask, preset: Preset, basis: CurveBasis) -> ExposureResponseFit:
-    """f in one basis; low: (n,) the pairs to start from."""
     problem = _Exposures(pairs, low, robust=preset == "lutforge")
-    robust_fit(problem, basis, 12 if preset == "lutforge" else 1)
+    robust_fit(problem, basis or log_emor_basis(), 12 if preset == "lutforge" else 1)
     logs = _held_at_white(problem.logs, pairs, problem.weight)
     table = np.exp(logs - logs[-1])
     table[0] = 0.0
