@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer, pair_samples
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
+from lutforge.colour.srgb import srgb_to_lab
 from lutforge.errors import CalibrationError
+from lutforge.model.camera_profile import match
 from lutforge.model.raw_transfer import RawTransfer
+from lutforge.pipeline.calibration import calibrate
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
 from tests.cases.samples import chart_140, photograph_patches
@@ -48,6 +52,20 @@ def test_the_other_forms_gain() -> None:
         x, y = A.expose(unseen, light), B.expose(unseen, light)
         one, wedges, roots = (rendered_error(light, fit(light, form)(x), y) for form in FORMS)
         assert roots < 0.97 * wedges < 0.97 * 0.92 * one
+
+
+@pytest.mark.slow
+def test_a_match_keeps_greys_on_one_line() -> None:
+    """Both cameras' greys are neutral: none is tinted by half a step that the eye sees, nor unlike another."""
+    lights = ("daylight", "tungsten")
+    samples = [photograph_patches(each, chart_140()[:48], balances=lights, stops=(-3, -2, -1, 0)) for each in (A, B)]
+    profiles = [calibrate(each, CalibrationOptions()) for each in samples]
+    greys = np.linspace(0.08, 0.97, 90)[:, None] * np.ones(3)
+    for source, target in (profiles, profiles[::-1]):
+        for setting in ("standard/daylight", "standard/tungsten"):
+            tint = srgb_to_lab(match(source, setting, target, setting)(greys))[:, 1:]
+            assert np.abs(tint).max() <= 0.5, (target.camera, setting)
+            assert np.ptp(tint, axis=0).max() <= 0.5, (target.camera, setting)
 
 
 def test_noise_and_another_exposure_do_not_harm_the_root_polynomial() -> None:
