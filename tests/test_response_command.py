@@ -18,6 +18,7 @@ from lutforge.images.read import read_image
 from lutforge.luts.formats.clf import ACES_ID
 from lutforge.pipeline.charts import write_input_transform
 from lutforge.pipeline.response import open_bracket, parse_times
+from lutforge.report.report import build_report
 from lutforge.samples.chart_kinds import chart_kind
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.cases.brackets import bracket
@@ -53,6 +54,8 @@ def test_pictures_become_a_profile_luts_and_a_config(frames: Path, tmp_path: Pat
     said = lutforge("response", str(frames), "--times", times, "--camera", "Drone 7", "-o", str(camera)).stdout
     assert "Drone 7" in said and "is a fixed property of this camera" in said and "true / stated" in said
     assert _power(lf.load_profile(camera)) == pytest.approx(GAMMA, rel=0.02)
+    good = " ".join(map(str, build_report(lf.load_profile(camera)).answers["How good is it?"]))
+    assert "neighbouring shots agree within" in good and "Not known" not in good
     lutforge("bake", str(camera), "linearize", "--from", "standard/auto", "-o", str(curve))
     text = curve.read_text()
     assert "LUT_1D_SIZE" in text and "LUT_3D_SIZE" not in text and "scene-linear linear-srgb" in text

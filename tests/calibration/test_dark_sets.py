@@ -105,6 +105,23 @@ def test_many_saturated_colours_do_not_outvote_few_grey_ones(camera: SimulatedCa
     assert off.mean() < 3 / 255
 
 
+@pytest.mark.parametrize("camera", [nikon_d5100(), sigma_sd_merrill()], ids=lambda camera: camera.name)
+def test_two_bright_samples_tell_the_light_of_white(camera: SimulatedCamera) -> None:
+    """f⁻¹(255) over f⁻¹ of middle grey within a sixth, where two unsaturated colours are above code 225."""
+    for style in ("standard", "vivid"):
+        taken = photograph_patches(
+            camera, surfaces(150, 1), styles=(style,), balances=("daylight",), stops=(-4, -3, -2, -1, -0.5, 0)
+        )
+        x, encoded = taken.raw * taken.wb, taken.srgb
+        clear = np.all((x < 0.999) & (encoded > 0.5 / 255) & (encoded < 1 - 0.5 / 255), axis=1)
+        bright = clear & (encoded.max(axis=1) > 225 / 255) & (saturation(encoded) < 0.3)
+        clear[np.flatnonzero(bright)[2:]] = False
+        fit = fit_matrix_and_response(x[clear], encoded[clear])
+        codes = np.array([[0.5] * 3, [1.0] * 3])
+        found, true = fit.response.linearize(codes), camera.styles[style][1].inverse(codes)
+        np.testing.assert_allclose(found[1] / found[0], true[1] / true[0], rtol=1 / 6)
+
+
 @pytest.mark.parametrize("camera", ["CasioEX-Z55", "NikonD200", "OlympusE10"])
 def test_a_response_of_exposures_does_not_run_away_above_the_brightest(camera: str) -> None:
     """f⁻¹ at white over f⁻¹ at code 77, from pairs below middle grey, beside what all RAW pairs give.

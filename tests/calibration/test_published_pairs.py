@@ -117,6 +117,18 @@ def test_farther_out_than_any_sample(d40_pairs: PublishedPairs, where: str) -> N
     assert ours < thesis, (ours, thesis)
 
 
+def test_warm_highlights_beyond_the_samples_do_not_turn_yellow(d40_pairs: PublishedPairs) -> None:
+    """Fitted to colours up to code 217: at most half as much blue is lost as matrix and response lose."""
+    x, y = d40_pairs.balanced, d40_pairs.encoded
+    bright = y.max(axis=1) > 0.85
+    warm = bright & (y[:, 0] >= y[:, 1]) & (y[:, 1] >= y[:, 2])
+    style = style_of(x[~bright], y[~bright])
+    alone = style.base.response.encode(x[warm] @ style.base.matrix.T)
+    lost, of_both = (y[warm, 2] - np.clip(made[:, 2], 0.0, 1.0) for made in (style.model.render(x[warm]), alone))
+    assert lost.max() <= 0.5 * of_both.max()
+    assert np.maximum(lost, 0.0).mean() <= 0.5 * np.maximum(of_both, 0.0).mean()
+
+
 def test_tetrahedral_is_as_good(d40_pairs: PublishedPairs) -> None:
     options = CalibrationOptions(size=17, interpolation="tetrahedral")
     assert median_of_means(d40_pairs, options, (1, 2)) <= 0.0036

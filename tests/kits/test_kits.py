@@ -22,7 +22,7 @@ from lutforge.images.read import read_image
 from lutforge.kits.dcp import fit_dng_profile, read_dcp
 from lutforge.kits.kit import look_of
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.kits import KITS, check_kit, compare_with_jpeg, write_kit
+from lutforge.pipeline.kits import KITS, KitCheck, check_kit, compare_with_jpeg, write_kit
 from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_picture
@@ -259,6 +259,25 @@ def test_the_command(profile: CameraProfile, tmp_path: Path, lutforge: CommandLi
     run = lutforge("kit", tmp_path / "camera.npz", "--to", "sepia/auto", "-o", tmp_path / "other")
     assert run.returncode == 2
     assert "unknown style" in run.stderr
+
+
+def test_shots_of_a_shell_s_pattern_are_checked_and_those_of_the_calibration_marked(
+    profile: CameraProfile, tmp_path: Path, lutforge: CommandLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The program itself is tried elsewhere."""
+    known = profile.shots[0]
+
+    def checked(folder: Path, shots: list[Path], progress: object) -> tuple[list[KitCheck], list[str]]:
+        return [KitCheck(shot.name, 100, 1.0, 2.0, 3.0, 1.0, shot.stem == known) for shot in shots], []
+
+    monkeypatch.setattr("lutforge.pipeline.kits.check_kit", checked)
+    profile.save(tmp_path / "camera.npz")
+    words = ("kit", "camera.npz", "--to", SETTING, "-o", "kit", "--check", f"{known}.CRW", "b.CRW", "c.CRW")
+    run = lutforge(*words, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    marked = {line.split()[0]: line.split()[-1] for line in run.stdout.splitlines() if ".CRW " in line}
+    assert marked == {f"{known}.CRW": "yes", "b.CRW": "no", "c.CRW": "no"}
+    assert "flatter" in run.stderr and "check others" in run.stderr
 
 
 def test_a_kit_that_cannot_be_written_names_its_folder(profile: CameraProfile, tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import paint_wall, still_life
+from tests.conftest import CommandLine
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +68,19 @@ def test_passes_over_a_jpeg_of_another_scene(folder: Path) -> None:
     assert any(
         note.startswith("wrong: passed over: ") and "does not match" in note for note in file_notes(sampled.shots)
     )
+
+
+def test_commands_tell_a_note_once_for_all_shots_that_share_it(
+    folder: Path, tmp_path: Path, lutforge: CommandLine
+) -> None:
+    for name in ("one", "two"):
+        for kind in ("dng", "jpeg"):
+            (tmp_path / f"{name}.{kind}").write_bytes((folder / f"wrong.{kind}").read_bytes())
+    for words in (("sample", "-o", "s.csv"), ("calibrate", "-o", "c.npz", "--size", "3")):
+        run = lutforge(*words, "one.dng", "two.dng", cwd=tmp_path)
+        told = [line for line in run.stderr.splitlines() if "passed over" in line]
+        assert run.returncode == 0, run.stderr
+        assert len(told) == 1 and told[0].startswith("note: 2 shots, such as one") and "does not match" in told[0]
 
 
 def test_prefers_the_jpeg_that_no_program_has_touched(folder: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import lutforge as lf
 from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.style import style_data
 from lutforge.inverse.linearization import SIZE
 from lutforge.luts.bake import bake_steps
 from lutforge.luts.programs import target_of
@@ -173,3 +174,14 @@ def test_white_of_real_photographs_is_grey_when_exposed_down(s40_samples: Sample
         for ev in (-0.5, -1.0, -2.0):
             white = 255 * profile.refinish("standard/2.0,1,1.5", target, ev)(np.ones(3))
             assert np.ptp(white) <= 2.0, (target, ev, white)
+
+
+def test_more_light_makes_no_channel_darker(s40_samples: SampleSet) -> None:
+    """Each half stop more light on a colour; where RAW clips, one channel of a colour may stop before the others."""
+    style = style_data(s40_samples, s40_samples.wb)[0]["standard"]
+    light = 2.0 ** np.arange(-3.0, 3.1, 0.5)[:, None] * style.balanced[::12, None]
+    codes = 255 * np.clip(style.model.render(np.minimum(light, 1.0)), 0.0, 1.0)
+    falls = (np.maximum.accumulate(codes, axis=1) - codes).max(axis=2)
+    assert falls.max() <= 10.0
+    whole = np.where(light.max(axis=2) < 1.0, falls, 0.0).max(axis=1)
+    assert (whole > 3.0).mean() <= 0.08
