@@ -8,7 +8,7 @@ import numpy as np
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.bake import node_coverage
 from lutforge.calibration.lattice.monochrome import monochrome_note
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import CameraStages, fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation
@@ -38,6 +38,10 @@ def calibrate(
     line with what to do, where the samples do not determine the models.
     """
     options = options or CalibrationOptions()
+    if options.preset != "thesis" and options.physical.rho is not None:
+        raise CalibrationError('ρ is of the gamut map of the preset "thesis"; kriging has none: leave rho out')
+    if options.preset == "thesis" and options.physical.weighting != PhysicalOptions.weighting:
+        raise CalibrationError('the preset "thesis" has no weights of tones: leave weighting out')
     progress("checking white balances and shots", 0.0)
     prepared = prepare(samples, options, stages)
     samples, multipliers = prepared.samples, prepared.multipliers
@@ -56,7 +60,7 @@ def calibrate(
     data, clipped = style_data(samples, multipliers)
     for name, of_style in data.items():
         given = None if stages is None else _given(stages, name)
-        data[name] = replace(of_style, most_centres=options.physical.centres, given=given)
+        data[name] = replace(of_style, physical=options.physical, given=given)
 
     def fitted_style(name: str) -> PictureStyle:
         style = data[name]

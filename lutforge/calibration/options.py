@@ -37,11 +37,6 @@ class PhysicalOptions:
         if self.centres < 8 or (self.rho is not None and not 0 <= self.rho < math.inf):
             raise CalibrationError("a gamut map needs 8 centres or more, and a finite ρ that is not negative")
 
-    @property
-    def nugget(self) -> float | None:
-        """8Nπρ of (4.8)."""
-        return None if self.rho is None else 8 * self.centres * math.pi * self.rho
-
 
 Preset = Literal["lutforge", "thesis"]
 PRESETS: tuple[Preset, ...] = get_args(Preset)

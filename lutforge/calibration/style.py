@@ -4,7 +4,7 @@ The samples are unclipped, and balanced by the multipliers of their setting. The
 model, or regressed as the thesis has it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,8 +16,8 @@ from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochr
 from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.lattice.thesis import fit_thesis
-from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.kriging import MOST_CENTRES, fit_camera_model
+from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
+from lutforge.calibration.physical.kriging import fit_camera_model
 from lutforge.calibration.physical.matrix_and_response import (
     MatrixAndResponse,
     fit_matrix_and_response,
@@ -45,7 +45,7 @@ class StyleData:
 
     monochrome: the style is black and white. given: matrix and response that the gamut map is fitted around, None where
     they are fitted to the samples. clipped: samples of the style with a JPEG channel at an end and RAW that is whole.
-    most_centres: of its gamut maps.
+    physical: how matrix, response and gamut map are fitted.
     """
 
     balanced: Array
@@ -55,7 +55,7 @@ class StyleData:
     monochrome: bool = False
     given: MatrixAndResponse | None = None
     clipped: "ClippedColours | None" = None
-    most_centres: int = MOST_CENTRES
+    physical: PhysicalOptions = field(default_factory=PhysicalOptions)
 
     @cached_property
     def unsaturated(self) -> MatrixAndResponse:
@@ -63,7 +63,7 @@ class StyleData:
 
         This is the camera's own matrix: the one that suits all colours takes up a part of the gamut map.
         """
-        return self.given or fit_matrix_and_response(self.balanced, self.encoded)
+        return self.given or fit_matrix_and_response(self.balanced, self.encoded, self.physical)
 
     @cached_property
     def base(self) -> MatrixAndResponse:
@@ -82,13 +82,9 @@ class StyleData:
     @cached_property
     def model(self) -> PhysicalModel:
         """The camera model of chapter 4, its gamut map by kriging. Raises CalibrationError."""
-        return self.fit_model(self.most_centres)
-
-    def fit_model(self, most_centres: int) -> PhysicalModel:
-        """Fit the model with at most so many centres. Raises CalibrationError."""
         balances = tuple(str(name) for name in np.unique(self.samples.white_balance))
         clipped = None if self.clipped is None else (self.clipped.balanced, self.clipped.encoded)
-        return fit_camera_model(self.base, self.balanced, self.encoded, balances, clipped, most_centres)
+        return fit_camera_model(self.base, self.balanced, self.encoded, balances, clipped, self.physical.centres)
 
     @property
     def both(self) -> Both[tuple[Array, Array]]:
@@ -104,7 +100,8 @@ class StyleData:
         """The rows of a mask, and the clipped samples of the shots that have any."""
         parts = (self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows))
         clipped = None if self.clipped is None else self.clipped.of_shots(self.shot[rows])
-        return StyleData(*parts, self.monochrome, self.given, clipped, min(self.most_centres, REFIT_CENTRES))
+        physical = replace(self.physical, centres=min(self.physical.centres, REFIT_CENTRES))
+        return StyleData(*parts, self.monochrome, self.given, clipped, physical)
 
 
 @dataclass(frozen=True, eq=False)

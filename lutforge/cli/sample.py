@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from lutforge.cli.console import DevelopedFolder, DevelopedSpace, Shots, note, option, progress_bar, say
+from lutforge.errors import SettingsError
 
 if TYPE_CHECKING:
     from lutforge.pipeline.sampling import SampledShots
@@ -18,6 +19,9 @@ def sample(
         Path | None,
         option("For JPEGs of a camera without RAW: another camera's RAW files of the same scenes, a folder."),
     ] = None,
+    chart: Annotated[
+        str, option("The shots show this chart: classic, classic2014 or sg. Its patches are sampled, too.")
+    ] = "",
     developed: DevelopedFolder = None,
     developed_space: DevelopedSpace = None,
 ) -> None:
@@ -27,11 +31,13 @@ def sample(
     from lutforge.samples.table import write_samples
 
     output = check_output(named_or_new(output, "samples.csv"), TABLE_SUFFIXES, shots)
+    if chart and reference is not None:
+        raise SettingsError("--chart is searched for in RAW shots; leave it out, or --reference")
     with progress_bar("sampling") as progress:
         if reference is not None:
             sampled = sample_by_reference(shots, reference, progress)
         else:
-            sampled = sample_shots(shots, progress, raw_substitute(developed, developed_space))
+            sampled = sample_shots(shots, progress, raw_substitute(developed, developed_space), chart)
     tell(sampled)
     write_samples(output, sampled.samples)
     say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shot{'s' * (len(sampled.shots) != 1)}")

@@ -139,7 +139,7 @@ def _patches(
     for index, file in enumerate(files if corners is None else ()):
         progress(f"{file.name}: looking for the chart", 0.5 * index / len(files))
         codes = np.rint(_codes(file)).astype(np.uint8)
-        seen = find_chart(codes, kind, None if kind.detector == "MCC24" else reference)
+        seen = find_chart(codes, kind, reference)
         if seen is not None:
             places[index] = seen.corners
     if not places:

@@ -130,7 +130,8 @@ def _profile(profile: "CameraProfile") -> Rows:
     for name, balance in profile.white_balances.items():
         kelvin = f", {balance.kelvin:.0f} K" if balance.kelvin is not None else ""
         spread = f", varies by {balance.spread:.0%} from shot to shot" if balance.spread > 0.005 else ""
-        yield "white balance", f"{name}: {_numbers(balance.multipliers)}{kelvin}{spread}"
+        gain = f", times {balance.gain:.4g}" if balance.gain != 1.0 else ""
+        yield "white balance", f"{name}: {_numbers(balance.multipliers)}{gain}{kelvin}{spread}"
     for name, style in profile.styles.items():
         sizes = {direction: " × ".join(map(str, lattice.size)) for direction, lattice in style.lattices.items()}
         parts = [f"{direction} lattice {size}" for direction, size in sizes.items()]

@@ -21,6 +21,7 @@ from lutforge.threads import cores
 if TYPE_CHECKING:  # tables are read without what decodes RAW files
     from lutforge.images.read import Development
     from lutforge.model.camera_profile import CameraProfile
+    from lutforge.samples.chart_kinds import ChartKind
     from lutforge.samples.extract import ShotSamples
     from lutforge.shots.geometry import Placement
     from lutforge.shots.shot import Shot
@@ -65,14 +66,24 @@ def sample(paths: Paths, progress: Progress = silent) -> SampleSet:
     return gather_samples(paths, progress).samples
 
 
-def sample_shots(paths: Paths, progress: Progress = silent, substitute: RawSubstitute | None = None) -> SampledShots:
+def sample_shots(
+    paths: Paths, progress: Progress = silent, substitute: RawSubstitute | None = None, chart: str = ""
+) -> SampledShots:
     """Sample RAW files, or folders of them. A shot that cannot be used is left out, with its reason.
 
     substitute: gives the picture that is sampled in the place of a RAW file's own pixels, where a program developed it.
+    chart: the name of one whose patches are sampled, too, wherever it is found; CalibrationError where it is none.
     """
+    from lutforge.samples.chart_kinds import chart_kind
     from lutforge.shots.discover import discover
     from lutforge.shots.read import read_shot
 
+    kind = chart_kind(chart) if chart else None
+    if kind is not None and not kind.detector:
+        raise CalibrationError(
+            f"a {kind.name} is not searched for in pictures: OpenCV has no detector for it; "
+            "without --chart its plain areas are sampled"
+        )
     files = discover(several(paths))
     # The other shots are looked for first where the JPEG of the first one lies: which that is does not depend on time.
     first: Future[Placement | None] = Future()
@@ -91,11 +102,15 @@ def sample_shots(paths: Paths, progress: Progress = silent, substitute: RawSubst
 
     # Decoding and registration run outside Python's lock; programs that develop use all cores by themselves.
     threads = cores() if substitute is None else 1
-    return sample_each(dict(zip(_names(files), files, strict=True)), read, progress, threads)
+    return sample_each(dict(zip(_names(files), files, strict=True)), read, progress, threads, kind)
 
 
 def sample_each(
-    files: Mapping[str, Path], read: Callable[[str, Path], Shot], progress: Progress, threads: int
+    files: Mapping[str, Path],
+    read: Callable[[str, Path], Shot],
+    progress: Progress,
+    threads: int,
+    kind: ChartKind | None = None,
 ) -> SampledShots:
     """Sample the shots that `read` makes of names and files; one that cannot be used is left out, with its reason."""
     from lutforge.samples.extract import ShotSamples, extract
@@ -104,7 +119,7 @@ def sample_each(
 
     def sampled(name: str, file: Path) -> ShotSamples | LutForgeError:
         try:
-            return extract(read(name, file))
+            return extract(read(name, file), kind)
         except LutForgeError as error:
             return error
 

@@ -53,8 +53,8 @@ def balance_table(profile: CameraProfile) -> Table:
     rows = []
     for name, balance in profile.white_balances.items():
         kelvin = "–" if balance.kelvin is None else f"{balance.kelvin:.0f} K"
-        r, _, b = balance.multipliers
-        rows.append((name, f"{r:.4f}", "1", f"{b:.4f}", kelvin, f"{100 * balance.spread:.1f} %"))
+        factors = (f"{value:.4f}" for value in balance.factors)
+        rows.append((name, *factors, kelvin, f"{100 * balance.spread:.1f} %"))
     header = ("name", "red", "green", "blue", "temperature", "spread over shots")
     return Table("White balances: what the RAW channels are multiplied by", header, rows)
 

@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import least_squares
 
 from lutforge.arrays import Array, Pixels
+from lutforge.colour.srgb import srgb_encode
 from lutforge.samples.chart_kinds import ChartKind, chart_kind, srgb_codes
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.shot import Shot
@@ -61,11 +62,16 @@ def detector_note() -> str | None:
 def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference: Array | None = None) -> Chart | None:
     """The chart in a JPEG (h, w, 3), in any rotation; None where there is none, or no detector.
 
-    kind: a ColorChecker Classic unless another is named; reference: (n, 3) the sRGB codes of another layout.
+    kind: a ColorChecker Classic unless another is named; reference: (n, 3) the sRGB codes of another layout, those
+    under D50 if not given.
     """
     kind = kind or chart_kind("classic")
     if not kind.detector or detector_note() is not None:
         return None
+    if kind.detector == "MCC24":
+        reference = None  # a Classic is told by more than its colours
+    elif reference is None:
+        reference = 255.0 * srgb_encode(np.clip(kind.linear_srgb(), 0.0, 1.0))
     turned = [Chart(np.roll(corners, turn, axis=0), kind) for corners in _detect(jpeg, kind) for turn in range(4)]
     scores = []
     for chart in turned:

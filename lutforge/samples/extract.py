@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import srgb_encode
 from lutforge.samples.chart import detector_note, find_chart, sample_chart
+from lutforge.samples.chart_kinds import ChartKind
 from lutforge.samples.clipping import clipping, one_sided, saturation_levels
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.tiles import LEVELS, agreement, cell_size, choose_evenly, flatness
@@ -84,22 +85,27 @@ class ShotSamples:
         return f"{self.shot}: " + "; ".join([*parts, *self.notes])
 
 
-def extract(shot: Shot) -> ShotSamples:
-    """Sample a shot: flat tiles that cover its colours evenly, and where they are few a ColorChecker's patches."""
+def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
+    """Sample a shot: flat tiles that cover its colours evenly, and where they are few a ColorChecker's patches.
+
+    kind: of a chart whose patches are sampled however many tiles there are.
+    """
     saturation = saturation_levels(shot.raw.pixels)
     tiles = _tiles(shot, saturation)
     notes, clipped, patches = [*filter(None, [shot.lens_note]), *tiles.notes], dict(tiles.clipped), None
-    if len(tiles.samples) < FEW_TILES:
+    if kind is not None or len(tiles.samples) < FEW_TILES:
         missing = detector_note()
-        chart = find_chart(shot.jpeg) if missing is None else None
+        chart = find_chart(shot.jpeg, kind) if missing is None else None
         notes += [missing] if missing else []
+        if chart is None and kind is not None and missing is None:
+            notes.append(f"no {kind.name} was found in it")
         if chart is not None:
             jpeg, raw = sample_chart(shot, chart)
             clips = clipping(jpeg, raw, saturation)
             clipped = {reason: clipped[reason] + int(np.count_nonzero(mask)) for reason, mask in clips.items()}
             is_clipped = np.any(list(clips.values()), axis=0)
             kept = np.flatnonzero(np.isfinite(jpeg.mean + raw.mean).all(axis=-1) & ~is_clipped)
-            names = [f"chart_{index + 1:02d}" for index in kept]
+            names = [f"chart_{index + 1:0{len(str(len(jpeg.mean)))}d}" for index in kept]
             patches = _sample_set(shot, names, raw.mean[kept], jpeg.mean[kept], chart.patches().mean(axis=1)[kept])
     samples, places = tiles.samples, tiles.places
     if patches is not None:

@@ -10,6 +10,7 @@ from lutforge.calibration.physical.white_balance import with_fitted_gains
 from lutforge.calibration.style import unclipped
 from lutforge.evaluation.evaluation import evaluate
 from lutforge.pipeline.calibration import calibrate
+from lutforge.report.tables import balance_table
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.samples import BALANCES, chart_140, photograph_patches
@@ -45,7 +46,9 @@ def test_settings_with_gains_calibrate_as_well_as_without() -> None:
     for gains in ((1.0,) * 5, GAINS):
         samples = _photographed(gains, 60)
         profile = calibrate(samples, options)
-        assert profile.white_balances["shade"].gain == pytest.approx(gains[-1], rel=0.003)
+        gain = profile.white_balances["shade"].gain
+        assert gain == pytest.approx(gains[-1], rel=0.003)
+        assert next(row for row in balance_table(profile).rows if row[0] == "shade")[2] == f"{gain:.4f}"
         errors.append(profile.styles["standard"].errors["render_mean"])
         evaluated = next(row for row in evaluate(profile, samples).rows if row.shot == "all")
         assert evaluated.figures.mean == pytest.approx(errors[-1], rel=0.25)

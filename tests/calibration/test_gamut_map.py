@@ -34,10 +34,19 @@ def test_smoothing_is_scipys_with_the_thesis_sign() -> None:
     np.testing.assert_allclose(solve(x, y, 0.05)(probe), expected, atol=3e-6)
 
 
+def test_rho_counts_with_the_number_of_centres() -> None:
+    """N of (4.8) is the number of points that the system has, not the most that it may have."""
+    x = RNG.uniform(size=(60, 3))
+    y, probe = _curved(x), RNG.uniform(size=(100, 3))
+    fit, expected = fit_gamut_map(x, y, rho=1e-4), solve(x, y, 8 * 60 * np.pi * 1e-4)
+    assert len(fit.centres) == 60
+    np.testing.assert_allclose(fit(probe), expected(probe), atol=1e-6)
+
+
 def test_linear_maps_need_no_centres_but_the_first() -> None:
     x = RNG.uniform(size=(5000, 3))
     matrix = np.array([[1.2, -0.1, -0.1], [0.0, 1.0, 0.0], [0.1, -0.2, 1.1]])
-    fit = fit_gamut_map(x, x @ matrix.T + 0.01, tolerance=1e-4, nugget=0.0)
+    fit = fit_gamut_map(x, x @ matrix.T + 0.01, tolerance=1e-4, rho=0.0)
     assert len(fit.centres) == 64
     assert worst(fit, x, x @ matrix.T + 0.01) < 1e-4
     outside = RNG.uniform(1.5, 3.0, (10, 3))
@@ -46,7 +55,7 @@ def test_linear_maps_need_no_centres_but_the_first() -> None:
 
 def test_the_tolerance_is_met_with_few_centres() -> None:
     x = RNG.uniform(size=(6000, 3))
-    fit = fit_gamut_map(x, _curved(x), tolerance=0.004, nugget=0.0)
+    fit = fit_gamut_map(x, _curved(x), tolerance=0.004, rho=0.0)
     assert worst(fit, x, _curved(x)) <= 0.004
     assert len(fit.centres) < 3000
     probe = RNG.uniform(0.05, 0.95, (2000, 3))
@@ -55,7 +64,7 @@ def test_the_tolerance_is_met_with_few_centres() -> None:
 
 def test_the_cap_is_kept_and_the_worst_come_first() -> None:
     x = RNG.uniform(size=(3000, 3))
-    few, many = (fit_gamut_map(x, _curved(x), tolerance=1e-9, most=most, nugget=0.0) for most in (100, 800))
+    few, many = (fit_gamut_map(x, _curved(x), tolerance=1e-9, most=most, rho=0.0) for most in (100, 800))
     assert len(few.centres) == 100 and len(many.centres) == 800
     assert worst(many, x, _curved(x)) < 0.6 * worst(few, x, _curved(x))
 
@@ -65,7 +74,7 @@ def test_noise_is_smoothed_by_the_choice_on_held_out_shots() -> None:
     noisy = _curved(x) + 0.02 * RNG.standard_normal(x.shape)
     shots = np.array([f"shot {place % 6}" for place in range(600)])
     chosen = fit_gamut_map(x, noisy, groups=shots)
-    plain = fit_gamut_map(x, noisy, nugget=0.0)
+    plain = fit_gamut_map(x, noisy, rho=0.0)
     probe = RNG.uniform(0.1, 0.9, (2000, 3))
     errors = [np.linalg.norm(fit(probe) - _curved(probe), axis=1).mean() for fit in (chosen, plain)]
     assert errors[0] < 0.8 * errors[1]

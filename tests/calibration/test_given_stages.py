@@ -4,12 +4,14 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from lutforge.calibration.options import CalibrationOptions, PhysicalOptions, options_from_json
+from lutforge.calibration.options import CalibrationOptions, PhysicalOptions, Preset, options_from_json
 from lutforge.errors import CalibrationError
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
@@ -77,6 +79,19 @@ def test_the_studio_s_lines_of_python_make_the_same_profile(
     subprocess.run([sys.executable, "-c", lines], check=True)
     calibrate(samples, options, stages=calibrate_stages(inliers, options)).save(tmp_path / "mine.npz")
     assert (tmp_path / "mine.npz").read_bytes() == (tmp_path / "theirs.npz").read_bytes()
+
+
+def test_options_act_or_are_refused(samples: SampleSet) -> None:
+    def with_options(preset: Preset = "lutforge", **physical: Any) -> CameraProfile:
+        return calibrate(samples, CalibrationOptions(preset=preset, size=5, physical=PhysicalOptions(**physical)))
+
+    usual = with_options().matrix
+    for acting in ({"beta": 0.9}, {"weighting": 1.0}, {"curves": 2}):
+        assert not np.array_equal(with_options(**acting).matrix, usual), acting
+    with pytest.raises(CalibrationError, match="leave rho out"):
+        with_options(rho=1e-6)
+    with pytest.raises(CalibrationError, match="leave weighting out"):
+        with_options("thesis", weighting=1.0)
 
 
 def test_options_of_the_stages_come_back_from_a_profile() -> None:

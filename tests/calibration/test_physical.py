@@ -80,11 +80,11 @@ def test_the_thesis_preset_weighs_all_colours_of_the_gamut_map_alike() -> None:
     linear = np.random.default_rng(3).uniform(0.02, 0.9, (300, 3))
     response = Response(np.linspace(0.0, 1.0, 256)[:, None] ** [2.2, 2.2, 2.2])
     encoded, shot = response.encode(linear**1.1), np.repeat(["a", "b", "c"], 100)
-    physical = PhysicalOptions(rho=0.1 / (8.0 * PhysicalOptions.centres * np.pi))
+    physical = PhysicalOptions(rho=0.1 / (8.0 * 300 * np.pi))
     model = fit_gamut_maps(linear, encoded, shot, np.eye(3), response, (), physical)
     mapped, maps = response.linearize(encoded), (model.gamut_map, model.inverse_gamut_map)
     for found, (x, y) in zip(maps, ((linear, mapped), (mapped, linear)), strict=True):
-        alike = fit_gamut_map(x, y, nugget=physical.nugget, groups=shot)
+        alike = fit_gamut_map(x, y, rho=physical.rho, groups=shot)
         np.testing.assert_array_equal(found(x), alike(x))  # (4.8)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.colour.srgb import srgb_encode
+from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.samples.chart import REFERENCE, Chart, detector_note, find_chart, likeness, patch_codes, sample_chart
@@ -138,6 +138,22 @@ def test_the_140_patches_are_found_in_their_places(turns: int) -> None:
     assert chart is not None
     mean = patch_codes(np.ascontiguousarray(picture), chart).mean
     np.testing.assert_allclose(mean, codes, atol=1.0)
+
+
+@needs_detector
+@pytest.mark.filterwarnings("ignore")
+def test_a_shot_of_a_named_chart_gives_its_patches() -> None:
+    kind = chart_kind("sg")
+    codes = 255 * srgb_encode(0.02 + 0.6 * np.clip(kind.linear_srgb(), 0, 1))
+    light = srgb_decode(chart_picture(codes, kind, background=0.4) / 255) / MULTIPLIERS
+    light *= 1.0 + 0.005 * np.random.default_rng(0).standard_normal(light.shape)
+    sampled = extract(synthetic_shot(light), kind)
+    wanted = srgb_decode(codes / 255) / MULTIPLIERS
+    number = np.array([int(name[6:]) - 1 for name in sampled.samples.patch[: sampled.patches]])
+    assert sampled.patches == 140
+    np.testing.assert_allclose(sampled.samples.raw[: sampled.patches], wanted[number], rtol=0.02, atol=0.002)
+    plain = extract(synthetic_shot(np.full((320, 480, 3), 0.2)), kind)
+    assert plain.patches == 0 and f"no {kind.name} was found in it" in plain.notes
 
 
 @pytest.mark.filterwarnings("ignore")

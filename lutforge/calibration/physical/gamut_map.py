@@ -32,13 +32,13 @@ def fit_gamut_map(
     *,
     groups: NDArray[np.str_] | None = None,
     most: int = PhysicalOptions.centres,
-    nugget: float | None = None,
+    rho: float | None = None,
     tolerance: float = TOLERANCE,
 ) -> GamutMap:
     """Fit target = h(source), both (n, 3) linear.
 
-    groups: (n,) shot names, whole shots are left out to choose ρ; most: of centres, 8 or more; nugget: 8Nπρ of (4.8),
-    None chooses it; tolerance: residual, in linear values, below which a pair is met. Time O(centres³ + n · centres);
+    groups: (n,) shot names, whole shots are left out to choose ρ; most: of centres, 8 or more; rho: ρ of (4.8),
+    None chooses 8Nπρ; tolerance: residual, in linear values, below which a pair is met. Time O(centres³ + n · centres);
     memory 8 · centres² bytes and twice that while solving. Raises CalibrationError below 8 distinct colours, or where
     they all lie in one plane.
     """
@@ -48,17 +48,18 @@ def fit_gamut_map(
         raise CalibrationError(
             f"{len(source)} distinct colours cannot tell a gamut map: shoot a chart or a scene of many colours"
         )
-    nugget = _choose_nugget(source, target, names) if nugget is None else nugget
+    nugget = _choose_nugget(source, target, names) if rho is None else 0.0
     chosen = farthest_points(source, min(64, most, len(source)))
     while True:
-        gamut_map = solve(source[chosen], target[chosen], nugget)
+        count = len(chosen)
+        gamut_map = solve(source[chosen], target[chosen], nugget if rho is None else 8 * count * np.pi * rho)
         residual = np.linalg.norm(gamut_map(source) - target, axis=1)
         open_pairs = residual > tolerance
         open_pairs[chosen] = False
-        room = min(most, len(source)) - len(chosen)
+        room = min(most, len(source)) - count
         if room <= 0 or not open_pairs.any():
             return gamut_map
-        wanted = min(room, max(int(len(chosen) * GROWTH), 8))
+        wanted = min(room, max(int(count * GROWTH), 8))
         chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, wanted)])
 
 

@@ -247,7 +247,7 @@ def fit_gamut_maps(
     """
     linear, mapped = balanced @ matrix.T, response.linearize(encoded)
     maps = (
-        fit_gamut_map(*pair, groups=shot, most=physical.centres, nugget=physical.nugget)
+        fit_gamut_map(*pair, groups=shot, most=physical.centres, rho=physical.rho)
         for pair in ((linear, mapped), (mapped, linear))
     )
     return PhysicalModel(white_balances, matrix, response, *maps)
