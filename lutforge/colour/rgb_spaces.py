@@ -53,7 +53,10 @@ CHROMATICITIES: dict[str, Chromaticities] = {
     "acescg": ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044), _ACES),
     "aces2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES),
 }  # fmt: skip
-"""Of each linear space by name: the numbers of `colour.RGB_COLOURSPACES`, from each maker's own publication."""
+"""The chromaticities of red, green, blue and white of each linear space, by its name.
+
+They are the numbers of `colour.RGB_COLOURSPACES`, which come from the publications of the makers.
+"""
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,7 @@ def metadata_end(data: bytes) -> int:
 
 
 def exif_places(block: bytes) -> dict[str, slice]:
-    """Where some values stand in a TIFF structure, which begins with its byte order; nothing where it is damaged.
+    """Find the bytes of some values in an EXIF block, a TIFF structure; empty where the block is damaged.
 
     "thumbnail" is the JPEG of the second directory; "colour space" two bytes; "interoperability" three, "R98" for sRGB
     and "R03" for Adobe RGB (DCF 2.0).

@@ -102,7 +102,10 @@ class Lut:
         return "tetrahedral" if self.cube is None else self.cube.interpolation
 
     def processor(self, codes: bool = False) -> OCIO.CPUProcessor:
-        """As OpenColorIO evaluates it, in float32 or, with `codes`, in 8 bits. Raises LutError on free knots."""
+        """OpenColorIO's processor of the LUT, for float32 pixels or, with `codes`, for 8-bit ones.
+
+        Raises LutError where OpenColorIO cannot evaluate the LUT, as with curves whose knots are not even.
+        """
         try:
             processor = OCIO.Config.CreateRaw().getProcessor(group_of(self.ops))
             return of_codes(processor) if codes else processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)

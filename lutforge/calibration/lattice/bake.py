@@ -174,7 +174,7 @@ def _cells_of(colours: Array, levels: Levels) -> tuple[Index, ...]:
 
 
 def _cells_around(colours: Array, levels: Levels) -> Mask:
-    """The cells that hold a colour (n, 3) or a grey, and all that touch them."""
+    """The cells that hold a colour (n, 3) or a grey, and those that share a face with one."""
     cells = np.zeros([len(axis) - 1 for axis in levels], dtype=np.bool_)
     cells[_cells_of(np.concatenate([colours, _points(levels)[:, None].repeat(3, axis=1)]), levels)] = True
     return np.asarray(binary_dilation(cells))
