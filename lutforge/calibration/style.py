@@ -63,7 +63,9 @@ class StyleData:
 
         This is the camera's own matrix: the one that suits all colours takes up a part of the gamut map.
         """
-        return self.given or fit_matrix_and_response(self.balanced, self.encoded, self.physical)
+        return self.given or fit_matrix_and_response(
+            self.balanced, self.encoded, self.physical, saturates=self.samples.is_own_raw
+        )
 
     @cached_property
     def base(self) -> MatrixAndResponse:

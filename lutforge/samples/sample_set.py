@@ -272,6 +272,11 @@ class SampleSet:
         """White balances (n,), where "auto" is one of each shot: the camera may change it from shot to shot."""
         return np.where(self.white_balance == "auto", np.char.add("auto of ", self.shot), self.white_balance)
 
+    @property
+    def is_own_raw(self) -> bool:
+        """True where nothing stands in the place of the camera's own RAW."""
+        return bool(np.all(self.raw_camera == self.camera) and np.all(self.developer == ""))
+
     def select(self, rows: Mask | NDArray[np.intp]) -> "SampleSet":
         """The rows of a mask or an index array."""
         return SampleSet(*(getattr(self, column.name)[rows] for column in fields(self)))

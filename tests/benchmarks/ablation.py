@@ -25,7 +25,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical import kriging
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style import ClippedColours, StyleData, fit_lattices, unclipped
@@ -188,7 +188,7 @@ PARTS: dict[str, Fit] = {
     "without likely scenes": without(kriging, SCENES=8),
     "without neutral light": without(kriging, GREY_WEIGHT=1e-9),
     "distances along grey count fully": without(gamut_map, ALONG_GREY=1.0),
-    "at most 1,000 centres": partial(model, most_centres=1_000),
+    "at most 1,000 centres": partial(model, physical=PhysicalOptions(centres=1_000)),
     "noise × 10": without(kriging, NOISE=10 * kriging.NOISE),
     "noise / 10": without(kriging, NOISE=kriging.NOISE / 10),
 }

@@ -1,12 +1,19 @@
 """Matrix and response from samples of a camera that has no gamut map but clips, noise and strays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import encoded_residual, fit_matrix_and_response
+from lutforge.calibration.style import fit_lattices, style_data
 from lutforge.errors import CalibrationError
+from lutforge.samples.table import read_samples
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
+from tests.cases.real_data import S40
+from tests.cases.samples import style_of
 
 Array = NDArray[np.float64]
 
@@ -57,6 +64,32 @@ def test_grey_samples_leave_the_matrix_the_identity() -> None:
     found = fit_matrix_and_response(x, encode(x))
     np.testing.assert_allclose(found.matrix, np.eye(3), atol=1e-6)
     np.testing.assert_allclose(found.render(x), encode(x), atol=0.02)
+
+
+def test_more_light_makes_no_channel_of_photographs_darker() -> None:
+    """Their brightest colours are at half of saturation, where the camera renders white all the same."""
+    photographs = read_samples(S40)
+    style = style_data(photographs, photographs.wb)[0]["standard"]
+    stops = np.arange(-3.0, 3.01, 0.5)[:, None]
+    raw = np.minimum(photographs.raw[::20, None] * 2.0**stops, 1.0)
+    codes = 255 * style.model.render(np.minimum(raw * photographs.wb[::20, None], 1.0))
+    falls = (np.maximum.accumulate(codes, axis=1) - codes).max(axis=(1, 2))
+    assert falls.max() <= 5
+    np.testing.assert_allclose(255 * style.model.render(np.ones(3)), 255, atol=0.1)
+
+
+def test_white_that_is_no_saturation_stays_as_the_samples_have_it() -> None:
+    """A film scan from a program's pictures, whose light 1 is code 237."""
+
+    def scan(light: Array) -> Array:
+        return np.asarray(0.03 + 0.9 * light ** (1 / 2.2))
+
+    light = np.random.default_rng(0).random((1500, 3)) ** 2
+    style = style_of(light, np.rint(255 * scan(light)) / 255)
+    style = replace(style, samples=replace(style.samples, developer=np.full(len(light), "a program")))
+    top = np.linspace(0.9, 1.0, 21)[:, None].repeat(3, axis=1)
+    rendered = fit_lattices(style, CalibrationOptions(size=17)).render(top)
+    np.testing.assert_allclose(255 * rendered, 255 * scan(top), atol=1)
 
 
 def test_too_few_samples() -> None:

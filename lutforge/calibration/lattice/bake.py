@@ -160,8 +160,6 @@ def _fitted(
         prior=Prior(sampled, np.full_like(sampled, HOLD)), tolerance=1e-4,
     ).value  # fmt: skip
     nodes[0, 0, 0] = 0.0
-    if curve is not None:
-        nodes[-1, -1, -1] = np.maximum(sampled[-1, -1, -1], 1.0)
     nodes = with_rising_axis(nodes, levels, options.interpolation)
     error = weight * squares(interpolate(points, levels, nodes, options.interpolation) - values)
     return Lattice(levels, nodes, options.interpolation, None if curve is None else curve.table), error

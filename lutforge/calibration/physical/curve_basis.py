@@ -4,7 +4,7 @@ A curve is a table at even encoded values, offset + design θ. Every family has 
 which the curve rises, so that a fit can use any family.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -51,6 +51,11 @@ class CurveBasis:
             offset, self.design[:, 1:], self.precision[1:, 1:], self.wanted[1:] - self.precision[1:, 0], rising[:, 1:],
             self.least[:-1] - rising[:, 0],
         )  # fmt: skip
+
+    def with_white_by_one(self) -> "CurveBasis":
+        """The family less the curves that reach white beyond 1: f⁻¹(1) ≤ 1."""
+        rising, least = np.vstack([self.rising, -self.design[-1:]]), np.append(self.least, self.offset[-1] - 1.0)
+        return replace(self, rising=rising, least=least)
 
 
 OF_VALUES, OF_BENDS = 0.01, 0.003

@@ -71,7 +71,7 @@ SCENES = 1_500
 GREYS = 17
 """Neutral light at even steps from black to white, which a gamut map leaves alone where no sample says otherwise."""
 GREY_WEIGHT = 0.003
-"""The weight of each, where a sample has 1; black has 1."""
+"""The weight of each, where a sample has 1; black and white have 1."""
 
 
 def krige(
@@ -95,7 +95,7 @@ def krige(
     weight = robust(np.linalg.norm(residual, axis=1) / error_scale)
     greys = np.linspace(0.0, 1.0, GREYS)[:, None].repeat(3, axis=1)
     z, correction = np.concatenate([z, greys]), np.concatenate([correction, np.zeros_like(greys)])
-    weight = np.concatenate([weight, [1.0], np.full(GREYS - 1, GREY_WEIGHT)])
+    weight = np.concatenate([weight, [1.0], np.full(GREYS - 2, GREY_WEIGHT), [1.0]])
     if clipped is not None and len(clipped[0]):
         bounded, ends, white, black = clipped
         # What a fit without them continues beyond the bound holds; the bound holds where that falls short of it.

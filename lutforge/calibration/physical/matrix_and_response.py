@@ -72,11 +72,14 @@ class MatrixAndResponseFit(MatrixAndResponse):
 
 
 @one_blas_thread
-def fit_matrix_and_response(x: Array, encoded: Array, options: PhysicalOptions | None = None) -> MatrixAndResponseFit:
+def fit_matrix_and_response(
+    x: Array, encoded: Array, options: PhysicalOptions | None = None, *, saturates: bool = False
+) -> MatrixAndResponseFit:
     """Fit Ts and f to white-balanced RAW x (n, 3) and JPEG values encoded (n, 3) in [0, 1], neither clipped.
 
     f⁻¹ is made of EMoR's curves first, whose shape beyond the samples is that of real cameras, then twice a spline
-    around the mean of the channels, which follows what EMoR cannot. Raises CalibrationError below 10 samples.
+    around the mean of the channels, which follows what EMoR cannot. saturates: 1 is where the sensor does, which
+    cameras render white: f⁻¹(1) ≤ 1, however dark the samples are. Raises CalibrationError below 10 samples.
     """
     options = options or PhysicalOptions()
     if len(x) < 10:
@@ -89,9 +92,13 @@ def fit_matrix_and_response(x: Array, encoded: Array, options: PhysicalOptions |
     odds = untouched_odds(chroma[rows], beta)
     weights = ToneWeights(encoded[rows].mean(axis=1), odds**SELECTION, options.weighting)
     problem = JointFit(x[rows], encoded[rows], weights, neutral_rows)
-    status = robust_fit(problem, emor_basis(options.curves))
+
+    def fit(basis: CurveBasis) -> Status:
+        return robust_fit(problem, basis.with_white_by_one() if saturates else basis)
+
+    status = fit(emor_basis(options.curves))
     for _ in range(2):
-        status = robust_fit(problem, spline_basis(problem.response.inverse.mean(axis=1)))
+        status = fit(spline_basis(problem.response.inverse.mean(axis=1)))
     matrix = matrix_of_rows(problem.coefficients)
     return MatrixAndResponseFit(matrix, problem.response, untouched_odds(chroma, beta), status)
 

@@ -203,7 +203,7 @@ def _fit_style(
             return response, low.astype(np.float64)
         chroma = saturation(samples.srgb)
         check_tones(samples.srgb, chroma < starting_beta(chroma, preset, physical.beta))
-        fit = fit_matrix_and_response(balanced, samples.srgb, physical)
+        fit = fit_matrix_and_response(balanced, samples.srgb, physical, saturates=samples.is_own_raw)
     except CalibrationError as error:
         raise CalibrationError(f'style "{name}": {error}') from None
     return fit.response, fit.trust

@@ -211,10 +211,9 @@ def _with_presets(samples: SampleSet, balances: dict[str, WhiteBalance], matrix:
 
     The light D65, whose multipliers LibRaw knows of the camera, is the anchor, as it is for RAW developers.
     """
-    own = bool(np.all(samples.raw_camera == samples.camera) and np.all(samples.developer == ""))
     d65 = np.array([np.median(samples.d65_r), 1.0, np.median(samples.d65_b)])
     told = [named_temperature(name) for name in balances if "fluorescent" not in name]
-    if not own or not np.all(np.isfinite(d65)) or any(told):
+    if not samples.is_own_raw or not np.all(np.isfinite(d65)) or any(told):
         return balances
     from_xyz = camera_from_xyz(matrix, d65, D65_KELVIN)
     presets = {}
