@@ -4,6 +4,7 @@ The samples are unclipped, and balanced by the multipliers of their setting. The
 model, or regressed as the thesis has it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.bake import bake_lattice, squares
+from lutforge.calibration.lattice.bake import bake_lattice, likely_light, squares
 from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochrome
 from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.lattice.output_curve import output_curve
@@ -174,31 +175,48 @@ def fit_lattices(
     alone will be asked for, where levels are given. A black-and-white style is linearized by the inverse of the greys
     of its rendering.
     """
-    thesis, x, y = options.preset == "thesis", data.balanced, data.encoded
-    at: Both[Levels] | Both[None] = levels or Both(None, None)
-    only: Both[Array] | Both[None] = asked or Both(None, None)
-
-    def fit_render() -> Lattice:
-        if thesis:
-            return fit_thesis(x, y, options, clips=True)
-        model, curve = data.model, output_curve(data.model.response)
-
-        def in_front_of_the_curve(balanced: Array) -> Array:
-            return curve.continued(model.gamut_map(balanced @ model.matrix.T))
-
-        return bake_lattice(in_front_of_the_curve, x, options, curve, at.render, only.render)
-
-    def fit_linearize() -> Lattice:
-        if thesis:
-            return fit_thesis(y, x, options, clips=False)
-        return bake_lattice(data.model.linearize, y, options, None, at.linearize, only.linearize)
-
+    x, y = data.balanced, data.encoded
+    if options.preset == "thesis":
+        directions: tuple[Callable[[], Lattice], ...] = (
+            lambda: fit_thesis(x, y, options, clips=True),
+            lambda: fit_thesis(y, x, options, clips=False),
+        )
+    else:
+        directions = _bakes(data.model, x, options, levels or Both(None, None), asked or Both(None, None))
     if data.monochrome:
-        render = fit_render()
+        render = directions[0]()
         return Both(render, inverse_of_greys(render, options))
-    if not thesis:
-        _ = data.model  # fitted once, with all cores, before both directions are baked beside each other
-    return Both(*each(lambda fit: fit(), (fit_render, fit_linearize)))
+    return Both(*each(lambda fit: fit(), directions))
+
+
+def _bakes(
+    model: PhysicalModel,
+    samples: Array,
+    options: CalibrationOptions,
+    levels: Both[Levels] | Both[None],
+    asked: Both[Array] | Both[None],
+) -> tuple[Callable[[], Lattice], Callable[[], Lattice]]:
+    """How the lattices of a model are baked, of likely light and of the codes that the model renders it to.
+
+    A code may be of much light, where the camera takes a wide range to few codes. So the lattice of the inverse is the
+    least squares on likely light, which comes near to its mean given the code, and follows h⁻¹ where there is none.
+    """
+    light, weight = likely_light(samples, options.size)
+    mapped = model.gamut_map(light @ model.matrix.T)
+    codes, curve = model.response.encode(mapped), output_curve(model.response)
+    whole = unclipped_colours(codes, light)
+
+    def in_front_of_the_curve(balanced: Array) -> Array:
+        return curve.continued(model.gamut_map(balanced @ model.matrix.T))
+
+    return (
+        lambda: bake_lattice(
+            in_front_of_the_curve, light, curve.continued(mapped), weight, options, curve, levels.render, asked.render
+        ),
+        lambda: bake_lattice(
+            model.linearize, codes[whole], light[whole], weight[whole], options, None, levels.linearize, asked.linearize
+        ),
+    )
 
 
 def fit_physical(data: StyleData, options: CalibrationOptions) -> PhysicalModel:

@@ -115,18 +115,18 @@ def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
 def scene_linear(look: Look) -> Callable[[Array], Array]:
     """The look without its tone curve: balanced camera RGB (…, 3) → linear sRGB.
 
-    Each colour keeps the chromaticity that the look gives it. Its gain is that of the grey whose largest channel the
-    look makes as large: it takes the luminance of that grey back to the grey's light.
+    Each colour keeps the chromaticity that the look gives it. Its gain is that of the brightest of three greys, of each
+    of which the look makes one channel as large as the colour's: it takes that grey's luminance back to its light.
     """
     grey, luminance = np.linspace(0.0, 1.0, 4 * ENTRIES)[1:] ** GAMMA, to_xyz("linear-srgb")[1]
     shown = _SRGB.linearize(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
-    tones = np.maximum.accumulate(shown.max(axis=1))
-    rising = np.diff(tones, prepend=0.0) > 0.0  # of the inputs that clip, the least
-    tones, gains = tones[rising], (grey / (shown @ luminance))[rising]
+    tones, gains = np.maximum.accumulate(shown), grey / (shown @ luminance)
+    rising = np.diff(tones, axis=0, prepend=0.0) > 0.0  # of the inputs that clip, the least
 
     def light(balanced: Array) -> Array:
         toned = _SRGB.linearize(np.clip(look.render(balanced), 0.0, 1.0))
-        inverse = toned * np.interp(toned.max(axis=-1), tones, gains)[..., None]
+        levels = [np.interp(toned[..., c], tones[rising[:, c], c], grey[rising[:, c]]) for c in range(3)]
+        inverse = toned * np.interp(np.max(levels, axis=0), grey, gains)[..., None]
         # A clipped JPEG channel no longer rises with the light; there the RAW channel takes its place.
         return np.asarray(np.where(toned >= tones[-1], np.maximum(inverse, balanced), inverse))
 

@@ -21,7 +21,7 @@ from lutforge.arrays import Array, Index, Mask
 from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_levels, even_to_the_eye
 from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.kriging import OFFSET
+from lutforge.calibration.physical.kriging import OFFSET, neutral_scenes
 from lutforge.compiled import compiled
 from lutforge.interpolation import (
     Axis,
@@ -50,25 +50,25 @@ REST = 0.02
 
 def bake_lattice(
     model: Callable[[Array], Array],
-    samples: Array,
+    points: Array,
+    values: Array,
+    weight: Array,
     options: CalibrationOptions,
     curve: OutputCurve | None = None,
     levels: Levels | None = None,
     asked: Array | None = None,
 ) -> Lattice:
-    """Bake a model (n, 3) → (n, 3) around samples (n, 3) in [0, 1].
+    """Bake a model (n, 3) → (n, 3), which nodes follow, to likely colours in [0, 1] and their values, both (m, 3).
 
-    curve: what comes behind the cube; then the model gives values in front of it, and errors count behind it. levels:
-    of the nodes; without them the best are searched. asked: (m, 3), colours that alone the lattice will be asked for,
-    at given levels; nodes that lie apart from them, and from the grey axis, are 0.
+    weight: (m,), of these colours. curve: what comes behind the cube; then model and values are in front of it, and
+    errors count behind it. levels: of the nodes; without them the best are searched. asked: (k, 3), colours that alone
+    the lattice will be asked for, at given levels; nodes that lie apart from them, and from the grey axis, are 0.
     """
-    points, weight = _likely(samples, min(4 * options.size**3, 20_000))
     cells = None
     if asked is not None and levels is not None:
         cells = _cells_around(asked, levels)
         near = cells[_cells_of(points, levels)]
-        points, weight = points[near], weight[near]
-    values = model(points)
+        points, values, weight = points[near], values[near], weight[near]
     if curve is not None:
         # How much a squared error in front of the curve counts behind it, 1 in the median.
         codes = np.linspace(0.0, 1.0, 511)[:, None].repeat(3, axis=1)
@@ -88,22 +88,23 @@ def node_coverage(lattice: Lattice, samples: Array) -> Array:
     return np.ascontiguousarray(summed.right[..., 0])
 
 
-def _likely(samples: Array, count: int) -> tuple[Array, Array]:
-    """Colours to bake on, (m, 3), the same ones every time, and their weights (m,): the samples, near them, anywhere.
+def likely_light(samples: Array, size: int) -> tuple[Array, Array]:
+    """Light to bake on, (m, 3), the same every time, and its weights (m,): the samples, near them, greys, anywhere.
 
-    Those near a sample are normally distributed around it with the distance to its fourth neighbour, on the square root
-    of linear light, which is near to even for noise and eye.
+    samples: (n, 3); size: nodes per axis. Light near a sample is normally distributed around it with the distance to
+    its fourth neighbour, on the square root of linear light, which is near to even for noise and eye.
     """
-    rng = np.random.default_rng(0)
+    rng, count = np.random.default_rng(0), min(4 * size**3, 20_000)
     chosen = samples[rng.permutation(len(samples))[: count // 2]]
     root = np.sqrt(np.clip(chosen, 0.0, 1.0))
     distance = cKDTree(root).query(root, k=[min(5, len(root))])[0]
     places = rng.integers(0, len(root), count)
     near = (root[places] + 0.7 * distance[places] * rng.standard_normal((count, 3))) ** 2
     near = near[np.all(near < 1.0, axis=1)]
-    anywhere = sobol(count // 4)
-    points = np.concatenate([chosen, near, anywhere, from_even(sobol(count // 4, seed=1), OFFSET)])
-    return points, np.where(np.arange(len(points)) < len(chosen) + len(near), 1.0, REST)
+    likely = np.concatenate([chosen, near, neutral_scenes(count // 20)])
+    anywhere = np.concatenate([sobol(count // 4), from_even(sobol(count // 4, seed=1), OFFSET)])
+    weight = np.concatenate([np.ones(len(likely)), np.full(len(anywhere), REST)])
+    return np.concatenate([likely, anywhere]), weight
 
 
 def _levels(
