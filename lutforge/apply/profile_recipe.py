@@ -394,7 +394,7 @@ def source_selector(
     known = ", ".join(sorted(camera.white_balances))
     raise SettingsError(
         f"{path}: {stated}; put its RAW file beside it, name it with --from {style}/WB, where WB is {known}"
-        f"{temperatures_of(camera.white_balances)}, or find it with --candidates sheet.jpg"
+        f"{temperatures_of(camera.white_balances)}; `lutforge studio` shows how each looks"
     )
 
 

@@ -38,9 +38,6 @@ def apply(
     transfer: Annotated[
         list[Path] | None, option("With --as: RAW to RAW, from `lutforge transfer`; may repeat.")
     ] = None,
-    candidates: Annotated[
-        Path | None, option("Grade nothing: a sheet of the image under presumed white balances.")
-    ] = None,
     suffix: Annotated[str | None, option("Another format for the output, such as .png or .exr.")] = None,
     quality: Annotated[int | None, option("Of JPEG files, 1 to 100, if not as their sources.")] = None,
     interpolation: Annotated[str, option("trilinear or tetrahedral, for LUTs that do not say it.")] = "tetrahedral",
@@ -68,11 +65,6 @@ def apply(
         (grade, *images), output, source, target, ev, look, tuple(transfer or ()), interpolation, suffix, workers,
         frames, recursive, resume, scheduler, quality, space, exposure,
     )  # fmt: skip
-    if candidates is not None:
-        for name in grading.candidates(candidates):
-            say(f"--from {name}")
-        note(f"{candidates} shows the picture graded from each; grade it from the one that looks right")
-        return
     failed = False
     if print_commands:
         for command in grading.commands():

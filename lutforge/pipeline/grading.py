@@ -128,16 +128,6 @@ class Grading:
         """The number of images that were named, there or not."""
         return len(self.inputs.images) + len(self.inputs.missing)
 
-    def candidates(self, sheet: Path) -> tuple[str, ...]:
-        """Write a sheet of the one image under presumed white balances, and return these. Raises SettingsError."""
-        from lutforge.apply.candidates import candidate_sheet
-        from lutforge.apply.profile_recipe import ProfileRecipe
-
-        if not isinstance(self.recipe, ProfileRecipe) or len(self.images) != 1:
-            raise SettingsError("--candidates goes with a profile and one image")
-        check_output(sheet, inputs=self.images)
-        return candidate_sheet(self.recipe, self.images[0], sheet)
-
     def commands(self) -> Iterator[str | Failure]:
         """The oiiotool lines that grade as `run` would, for a POSIX shell, or why there is none."""
         from lutforge.apply.oiiotool_commands import oiiotool_commands

@@ -3,27 +3,14 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from lutforge.kits.kit import setting_of
 from lutforge.model.camera_profile import CameraProfile, as_profile
-from lutforge.pipeline.evaluation import evaluate
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sampling import SampledShots, gather_samples, require_same_origin
 from lutforge.progress import Progress, part, silent, telling_of_compilation
-from lutforge.report.drawing import Drawing
-from lutforge.report.error_maps import ErrorMaps, maps_of_shot, own_method
-from lutforge.report.report import (
-    Report,
-    build_comparison,
-    build_report,
-    error_pictures,
-    error_tables,
-    write_figures,
-    write_page,
-)
-from lutforge.report.tables import Table
+from lutforge.report.report import Report, build_comparison, build_report, write_figures, write_page
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
 
@@ -92,29 +79,6 @@ def compare(
     page = build_comparison(a, settings[0], b, settings[1])
     write_page(page, output, part(progress, 0.5, 1.0))
     return page
-
-
-def compare_methods(
-    profile: CameraProfile, samples: SampleSet, size: int, progress: Progress = silent
-) -> tuple[dict[str, Drawing], tuple[Table, ...]]:
-    """Return figures by style and tables of the errors of all methods, with lattices of a size, on shots left out."""
-    evaluation = evaluate(profile, samples, progress, tables=True, sizes=(size,))
-    own, drawings = own_method(profile, evaluation), {}
-    for style, predictions in evaluation.predictions.items():
-        rows = tuple(row for row in evaluation.rows if row.style == style)
-        pictures = error_pictures(own, replace(evaluation, rows=rows, predictions={style: predictions}))
-        drawings[style] = Drawing(tuple(row for picture in pictures for row in picture.drawing.rows))
-    return drawings, tuple(error_tables(own, evaluation))
-
-
-def maps_of_file(
-    profile: CameraProfile, samples: SampleSet, shot: str, raw_file: Path, progress: Progress = silent
-) -> ErrorMaps:
-    """Leave shots of one style out in turn, and draw the errors of one of them; see `maps_of_shot`."""
-    style = samples.style[samples.shot == shot][0]
-    evaluation = evaluate(profile, samples.select(samples.style == style), progress)
-    progress("error maps", 0.9)
-    return maps_of_shot(profile, evaluation, shot, raw_file)
 
 
 def check_report_output(

@@ -1,7 +1,6 @@
 """Error maps of real shots, in both directions, by fits that never saw the shot (thesis, Figs. 5.5 and 5.6)."""
 
 import textwrap
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,20 +21,6 @@ from lutforge.shots.shot import Shot
 
 DIRECTIONS = (("RAW → JPEG", ERROR_SCALE), ("JPEG → RAW", 0.3 * ERROR_SCALE))
 """Each with the error that is drawn brightest: linear values are small where encoded ones are not; so are errors."""
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorMaps:
-    """The errors of one shot, pixel by pixel, by method: norm of RGB, of RAW with white balance.
-
-    drawing: a row for each direction, of the camera's JPEG and of its RAW, balanced and stretched, each before the maps
-    of what predicts it; grey where it is clipped or outside the RAW. held_out: whether the fits had not seen the shot.
-    """
-
-    shot: str
-    setting: str
-    drawing: Drawing
-    held_out: bool
 
 
 def moved_by_lens(shot: Shot, turns: int) -> Array:
@@ -62,10 +47,15 @@ def own_method(profile: CameraProfile, evaluation: Evaluation) -> str:
     return RBF if physical and RBF in methods else LATTICE
 
 
-def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, name: str, raw_file: Path) -> ErrorMaps:
-    """Predict a shot of an evaluation by the profile's own model, a uniform lattice, RBFs and a polynomial.
+def maps_of_shot(
+    profile: CameraProfile, evaluation: Evaluation, name: str, raw_file: Path
+) -> tuple[Drawing, str, bool]:
+    """Draw the errors of a shot by the profile's own model, a uniform lattice, RBFs and a polynomial, pixel by pixel.
 
-    The RAW is brightened away from the middle by the profile's falloffs, as that of the samples was.
+    They are norms of RGB, of RAW with white balance, a row for each direction: of the camera's JPEG and of its RAW,
+    balanced and stretched, before the maps of what predicts it; grey where it is clipped or outside the RAW. The RAW is
+    brightened away from the middle by the profile's falloffs, as that of the samples was. Returned are also the shot's
+    setting, and whether the fits had not seen it.
     """
     held = [(style, each) for style, each in evaluation.predictions.items() if (each.data.shot == name).any()]
     if not held:
@@ -123,4 +113,4 @@ def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, name: str, raw_
         rows.append(tuple(panels))
     drawing = Drawing(tuple(rows), 11 / len(rows[0]) * height / width + 0.6, 11.0)
     setting = f"{samples.style[own[0]]}/{samples.white_balance[own[0]]}"
-    return ErrorMaps(name, setting, drawing, bool(predictions.held_out[own].all()))
+    return drawing, setting, bool(predictions.held_out[own].all())

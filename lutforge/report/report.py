@@ -300,10 +300,10 @@ def error_map_pictures(
     if chosen:
         yield MAPS_TEXT
     for name, row in chosen.items():
-        maps = maps_of_shot(profile, evaluation, name, files[name])
-        held = "not seen by the fits" if maps.held_out else "the fit had seen it"
-        caption = f"{name}, {maps.setting}; {held}; mean error of the shot's samples {row.figures.mean:.4f}."
-        yield Picture(f"error_map_{setting_name(name)}", maps.drawing, caption)
+        drawing, setting, held_out = maps_of_shot(profile, evaluation, name, files[name])
+        held = "not seen by the fits" if held_out else "the fit had seen it"
+        caption = f"{name}, {setting}; {held}; mean error of the shot's samples {row.figures.mean:.4f}."
+        yield Picture(f"error_map_{setting_name(name)}", drawing, caption)
 
 
 def sample_blocks(samples: SampleSet, accounts: Sequence[ShotSamples]) -> Iterator[Block]:

@@ -1,4 +1,4 @@
-// A picture, graded in the page: WebGL2 where there is any, else pictures that Python has graded. No framework, no network.
+// A picture, graded in the page by WebGL2. No framework, no network.
 // The parameters of the model are those of the class LookView (look_page.py).
 
 // --- A LUT as a fragment shader: one line of GLSL an operation ---------------------------------------------------------
@@ -259,40 +259,5 @@ class WebGLGrader {
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     return pixels;  // bottom row first
-  }
-}
-
-// Without WebGL: `ops` is a picture that Python has graded.
-class PictureGrader {
-  constructor(canvas) { this.canvas = canvas; this.context = canvas.getContext("2d"); this.size = [0, 0]; }
-  async load(bitmap) { this.source = bitmap; this.size = [bitmap.width, bitmap.height]; }
-  image(ops) { return ops instanceof ImageBitmap ? ops : this.source; }
-
-  draw(regions, view) {
-    const { context, canvas } = this, [r, g, b] = view.surround.map(value => Math.round(255 * value));
-    context.fillStyle = `rgb(${r},${g},${b})`;
-    context.fillRect(0, 0, canvas.width, canvas.height);
-    context.imageSmoothingEnabled = view.zoom < 1;
-    for (const { left, right, middle, ops } of regions) {
-      const place = [middle - view.centre[0] * view.zoom, canvas.height / 2 - view.centre[1] * view.zoom];
-      context.save();
-      context.beginPath();
-      context.rect(left, 0, right - left, canvas.height);
-      context.clip();
-      context.drawImage(this.image(ops), ...place, this.size[0] * view.zoom, this.size[1] * view.zoom);
-      context.restore();
-    }
-    return null;
-  }
-
-  done() { return true; }
-
-  read(ops, width, height, centre = null, zoom = 0) {
-    const aside = new OffscreenCanvas(width, height).getContext("2d"), image = this.image(ops);
-    const share = image.width / this.size[0];
-    aside.imageSmoothingEnabled = false;
-    if (centre) aside.drawImage(image, Math.floor(centre[0] * share), Math.floor(centre[1] * share), 1, 1, 0, 0, 1, 1);
-    else aside.drawImage(image, 0, 0, width, height);
-    return aside.getImageData(0, 0, width, height).data;
   }
 }

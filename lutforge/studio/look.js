@@ -125,26 +125,22 @@ export function render({ model, el }) {
   let grader;
   try {
     grader = new WebGLGrader(canvas);
-    model.renderer = "webgl";
   } catch {
-    grader = new PictureGrader(canvas);
-    model.renderer = "python";
+    const words = "This browser has no WebGL2, which grades the picture: switch on its hardware acceleration, or take another.";
+    return make("p", { className: "look missing", role: "alert" }, words);
   }
-  const live = model.renderer === "webgl";
-  const usual = live ? "" : "This browser has no WebGL2: Python grades the picture, which follows the sliders more slowly.";
-  news.textContent = usual;
   canvas.addEventListener("webglcontextlost", event => { event.preventDefault(); });
   canvas.addEventListener("webglcontextrestored", () => { grader = new WebGLGrader(canvas); open(); });
 
   // What is seen: the centre in pixels of the picture, and how many pixels of the screen one of the picture has.
   const view = { centre: [0, 0], zoom: 1, fitted: true };
-  let number = model.number, loaded = false, images = {}, quality = 1, cost = 0, moved = 0, pending = null, settle, queued = false, again = false;
+  let number = model.number, loaded = false, quality = 1, cost = 0, moved = 0, pending = null, settle, queued = false, again = false;
   let pinned = null, hovered = null, scoped = 0, frames = 0;
   const ratio = () => window.devicePixelRatio || 1;
   let whole = () => [stage.clientWidth * ratio(), stage.clientHeight * ratio()].map(Math.round);
   const seen = () => { const [w, h] = whole(); return model.mode === "side" ? [w / 2, h] : [w, h]; };
   const other = () => model.beside_b && model.b.length ? "b" : "original";
-  const opsOf = side => live ? (side === "original" ? [] : model[side]) : images[side];
+  const opsOf = side => side === "original" ? [] : model[side];
   const nameOf = side => side === "original" ? "Original" : side === "a" ? model.a_name || "Graded" : `B: ${model.b_name}`;
 
   function regions(width) {
@@ -183,7 +179,7 @@ export function render({ model, el }) {
     if (!loaded || !stage.clientWidth) return;
     if (pending) { again = true; return; }
     const moving = performance.now() - moved < 150, [w, h] = whole();
-    quality = live && moving && cost > 16 ? Math.max(0.25, Math.sqrt(16 / cost)) : 1;
+    quality = moving && cost > 16 ? Math.max(0.25, Math.sqrt(16 / cost)) : 1;
     const width = Math.max(1, Math.round(w * quality)), height = Math.max(1, Math.round(h * quality));
     if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
     settleView();
@@ -192,7 +188,7 @@ export function render({ model, el }) {
     const shrunk = { ...view, zoom: view.zoom * width / w, surround, clipping: model.clipping, nearest: view.zoom >= 1,
       coverage: model.unsure && model.coverage.length ? model.coverage : null };
     const parts = regions(width).map(part => ({ ...part, ops: opsOf(part.side), marks: part.side !== "original" }));
-    if (live && !complete([...parts.flatMap(part => part.ops), ...(shrunk.coverage || [])])) return;
+    if (!complete([...parts.flatMap(part => part.ops), ...(shrunk.coverage || [])])) return;
     const began = performance.now();
     pending = { fence: grader.draw(parts, shrunk, width, height), began, number, full: quality === 1 };
     furnish(regions(w));
@@ -234,7 +230,7 @@ export function render({ model, el }) {
     tell();
     if (!model.scopes || !scopes.clientWidth) return;
     const ops = opsOf(model.mode === "original" ? other() : "a"), width = SCOPE;
-    if (live && !complete(ops)) return;
+    if (!complete(ops)) return;
     const height = Math.max(1, Math.round(width * grader.size[1] / grader.size[0]));
     const pixels = grader.read(ops, width, height);
     waveform(waves, pixels, width);
@@ -261,7 +257,7 @@ export function render({ model, el }) {
   function tell() {
     const at = pinned || hovered;
     if (!at || !loaded || !inside(at)) { values.textContent = ""; lastProbe = ""; return; }
-    if (live && !complete([...model.a, ...model.b])) return;
+    if (!complete([...model.a, ...model.b])) return;
     const code = side => [...grader.read(opsOf(side), 1, 1, [at[0] + 0.5, at[1] + 0.5], 1)].slice(0, 3);
     const asked = String([...at, model.a_name]);
     if (model.tells_raw && asked !== lastProbe && performance.now() - probed > 60) {
@@ -386,22 +382,13 @@ export function render({ model, el }) {
       size = grader.size;
       if (!same) { view.fitted = true; pinned = null; }
       loaded = true;
-      news.textContent = usual;
+      news.textContent = "";
       root.dataset.opened = `${bitmap.width} × ${bitmap.height} in ${(performance.now() - began).toFixed(0)} ms`;
       draw(false);
     } catch (error) {
       news.textContent = "This picture cannot be shown: the browser does not decode it.";
       console.warn(error);
     }
-  }
-  let grading = 0;
-  async function graded() {
-    const mine = ++grading, sides = ["a", "b"].filter(side => model[`${side}_picture`]?.byteLength);
-    const found = await Promise.all(sides.map(side => decode(model[`${side}_picture`])));
-    if (mine !== grading) return;
-    images = Object.fromEntries(sides.map((side, index) => [side, found[index]]));
-    number = model.number;
-    draw();
   }
   let asked = 0, lacking = false;
   // Whether all tables have come; those that have not are asked for, at most every 200 ms.
@@ -419,7 +406,6 @@ export function render({ model, el }) {
   }
   function changed() {
     stand();
-    if (!live) return;
     grader.keep(model.a, model.b, model.coverage);
     number = model.number;  // which came before the look
     moved = performance.now();
@@ -439,7 +425,6 @@ export function render({ model, el }) {
   model.on("picture", open);
   model.on("msg:custom", arrived);
   model.on(["a", "b", "coverage"], changed);
-  model.on(["a_picture", "b_picture"], graded);
   model.on("pictures", film);
   model.on("chosen", chosen);
   model.on("raw", tell);

@@ -15,11 +15,9 @@ import numpy as np
 import panel as pn
 import param
 from panel.custom import JSComponent
-from PIL import Image
 
 from lutforge.apply.baked_grades import BakedGrades, SettingChange, baked_steps
-from lutforge.apply.blocks import apply_to_pixels
-from lutforge.arrays import Array, Pixels
+from lutforge.arrays import Array
 from lutforge.errors import LutError, SettingsError
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import Lut
@@ -30,7 +28,7 @@ from lutforge.model.transform import Transform
 from lutforge.model.white_balance import temperature_range
 from lutforge.settings import Selector, Shift
 from lutforge.studio import ui
-from lutforge.studio.opening import IMAGE_SUFFIXES, Photograph, jpeg_of, open_photograph, upright
+from lutforge.studio.opening import IMAGE_SUFFIXES, Photograph, open_photograph
 from lutforge.studio.session import ChosenLook, Session, usual_setting
 from lutforge.studio.workspace import WorkspaceError
 
@@ -157,6 +155,7 @@ class LookPage:
         path, given = photograph.path, photograph.selector
         self.shown = self.opened[path] = replace(photograph, picture=b"")
         self.view.show(photograph.picture, path.name)
+        self.view.film([(each.path.name, each.small) for each in self.opened.values()], list(self.opened).index(path))
         news = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
         with self.session.setting():
             if given is not None:
@@ -179,25 +178,12 @@ class LookPage:
         self._grade()
 
     def _tell(self) -> None:
-        """The words of the look, and the other photographs with it."""
+        """The words of the look."""
         look = self.session.look
         unknown = "" if self.shown is None else "From what it was taken as, which is to be chosen below, to "
         taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
         self.words.object = ui.paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
-        if self.shown is not None:
-            strip = [(each.path.name, self._small_of(each)) for each in self.opened.values()]
-            self.view.film(strip, list(self.opened).index(self.shown.path))
         self.session.on_look()
-
-    def _small_of(self, each: Photograph) -> bytes:
-        """A photograph of the film strip with the look; as it is where that is not known, or takes long to prepare."""
-        profile, source = self.session.require_profile(), self.sources.get(each.path, (f"{each.selector or ''}", []))[0]
-        try:
-            look = ChosenLook(source, self.wanted.text(each.selector), float(self.ev.value))
-            lut = None if not source or slow_steps(profile, look) else look_lut(profile, look)
-        except (SettingsError, WorkspaceError):
-            return each.small
-        return _graded(lut, _pixels(each.small)) or each.small
 
     def _grade(self) -> None:
         """The photograph as the controls say."""
@@ -289,12 +275,11 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     `show` sets the picture, `grade` its look. The browser grades what is on the screen with WebGL2: each operation of
     the LUT becomes a line of a shader, which interpolates in float32 as OpenColorIO does, so that a page shows what
     `lut.processor()` gives, within rounding. A table is sent once, as bytes in a message, while any LUT holds it; the
-    page asks for those that it misses. Where there is no WebGL2, `renderer` is "python": the picture is then
-    graded here, averaged down to 2 million pixels, and sent as JPEG.
+    page asks for those that it misses. Where there is no WebGL2, the page says so, and shows no picture.
 
     Parameters that the page changes, too: mode, wipe, beside_b, clipping, unsure, scopes, chosen. Those that it alone
-    sets: renderer; probe, the pixel under the pipette, while `inspect` has said what RAW is; kept, which counts
-    "Keep as B" (`b` and `b_name` are then those of `a`).
+    sets: probe, the pixel under the pipette, while `inspect` has said what RAW is; kept, which counts "Keep as B"
+    (`b` and `b_name` are then those of `a`).
     """
 
     picture = param.Bytes(doc="The picture as a file that browsers read, JPEG or PNG; it is shown upright.")
@@ -304,8 +289,6 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     coverage = param.List(doc="A LUT whose third channel is below 0.5 for colours that no sample tells of; or empty.")
     a_name = param.String(doc="What the look is called on the picture.")
     b_name = param.String(doc="What the other look is called.")
-    a_picture = param.Bytes(doc="Without WebGL2: the picture with the look, as JPEG.")
-    b_picture = param.Bytes(doc="The same with the other look.")
     number = param.Integer(0, doc="Counts the looks; the page says which one it shows in data-drawn.")
     mode = param.Selector(default="wipe", objects=["graded", "original", "wipe", "side"])
     wipe = param.Number(0.5, bounds=(0.0, 1.0), doc="Where the line is, as a share of the width.")
@@ -317,7 +300,6 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     pictures = param.List(doc="The film strip: {name, thumbnail: bytes of a JPEG} each; shown from two on.")
     chosen = param.Integer(0, doc="Which of `pictures` is shown; watch it, and call `show`.")
     kept = param.Integer(0)
-    renderer = param.Selector(default="", objects=["", "webgl", "python"])
     tells_raw = param.Boolean(False)
     probe = param.List(doc="(x, y) of the upright picture, and its codes there.")
     raw = param.List(doc="(x, y, R, G, B): RAW there.")
@@ -332,15 +314,12 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         self._luts: dict[str, Lut | None] = {"a": None, "b": None, "coverage": None}
         self._tables: dict[str, dict[str, Any]] = {}  # of those LUTs, by their keys
         self._raw_of: Callable[[Array], Array] | None = None
-        self._pixels_of = lru_cache(1)(_pixels)
         self.param.watch(self._keep, "kept")
         self.param.watch(self._probe, "probe")
-        self.param.watch(lambda *events: self._grade_here(), ["renderer", "clipping", "unsure"])
 
     def show(self, picture: bytes, title: str = "") -> None:
         """Show another picture, a JPEG or PNG file, with the look that is set."""
         self.param.update(picture=picture, title=title, raw=[], probe=[])
-        self._grade_here()
 
     def grade(self, lut: Lut | None, name: str = "") -> None:
         """Set the look, a LUT of the picture's encoded RGB, or none. Raises LutError on curves at free knots."""
@@ -362,12 +341,11 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         self._handle_msg([key for key in self._tables if key not in held])
         self.param.update(**more)
         self.param.update(**{side: sides[side][0]})  # at which the page draws
-        self._grade_here()
 
     def _handle_msg(self, data: Any) -> None:
         """Send the tables of these keys, which the page misses."""
         tables = [self._tables[key] for key in data if key in self._tables]
-        if tables and self.renderer != "python":
+        if tables:
             self._send_msg(tables)
 
     def _keep(self, event: Any) -> None:
@@ -383,29 +361,3 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         if self._raw_of is not None and len(self.probe) == 5:
             x, y, *codes = (int(value) for value in self.probe)
             self.raw = [x, y, *map(float, self._raw_of(np.array(codes) / 255.0))]
-
-    def _grade_here(self) -> None:
-        if self.renderer != "python" or not self.picture:
-            return
-        pixels, cover = self._pixels_of(self.picture), self._luts["coverage"] if self.unsure else None
-        made = {f"{side}_picture": _graded(self._luts[side], pixels, self.clipping, cover) for side in ("a", "b")}
-        self.param.update(**made)
-
-
-def _pixels(picture: bytes) -> Pixels:
-    """A picture file upright, averaged down to what is graded here."""
-    return np.asarray(upright(picture, (1732, 1732)), dtype=np.float32) / np.float32(255)
-
-
-def _graded(lut: Lut | None, pixels: Pixels, clipping: bool = False, coverage: Lut | None = None) -> bytes:
-    """A picture through a LUT, with stripes over what clips, and over what `coverage` is unsure of, as the page's."""
-    if lut is None:
-        return b""
-    graded = apply_to_pixels(lut.processor(), pixels)
-    codes = (np.clip(graded, 0.0, 1.0) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
-    stripe = np.add.outer(*map(np.arange, codes.shape[:2])) // 4 % 2 == 1
-    white, black = (codes == 255).any(axis=2) & ~stripe & clipping, (codes == 0).any(axis=2) & ~stripe & clipping
-    if coverage is not None:
-        codes[stripe & (apply_to_pixels(coverage.processor(), pixels)[..., 2] < 0.5)] = (0, 158, 115)
-    codes[black], codes[white] = (94, 60, 153), (230, 97, 1)
-    return jpeg_of(Image.fromarray(codes), quality=95, subsampling=0)

@@ -16,15 +16,12 @@ from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
 from lutforge.pipeline.evaluation import without_a_model
-from lutforge.pipeline.reports import compare_methods, maps_of_file
 from lutforge.report import figures
 from lutforge.report.drawing import CHANNELS, Drawing, Panel
-from lutforge.report.error_maps import DIRECTIONS, ErrorMaps
 from lutforge.report.tables import TITLES, Table, balance_table, matrix_table
-from lutforge.samples.sample_set import with_setting_names
 from lutforge.studio import ui
 from lutforge.studio.session import Session
-from lutforge.studio.workspace import MODELS, Workspace, WorkspaceError
+from lutforge.studio.workspace import MODELS, Workspace
 
 WAYS = {title: direction for direction, title in TITLES.items()}
 SMOOTHNESS = {"by held-out shots": None, **{f"{rho:g}": rho for rho in (1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5)}}
@@ -76,7 +73,7 @@ class ModelPage:
         columns = [(title, pn.Column(*widgets, **ui.TOGETHER)) for title, widgets in folds.items()]
         folded = pmui.Accordion(*columns, disable_gutters=True, **{**ui.WIDE, "margin": (4, 4)})
         self.controls = [self.kind, compute, self.own_stages, self.takes, self.used, folded]
-        views = (FitView, GamutView, LatticeView, ComparisonView, ErrorMapView)
+        views = (FitView, GamutView, LatticeView)
         self.views: dict[str, View] = {view.title: view(session) for view in views}
         self.shown = pmui.RadioButtonGroup(
             label="View", options=list(self.views), value=FitView.title, size="small", margin=(2, 8)
@@ -227,17 +224,16 @@ def held_out_error(profile: CameraProfile) -> float | None:
 
 
 class GamutView(View):
-    """Slices of the gamut map of constant luminance: arrows, one a style, or the surface of one in 3D (Fig. A.11)."""
+    """Where the gamut map takes a slice of constant luminance: a surface in 3D (thesis, Fig. A.11)."""
 
     title = "Gamut map"
 
     def __init__(self, session: Session) -> None:
         self.direction = ui.select("Direction", WAYS, **ui.NARROW)
-        self.luminance = ui.slider("Luminance Y of the slices", 0.25, 0.02, 0.9, **ui.NARROW)
-        self.drawn = ui.select("Drawn as", ["arrows", "surface in 3D"], **ui.NARROW)
-        self.style = ui.select("Style", ui.NOTHING, visible=False, **ui.NARROW)
+        self.luminance = ui.slider("Luminance Y of the slice", 0.25, 0.02, 0.9, **ui.NARROW)
+        self.style = ui.select("Style", ui.NOTHING, **ui.NARROW)
         self.space = ui.Space()
-        super().__init__(session, self.direction, self.luminance, self.drawn, self.style)
+        super().__init__(session, self.direction, self.luminance, self.style)
 
     def draw(self) -> None:
         """Everything, from the session's profile, or the last one with a gamut map."""
@@ -250,16 +246,13 @@ class GamutView(View):
                 one = model.gamut_map if self.direction.value == "render" else model.inverse_gamut_map
                 if len(one.centres) > 1:  # one centre: it changes nothing
                     maps[name] = one
-        solid = self.drawn.value != "arrows" and bool(maps)
-        self.style.visible = solid
-        self.layout[1] = self.space.layout if solid else self.figures.layout
-        if not solid:
-            drawing = Drawing((figures.gamut_figure(maps, [level]).panels,)) if maps else None
-            self.figures.show(drawing, "No gamut map: compute the model “Gamut map”.")
+        self.layout[1] = self.space.layout if maps else self.figures.layout
+        ui.offer(self.style, maps)
+        if not maps:
+            self.figures.show(None, "No gamut map: compute the model “Gamut map”.")
             return
 
         # Where h takes the slice, its outline, and the control points near it, in the cube of linear sRGB
-        ui.offer(self.style, maps)
         name, order = self.style.value, [0, 2, 1]  # R to the right, B to the back, G up: the slice lies nearly flat
         before, gamut_map = figures.slice_grid(level), maps[name]
         after = gamut_map(before)
@@ -318,69 +311,3 @@ class LatticeView(View):
         if histograms is not None:
             below += figures.levels_on_errors(lattice, histograms, source).panels[channel : channel + 1]
         self.figures.show(Drawing((*figures.lattice_figure(style, [direction]).rows, below)))
-
-
-class ComparisonView(View):
-    """The model beside a uniform lattice, RBFs and polynomials, on shots left out (Figs. 5.5, 5.6)."""
-
-    title = "Comparison"
-
-    def __init__(self, session: Session) -> None:
-        compute = session.button("Compare on shots left out", self._compute)
-        words = ui.text(ui.paragraphs("Fits every method once for each group of shots left out: this takes a while."))
-        self.style, self.tables = ui.select("Style", ui.NOTHING, **ui.NARROW), ui.text(**ui.SCROLLED)
-        self.drawings: dict[str, Drawing] = {}
-        super().__init__(session, compute, self.style, words)
-        self.layout.append(self.tables)
-
-    def draw(self) -> None:
-        """What was compared, until it is compared again."""
-        ui.offer(self.style, self.drawings)
-        self.figures.show(self.drawings.get(self.style.value))
-
-    def _compute(self) -> None:
-        workspace, profile = self.session.require_workspace(), self.session.require_profile()
-        samples = workspace.samples.select(workspace.fitted_rows)
-        self.session.start("comparison", self._done, compare_methods, profile, samples, workspace.options.size)
-
-    def _done(self, compared: tuple[dict[str, Drawing], tuple[Table, ...]]) -> None:
-        self.drawings, tables = compared
-        self.tables.object = ui.Html("".join(map(ui.table, tables)))
-        self.draw()
-        self.session.say("comparison: done")
-
-
-class ErrorMapView(View):
-    """Error maps over the picture of a shot that was left out, both ways, by four models (Figs. 5.5 and 5.6)."""
-
-    title = "Error maps"
-
-    def __init__(self, session: Session) -> None:
-        self.shot = ui.select("Shot", ui.NOTHING, sizing_mode="fixed", width=330)
-        button = session.button("Draw its errors", self._compute)
-        self.words = ui.text(ui.paragraphs("Every model is fitted without the shot, and predicts it."))
-        super().__init__(session, self.shot, button, self.words)
-
-    def draw(self) -> None:
-        """The shots whose files are at hand; maps stay until others are drawn."""
-        workspace, files = self.session.workspace, self.session.opened.files
-        names = [] if workspace is None else np.unique(workspace.samples.shot).tolist()
-        ui.offer(self.shot, [name for name in names if name in files])
-
-    def _compute(self) -> None:
-        workspace, profile, shot = self.session.require_workspace(), self.session.require_profile(), self.shot.value
-        if not shot:
-            raise WorkspaceError("no shot's files are open: open the folder of the shots, not a table of samples")
-        samples = with_setting_names(workspace.samples.select(workspace.fitted_rows))
-        if shot not in samples.shot:
-            raise WorkspaceError(f"{shot}: none of its samples takes part in the fit; choose another shot")
-        file = self.session.opened.files[shot]
-        self.session.start(f"errors of {shot}", self._done, maps_of_file, profile, samples, shot, file)
-
-    def _done(self, maps: ErrorMaps) -> None:
-        self.figures.show(maps.drawing)
-        seen = f"{maps.shot}, {maps.setting}: {'no model has' if maps.held_out else 'the models have'} seen it."
-        scales = ", ".join(f"{direction} {scale:g}" for direction, scale in DIRECTIONS)
-        scale = f"Norm of RGB; brightest: {scales}; grey: clipped, or outside the RAW."
-        self.words.object = ui.paragraphs(f"{seen} {scale}")
-        self.session.say(f"{maps.shot}: errors drawn")

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageOps
 
-from lutforge.apply.candidates import read_small
 from lutforge.apply.profile_recipe import choose_camera, source_selector
+from lutforge.arrays import Pixels
 from lutforge.boundary import reading
 from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
 from lutforge.images.heif import HEIF_SUFFIXES
-from lutforge.images.icc import foreign_profile
-from lutforge.images.read import ImageReader
+from lutforge.images.icc import foreign_profile, pixels_to_srgb
+from lutforge.images.read import ImageReader, read_image
+from lutforge.images.write import upright as turned
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
@@ -96,6 +97,26 @@ def picture_bytes(path: Path) -> bytes:
     pixels, buffer = read_small(path, 8_000_000), BytesIO()
     Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
     return buffer.getvalue()
+
+
+def read_small(path: Path, most: int) -> Pixels:
+    """Read an image upright, RGB in [0, 1], averaged down to at most so many pixels. Raises ImageError.
+
+    A picture of 8 bits in another space than sRGB is converted, as `apply_image` does.
+    """
+    image = read_image(path)
+    pixels = image.pixels
+    if pixels.ndim != 3 or pixels.shape[2] < 3:
+        raise ImageError(f"{path.name}: it needs red, green and blue")
+    if profile := foreign_profile(image.spec):
+        pixels = pixels_to_srgb(pixels, profile)
+    pixels = np.clip(turned(pixels[..., :3], image.spec.get_int_attribute("Orientation", 1)), 0.0, 1.0)
+    height, width = pixels.shape[:2]
+    factor = int(np.ceil(np.sqrt(height * width / most)))
+    if factor > 1:
+        pixels = pixels[: height // factor * factor, : width // factor * factor]
+        pixels = pixels.reshape(height // factor, factor, width // factor, factor, 3).mean(axis=(1, 3))
+    return np.ascontiguousarray(pixels, dtype=np.float32)
 
 
 def upright(picture: bytes, most: tuple[int, int]) -> Image.Image:

@@ -8,12 +8,10 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 from bokeh.models import (
-    ColorBar,
     ColumnDataSource,
     CustomAction,
     CustomJS,
     DataRange1d,
-    HoverTool,
     LinearColorMapper,
     Range1d,
 )
@@ -21,7 +19,7 @@ from bokeh.plotting import figure
 from panel.models.plotly import PlotlyPlot
 
 from lutforge.arrays import Array
-from lutforge.report.drawing import GREY, Arrows, Bars, Dots, Drawing, Labels, Line, Lines, Mark, Panel, Raster
+from lutforge.report.drawing import GREY, Bars, Dots, Drawing, Line, Lines, Mark, Panel, Raster
 from lutforge.report.tables import Table
 
 FILL = {"sizing_mode": "stretch_both", "margin": 0}
@@ -152,10 +150,9 @@ class Figures:
     def show(self, drawing: Drawing | None, missing: str = "") -> None:
         """Show a drawing; None: a sentence in its place."""
         rows = () if drawing is None else drawing.rows
-        kinds = [[(panel.log, panel.rows, [_glyph(mark)[1:] for mark in panel.marks]) for panel in row] for row in rows]
+        kinds = [[[_glyph(mark)[1:] for mark in panel.marks] for panel in row] for row in rows]
         if kinds != self._kinds or not rows:
-            together: dict[str, Any] = {}  # pictures beside each other are moved and zoomed as one
-            self._kinds, self._panels = kinds, [[_BokehPanel(panel, together) for panel in row] for row in rows]
+            self._kinds, self._panels = kinds, [[_BokehPanel(panel) for panel in row] for row in rows]
             self.layout[:] = [pn.Row(*(panel.figure for panel in row), **FILL) for row in self._panels]
         if not rows and missing:
             self.layout[:] = [text(paragraphs(missing))]
@@ -165,20 +162,14 @@ class Figures:
 
 
 class _BokehPanel:
-    def __init__(self, panel: Panel, together: dict[str, Any]) -> None:
-        self.mapper = LinearColorMapper(palette="Cividis256", low=0.0, high=1.0, nan_color=GREY)
-        if panel.bare and not together:
-            together |= {name: DataRange1d(range_padding=0) for name in ("x_range", "y_range")}
-        ranges = together if panel.bare else {
-            name: DataRange1d() if reach is None else Range1d(*reach)
+    def __init__(self, panel: Panel) -> None:
+        self.mapper = LinearColorMapper(palette="Cividis256", low=0.0, high=1.0)
+        ranges = {
+            name: DataRange1d(range_padding=0 if panel.bare else 0.1) if reach is None else Range1d(*reach)
             for name, reach in (("x_range", panel.x_range), ("y_range", panel.y_range))
-        }  # fmt: skip
-        scale = "log" if panel.log else "linear"
-        self.figure = plot(panel.title, x_axis_type=scale, match_aspect=panel.equal, **ranges)
+        }
+        self.figure = plot(panel.title, match_aspect=panel.equal, **ranges)
         self.figure.xaxis.ticker.desired_num_ticks = 4
-        if panel.rows:
-            self.figure.yaxis.ticker = list(range(len(panel.rows)))
-            self.figure.yaxis.major_label_overrides = dict(enumerate(panel.rows))
         if panel.bare:
             self.figure.axis.visible = self.figure.grid.visible = False
         self.sources = []
@@ -186,12 +177,6 @@ class _BokehPanel:
             columns, glyph, options = _glyph(mark, self.mapper)
             self.sources.append(ColumnDataSource(columns))
             getattr(self.figure, glyph)(source=self.sources[-1], **options)
-            if isinstance(mark, Arrows):  # their heads
-                self.figure.scatter("x1", "y1", color=options["color"], size=3, source=self.sources[-1])
-            if glyph == "image":
-                self.figure.add_tools(HoverTool(tooltips=[("value", "@image{0.0000}")]))
-        if panel.scale_name.strip():
-            self.figure.add_layout(ColorBar(color_mapper=self.mapper, width=6), "right")
         if self.figure.legend:
             place = "bottom_right" if isinstance(panel.marks[0], Line) else "top_right"
             self.figure.legend.update(padding=2, margin=4, background_fill_alpha=0.5, location=place)
@@ -209,7 +194,6 @@ class _BokehPanel:
 
 def _glyph(mark: Mark, mapper: LinearColorMapper | None = None) -> tuple[dict[str, Any], str, dict[str, Any]]:
     """The columns of a mark, its Bokeh glyph, and the options of that, which tell marks of one kind."""
-    by_value = {"field": "value", "transform": mapper}
     label = getattr(mark, "label", "")
     named = {"legend_label": label} if label else {}
     columns: dict[str, Any]
@@ -223,17 +207,8 @@ def _glyph(mark: Mark, mapper: LinearColorMapper | None = None) -> tuple[dict[st
             return columns, "multi_line", {"color": mark.colour, "line_width": 0.9, "alpha": 0.8}
         case Dots():
             columns = {"x": mark.points[:, 0], "y": mark.points[:, 1]}
-            if mark.values is not None:
-                columns["value"] = mark.values
-            elif not isinstance(mark.colour, str):
-                columns["colour"] = hex_colours(mark.colour)
-            colour = by_value if mark.values is not None else mark.colour if isinstance(mark.colour, str) else "colour"
-            filled = 0.0 if mark.marker == "square" else 1.0
-            look = {"color": colour, "size": mark.size, "marker": mark.marker, "fill_alpha": filled, "line_width": 1.5}
-            return columns, "scatter", {**look, **named}
-        case Arrows():
-            ends = {"x0": mark.start[:, 0], "y0": mark.start[:, 1], "x1": mark.end[:, 0], "y1": mark.end[:, 1]}
-            return {**ends, "value": mark.values}, "segment", {"color": by_value, "line_width": 1.8}
+            look = {"color": mark.colour, "size": mark.size, "marker": mark.marker, "line_width": 1.5}
+            return columns, "scatter", {**look, "fill_alpha": 0.0}
         case Raster():
             height, width = mark.values.shape[:2]
             size, image = mark.size or (width, height), mark.values
@@ -247,9 +222,8 @@ def _glyph(mark: Mark, mapper: LinearColorMapper | None = None) -> tuple[dict[st
         case Bars():
             columns = {"left": mark.left, "right": mark.right, "bottom": mark.bottom, "top": mark.top}
             return columns, "quad", {"fill_color": mark.colour, "fill_alpha": 0.6, "line_color": None, **named}
-        case Labels():
-            columns = {"x": mark.points[:, 0], "y": mark.points[:, 1], "text": list(mark.texts)}
-            return columns, "text", {"text_align": "center", "text_font_size": "0.7em"}
+        case _:
+            raise TypeError(f"{type(mark).__name__}: drawn in files alone")
 
 
 class Space:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.apply.batch import apply_batch
-from lutforge.apply.candidates import candidate_sheet
 from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer
@@ -25,7 +24,6 @@ from lutforge.images.write import write_image
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.shots.metadata import read_picture_settings
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
@@ -163,7 +161,7 @@ def test_what_a_picture_does_not_tell_is_refused_with_what_is_known(
         recipe.grade(tmp_path / "named.jpg")
     with pytest.raises(SettingsError, match=r"is of LutForge Other.*--from"):
         recipe.grade(tmp_path / "other.jpg")
-    with pytest.raises(SettingsError, match=r"white balance.*tungsten.*--candidates"):
+    with pytest.raises(SettingsError, match=r"white balance.*tungsten.*studio"):
         recipe_of("standard/as-shot", "vivid/daylight").grade(tmp_path / "named.jpg")
     asked = recipe_of("standard/shade", "vivid/daylight")
     assert "is of LutForge Other" in asked.grade(tmp_path / "other.jpg").notes[0]
@@ -238,34 +236,6 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(recipe_of: Recipes, sho
     assert white.max() < 0.8
 
 
-def test_a_sheet_shows_the_presumed_temperatures(recipe_of: Recipes, picture: Path, tmp_path: Path) -> None:
-    recipe = recipe_of(target="standard/daylight")
-    names = candidate_sheet(recipe, picture, tmp_path / "sheet.png")
-    assert len(names) == 13
-    assert all(name.startswith("standard/") for name in names)
-    sheet = read_image(tmp_path / "sheet.png").pixels
-    assert sheet.shape[0] > sheet.shape[1] * 0.5
-    assert sheet.max() > 0.9  # labels
-    kept = candidate_sheet(recipe_of(), picture, tmp_path / "kept.png")
-    assert kept == names  # a picture that keeps its white balance is shown under one that the profile names
-
-
-def test_a_sheet_of_a_camera_that_sets_each_shot_anew_spans_its_shots(
-    profile: CameraProfile, picture: Path, tmp_path: Path
-) -> None:
-    auto = replace(profile, white_balances={"auto": WhiteBalance((2.0, 1.0, 1.5), spread=0.2)})
-    auto.save(tmp_path / "auto.npz")
-    strip_settings(picture)
-    recipe = ProfileRecipe((tmp_path / "auto.npz",), source="standard/auto")
-    names = candidate_sheet(recipe, picture, tmp_path / "sheet.png")
-    assert len(names) == 11
-    reds = [float(name.partition("/")[2].split(",")[0]) for name in names]
-    assert reds[0] == pytest.approx(2.0 / 1.2, abs=1e-3)
-    assert reds[-1] == pytest.approx(2.0 * 1.2, abs=1e-3)
-    for name in names:  # each may be asked for
-        ProfileRecipe((tmp_path / "auto.npz",), source=name, target="standard/auto").check()
-
-
 def strip_settings(picture: Path) -> None:
     """Write the picture without metadata."""
     pixels = read_image(picture).pixels
@@ -305,7 +275,8 @@ def test_photographs_of_two_cameras_come_to_one_look(
     theirs.dng.unlink()
     surfaces = palette(200, np.random.default_rng(5))
     x, y = (camera.expose(surfaces, "daylight") for camera in (other, nikon_d5100()))
-    fit_raw_transfer(other.name, nikon_d5100().name, x, y, 1 / other.multipliers("daylight")).save(tmp_path / "t.json")
+    transfer, _ = fit_raw_transfer(other.name, nikon_d5100().name, x, y, 1 / other.multipliers("daylight"))
+    transfer.save(tmp_path / "t.json")
     errors = []
     for transfers in ((), (tmp_path / "t.json",)):
         recipe = ProfileRecipe(

@@ -59,7 +59,7 @@ def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do(
     settings = ShotMetadata(camera.camera, "standard", "auto", None)
     wanted = (
         r'a\.jpg: its white balance is "auto", and .* multipliers .*; put its RAW file beside it, name it with --from '
-        r"standard/WB, where WB is .*, a temperature from \d+K to \d+K, or find it with --candidates"
+        r"standard/WB, where WB is .*, a temperature from \d+K to \d+K; `lutforge studio`"
     )
     with pytest.raises(SettingsError, match=wanted):
         source_selector(Path("a.jpg"), settings, camera)

@@ -278,9 +278,6 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.reads("It builds on the response and matrix that you fitted.")
     visit.reads("Matrix: white-balanced camera RGB → linear sRGB")
     visit.picture("model")
-    for view, words in (("Gamut map", "Luminance Y of the slices"), ("Comparison", "Compare on shots left out")):
-        visit.press(view)
-        visit.reads(words)
     visit.press("Lattice")
     visit.reads("Colours to shoot next")
     visit.picture("lattice")
@@ -505,12 +502,9 @@ def test_every_step_fills_the_window_and_axe_finds_no_serious_fault(visit: Visit
 
 
 @pytest.mark.slow
-def test_gamut_map_in_3d_and_error_maps_on_a_shot(visit: Visit, folder: Path, axe: str) -> None:
-    if not (folder / "shots").is_dir():
-        demo_shots(folder / "shots", lambda name: None)
-    page = visit.page
-    page.evaluate(axe)
-    visit.open("shots", "samples of 16 shots")
+def test_gamut_map_in_3d(visit: Visit, axe: str) -> None:
+    visit.page.evaluate(axe)
+    visit.open("samples.csv", "samples.csv: ")
     visit.step("Model")
     visit.fold("Options")
     visit.slide("Nodes per axis", 9)
@@ -518,19 +512,12 @@ def test_gamut_map_in_3d_and_error_maps_on_a_shot(visit: Visit, folder: Path, ax
     visit.press("Compute")
     visit.reads("Gamut map: fitted to")
     visit.press("Gamut map")
-    visit.choose("Drawn as", "surface in 3D")
     visit.reads("standard, Y = 0.25: where the gamut map takes this slice")
     visit.choose("Style", "vivid")
     visit.choose("Direction", "JPEG → RAW, white-balanced")
-    visit.slide("Luminance Y of the slices", 0.5)
+    visit.slide("Luminance Y of the slice", 0.5)
     visit.reads("vivid, Y = 0.50: where the gamut map takes this slice")
     assert_everywhere_in_the_window(visit, "gamut_surface", ".js-plotly-plot")
-    visit.press("Error maps")
-    visit.choose("Shot", "LF0015-vivid-cloudy-still-life")
-    visit.press("Draw its errors")
-    visit.reads("LF0015-vivid-cloudy-still-life, vivid/cloudy: no model has seen it")
-    assert page.locator(".bk-Figure:visible").count() > 0
-    assert_everywhere_in_the_window(visit, "error_maps")
 
 
 @pytest.mark.slow
