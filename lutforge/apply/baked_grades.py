@@ -76,7 +76,7 @@ class BakedGrades:
         camera, given, look, wanted, transfer = change.camera, change.given, change.look, change.wanted, change.transfer
         before = camera.multipliers(given if look is not camera else wanted)
         k = 2.0**change.ev
-        levels = uniform_levels(2 if transfer is None or transfer.is_linear else 49)
+        levels = uniform_levels(2 if transfer is None or transfer.roots is None else 49)
         stages = raw_to_balanced(camera, given, look, wanted, transfer=transfer)
         balanced = through_stages(stages, grid(levels) / before)
         gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))

@@ -5,12 +5,11 @@ from __future__ import annotations  # so that help() shows the names of types
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 from lutforge.calibration.calibrate import calibrate as fit_profile
 from lutforge.calibration.calibrate import calibrate_stages as fit_stages
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer, pair_samples
+from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer, pair_samples
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import CalibrationError, SampleError
 from lutforge.evaluation.measured_profile import measured
@@ -73,14 +72,13 @@ def write_transfer(
     source: Path,
     target: Path,
     output: Path,
-    form: Form = "matrix",
     progress: Progress = silent,
     tell: Callable[[SampledShots], None] = lambda sampled: None,
-) -> tuple[int, dict[Form, RawTransfer]]:
+) -> tuple[int, RawTransfer, float]:
     """Fit the transfer from the RAW of one camera to another's, and write it (.json).
 
     source, target: samples, RAW files or folders of one camera each. Returned are the number of colours that both saw,
-    and the transfer of each form, of which `form` was written. Raises SampleError, CalibrationError.
+    the transfer, and the error that one matrix has in its place. Raises SampleError, CalibrationError.
     """
     check_output(output, (".json",), (source, target))
     both, names = [], []
@@ -93,12 +91,13 @@ def write_transfer(
         both.append(sampled.samples)
         names.append(str(cameras[0]))
     x, y, neutral = pair_samples(*both)
-    fitted = {kind: fit_raw_transfer(names[0], names[1], x, y, neutral, kind) for kind in get_args(Form)}
-    error = fitted[form].error
-    if error is not None and error > 0.3:  # of the value: then the two cameras did not see the same colours
+    fitted, of_matrix = fit_raw_transfer(names[0], names[1], x, y, neutral)
+    if (
+        fitted.error is not None and fitted.error > 0.3
+    ):  # of the value: then the two cameras did not see the same colours
         raise CalibrationError(
-            f"{len(x)} colours that should be common differ by {error:.0%} after the best transfer: the "
+            f"{len(x)} colours that should be common differ by {fitted.error:.0%} after the best transfer: the "
             "shots are not of the same scenes; photograph the same charts with both cameras"
         )
-    fitted[form].save(output)
-    return len(x), fitted
+    fitted.save(output)
+    return len(x), fitted, of_matrix

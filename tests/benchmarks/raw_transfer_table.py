@@ -10,13 +10,13 @@ matrix is the matrix that is fitted to the rendered values of the 600 themselves
 import numpy as np
 from scipy.optimize import least_squares
 
-from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer
+from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
 from tests.benchmarks.common import Array, heading, row
 
-FORMS: tuple[Form, ...] = ("matrix", "piecewise", "root-polynomial")
+FORMS = ("matrix", "root polynomial")
 NOISE = 0.002
 
 
@@ -37,13 +37,14 @@ def errors(source: SimulatedCamera, target: SimulatedCamera, light: str) -> list
     x, y = (camera.expose(surfaces, light) + rng.normal(0, NOISE, (len(surfaces), 3)) for camera in (source, target))
     raw, truth = (camera.expose(unseen, light) for camera in (source, target))
     neutral = 1 / source.multipliers(light)
-    fits = [fit_raw_transfer(source.name, target.name, x, y, neutral, form) for form in FORMS]
+    fit, _ = fit_raw_transfer(source.name, target.name, x, y, neutral)
 
     def residual(entries: Array) -> Array:
         return rendered(target, raw @ entries.reshape(3, 3).T, truth, light).ravel()
 
-    best = least_squares(residual, fits[0].matrix.ravel(), x_scale=0.1).fun
-    return [*(rmse(rendered(target, fit(raw), truth, light)) for fit in fits), rmse(best)]
+    best = least_squares(residual, fit.matrix.ravel(), x_scale=0.1).fun
+    forms = (raw @ fit.matrix.T, fit(raw))
+    return [*(rmse(rendered(target, values, truth, light)) for values in forms), rmse(best)]
 
 
 def main() -> None:

@@ -1,17 +1,14 @@
-"""Fit one camera's RAW → another's from common scenes: linear (thesis 6.2), piecewise linear (7.2), root polynomial."""
+"""Fit one camera's RAW → another's from common scenes: a matrix (thesis 6.2), and a root polynomial."""
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
-from lutforge.model.raw_transfer import OPPONENT, HueWedges, RawTransfer, root_terms
+from lutforge.model.raw_transfer import RawTransfer, root_terms
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_samples_out, predict_held_out
-
-Form = Literal["matrix", "piecewise", "root-polynomial"]
 
 LEAST_PAIRS = 12
 CLIPPED = 0.999
@@ -55,15 +52,12 @@ def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Ar
     return x[usable], y[usable], np.asarray(neutral)
 
 
-def fit_raw_transfer(
-    source: str, target: str, x: Array, y: Array, neutral: Array | None = None, form: Form = "matrix"
-) -> RawTransfer:
-    """Tc between two cameras from aligned RAW, x (n, 3) → y (n, 3), both before white balance.
+def fit_raw_transfer(source: str, target: str, x: Array, y: Array, neutral: Array) -> tuple[RawTransfer, float]:
+    """Fit RAW of one camera → another's, x (n, 3) → y (n, 3), aligned, both before white balance.
 
-    neutral: (3,) the source's RAW of a white, about which the forms other than one matrix are fitted; it lets the
-    transfer serve under other lights. Colours count by their relative error.
-    The transfer's error is that of pairs left out of the fit, in five parts. Raises CalibrationError where the colours
-    do not determine it.
+    neutral: (3,) the source's RAW of a white, about which the polynomial is fitted; it lets the transfer serve under
+    other lights. Colours count by their relative error. Returned is also the error of one matrix; both errors are those
+    of pairs left out of the fit, in five parts. Raises CalibrationError where the colours do not determine it.
     """
     if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3 or len(x) < LEAST_PAIRS:
         raise CalibrationError(
@@ -74,35 +68,14 @@ def fit_raw_transfer(
     level = np.linalg.norm(y, axis=1)
     weight = 1 / np.maximum(level, DARK * level.max())
     matrix = _least_squares(x, y, weight)
-    if form == "matrix":
-        held = predict_held_out(
-            leave_samples_out(len(x)), lambda train, test: x[test] @ _least_squares(x[train], y[train], weight[train]).T
-        )
-        return RawTransfer(source, target, matrix, neutral, None, _relative(held - y, weight))
-    if neutral is None:
-        raise CalibrationError(f"a {form} transfer needs the source camera's RAW of a white")
-    if form == "piecewise":
-        # Twelve edges between wedges: more would follow finer changes with hue than smooth sensitivities make.
-        hues: Array = np.arange(12, dtype=np.float64) * (2 * np.pi / 12)
-        images, error = _fit_wedges(x, y, weight, neutral, matrix, hues)
-        return RawTransfer(source, target, matrix, neutral, HueWedges(neutral, hues, images), error)
+    held = predict_held_out(
+        leave_samples_out(len(x)), lambda train, test: x[test] @ _least_squares(x[train], y[train], weight[train]).T
+    )
     # Without the roots it is the matrix.
     start = np.vstack([neutral[:, None] * matrix.T, np.zeros((3, 3))])
     bend = np.hstack([np.zeros((3, 3)), np.eye(3)])
     roots, error = _fit_bent(root_terms(x / neutral), y, weight, start, bend)
-    return RawTransfer(source, target, matrix, neutral, None, error, roots)
-
-
-def _fit_wedges(x: Array, y: Array, weight: Array, neutral: Array, matrix: Array, hues: Array) -> tuple[Array, float]:
-    """Images of the neutral and of the edges (13, 3), and the held-out error."""
-    # A unit step along an edge, in RAW: where one matrix would take it is where the fit starts from.
-    edges = np.stack([np.cos(hues), np.sin(hues)], axis=1) @ np.linalg.pinv(OPPONENT).T
-    start = np.vstack([neutral, edges * neutral]) @ matrix.T
-    ring = np.eye(len(hues))
-    # 0 where all wedges share one matrix: the images are then a cosine of the hue.
-    bend = np.roll(ring, 1, axis=1) - 2 * np.cos(2 * np.pi / len(hues)) * ring + np.roll(ring, -1, axis=1)
-    terms = HueWedges(neutral, hues, start).coordinates(x)
-    return _fit_bent(terms, y, weight, start, np.hstack([np.zeros((len(hues), 1)), bend]))
+    return RawTransfer(source, target, matrix, neutral, roots, error), _relative(held - y, weight)
 
 
 def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) -> tuple[Array, float]:
