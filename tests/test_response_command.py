@@ -138,7 +138,7 @@ def test_half_the_error_of_a_curve_and_a_matrix(camera: object, tmp_path: Path) 
 def test_the_whole_way_on_the_command_line(tmp_path: Path, lutforge: CommandLine) -> None:
     camera, kind = nikon_d5100(), chart_kind("classic")
     files = photograph_chart(camera, kind, chart_reflectances(), tmp_path, (-3.0, -2.0, -1.0, 0.0, 1.0))
-    profile, clf, cube = tmp_path / "camera.npz", tmp_path / "input.clf", tmp_path / "input.dctl"
+    profile, clf, cube = tmp_path / "camera.npz", tmp_path / "input.clf", tmp_path / "input.resolve.cube"
     words = ("--chart", "classic", "--light", "5200K", "--camera", "Drone 7", "-o", profile)
     said = lutforge("response", *files, *words).stdout
     assert "ColorChecker Classic under 5200K" in said and "is a fixed property" in said and "held-out shots" in said

@@ -20,7 +20,7 @@ def response(
         str | None,
         option(
             "The scene shows this chart: classic, classic2014, sg, spyder24, spyder48, or what a file of measured "
-            "patches (CGATS .txt) or a .json tells. The whole rendering is calibrated on its colours."
+            "patches (CGATS .txt) tells. The whole rendering is calibrated on its colours."
         ),
     ] = None,
     light: Annotated[str | None, option("The light on the chart: 5500K, D55, A, LED-B3 …", show_default="D50")] = None,

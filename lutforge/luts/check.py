@@ -196,7 +196,6 @@ _OTHER_READERS = {
     },
     ".spi1d": _SPI,
     ".spi3d": _SPI,
-    ".dctl": {"Resolve": "reads it", "other programs": "do not read it"},
 }
 
 

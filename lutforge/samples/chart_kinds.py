@@ -1,14 +1,13 @@
 """Colour charts: where their patches are, and what colours these have under a light.
 
 Layouts and sources are in data/charts.json; colours of ColorCheckers come with colour-science. A user's own chart is a
-CGATS table of patches that are named A1, A2 …, or a JSON file: centres of columns and rows in patch pitches, and either
-"lab", CIE Lab under D50, or "measured", the name of a CGATS table.
+CGATS table of patches that are named A1, A2 ….
 """
 
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -98,38 +97,20 @@ def srgb_codes(name: str) -> Array:
 
 
 def chart_kind(word: str) -> ChartKind:
-    """A chart by its name in data/charts.json, or of a CGATS table or a JSON file. Raises CalibrationError."""
+    """A chart by its name in data/charts.json, or of a CGATS table. Raises CalibrationError."""
     known = _known()
     entry = known.get(word.lower())
     if entry is not None:
-        return _kind(entry)
+        arrays = {key: np.array(entry[key], dtype=np.float64) for key in ("columns", "rows", "lab") if key in entry}
+        words = {key: entry[key] for key in ("name", "source", "detector", "colours", "spectra") if key in entry}
+        return ChartKind(**words, **arrays)  # type: ignore[arg-type]
     path = Path(word)
-    if path.suffix.lower() not in (".json", *CGATS_SUFFIXES):
+    if path.suffix.lower() not in CGATS_SUFFIXES:
         raise CalibrationError(
-            f'no chart "{word[:60]}"; {alternatives(word, known)}, or a file: a CGATS table '
-            f"({', '.join(CGATS_SUFFIXES)}) or .json; a Passport, Nano or Mega shows a classic, or a classic2014 if "
-            "made after November 2014"
+            f'no chart "{word[:60]}"; {alternatives(word, known)}, or a CGATS table ({", ".join(CGATS_SUFFIXES)}); '
+            "a Passport, Nano or Mega shows a classic, or a classic2014 if made after November 2014"
         )
-    if path.suffix.lower() != ".json":
-        return _of_table(path, None)
-    require_file(path, "a chart", CalibrationError, most=1 << 20)
-    with reading(path, "a chart", CalibrationError):
-        entry = json.loads(path.read_text(encoding="utf-8"))
-        own = {key: entry[key] for key in ("name", "source", "columns", "rows", "lab") if key in entry}
-        kind = _kind({"name": path.stem, **own})
-        if min(len(kind.rows), len(kind.columns)) < 1 or min(*np.diff(kind.columns), *np.diff(kind.rows), 1) <= 0:
-            raise CalibrationError('"columns" and "rows" are not centres that rise from 0.5')
-        if "measured" in entry:
-            return _of_table(path.parent / str(entry["measured"]), kind)
-        if kind.lab is None or kind.lab.shape != (len(kind.centres), 3) or not np.isfinite(kind.lab).all():
-            raise CalibrationError(f'"lab" is not a list of three numbers for each of {len(kind.centres)} patches')
-    return kind
-
-
-def _kind(entry: dict[str, Any]) -> ChartKind:
-    arrays = {key: np.array(entry[key], dtype=np.float64) for key in ("columns", "rows", "lab") if key in entry}
-    words = {key: str(entry[key])[:200] for key in ("name", "source", "detector", "colours", "spectra") if key in entry}
-    return ChartKind(**words, **arrays)  # type: ignore[arg-type]
+    return _of_table(path)
 
 
 def parse_corners(text: str) -> Array:
@@ -155,10 +136,10 @@ def parse_corners(text: str) -> Array:
 SPECTRAL = re.compile(r"(?:SPECTRAL_NM_?|SPECTRAL_|SPEC_|NM_?|R_?)(\d{3})(?:NM)?|(\d{3})_?NM")
 
 
-def _of_table(path: Path, layout: ChartKind | None) -> ChartKind:
-    """A chart of a CGATS table. layout: its columns and rows; None where the names of the patches tell them.
+def _of_table(path: Path) -> ChartKind:
+    """A chart of a CGATS table, whose patches' names tell its columns and rows.
 
-    Raises CalibrationError where it is no such table, or tells no colours.
+    Raises CalibrationError where it is no such table, or tells no colours or places.
     """
     require_file(path, "a CGATS table", CalibrationError, most=1 << 24)
     with reading(path, "a CGATS table", CalibrationError):
@@ -175,21 +156,12 @@ def _of_table(path: Path, layout: ChartKind | None) -> ChartKind:
         colours = _colours(table)
     grids = (_grid(table[key]) for key in ("SAMPLE_NAME", "SAMPLE_LOC", "SAMPLE_ID") if key in table)
     grid = next((grid for grid in grids if grid is not None), None)
-    if layout is None:
-        if grid is None:
-            raise CalibrationError(
-                f"{path}: its patches are not named A1, A2 … of a whole rectangle; describe it in a .json file with "
-                f'"columns", "rows" and "measured": "{path.name}"'
-            )
-        columns, rows = (np.arange(side, dtype=np.float64) + 0.5 for side in grid[0])
-        layout = ChartKind(path.stem[:200], columns, rows)
-    count = len(cells) // len(fields)
-    if count != len(layout.centres):
-        raise CalibrationError(f"{path}: {count} patches, and the chart has {len(layout.centres)}")
-    fits = grid is not None and grid[0] == (len(layout.columns), len(layout.rows))
-    order = grid[1] if grid is not None and fits else np.arange(count)
+    if grid is None:
+        raise CalibrationError(f"{path}: its patches are not named A1, A2 … of a whole rectangle; name them so")
+    sides, order = grid
+    columns, rows = (np.arange(side, dtype=np.float64) + 0.5 for side in sides)
     known: dict[str, Any] = {name: values[order] for name, values in colours.items()}
-    return replace(layout, source=layout.source or f"measured, {path.name}"[:200], **known)
+    return ChartKind(path.stem[:200], columns, rows, f"measured, {path.name}"[:200], **known)
 
 
 def _colours(table: Mapping[str, NDArray[np.str_]]) -> dict[str, Array]:

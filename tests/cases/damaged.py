@@ -56,9 +56,6 @@ def _config(path: Path) -> None:
 
 
 def _lut(path: Path) -> None:
-    """A .dctl has a sound cube beside it."""
-    if path.suffix == ".dctl":
-        Lut((Cube(grid(uniform_levels(9))),)).write(path.with_suffix(".cube"))
     assert all(line.isprintable() for line in report_lines(check_lut(path)))
 
 
@@ -113,7 +110,7 @@ def whole_files(folder: Path) -> dict[str, bytes]:
         picture.specmod().attribute("Artist", "somebody")
         picture.write(str(folder / f"a{suffix}"), "half" if suffix == ".exr" else "uint8")
     lut = lut_of_nodes((np.array([0.0, 0.125, 1.0]),) * 3, grid(uniform_levels(3)) ** 0.5, size=9, comments=("a note",))
-    for kind in (".resolve.cube", ".lut.clf", ".lut.ctf", ".lut.csp", ".lut.dctl"):
+    for kind in (".resolve.cube", ".lut.clf", ".lut.ctf", ".lut.csp"):
         lut.write(folder / f"a{kind}")
     (folder / "a.1d.cube").write_text("LUT_1D_SIZE 3\n0 0 0\n.5 .5 .5\n1 1 1\n")
     lf.bake(lambda x: np.asarray(x, dtype=np.float64) ** 2, folder / "a.lut.spi1d", size=9)

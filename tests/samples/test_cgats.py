@@ -1,6 +1,5 @@
 """Charts that were measured: CGATS tables as spectrophotometers' programs write them."""
 
-import json
 from pathlib import Path
 
 import colour
@@ -52,21 +51,6 @@ def test_colours_under_d50_are_found_by_name_in_any_order(tmp_path: Path) -> Non
     np.testing.assert_allclose(chart_kind(str(own)).linear_srgb(), wanted, atol=5e-4)
 
 
-def test_a_layout_of_its_own_is_described_beside_the_table(tmp_path: Path) -> None:
-    lab = np.array([[90.0, 0, 0], [50, 0, 0], [20, 0, 0]])
-    table(tmp_path / "chips.txt", "SAMPLE_NAME LAB_L LAB_A LAB_B", ["white", "grey", "black"], lab)
-    with pytest.raises(CalibrationError, match=r'describe it in a \.json file.*"measured": "chips.txt"'):
-        chart_kind(str(tmp_path / "chips.txt"))
-    own = tmp_path / "chips.json"
-    own.write_text(json.dumps({"columns": [0.5, 1.5, 3.0], "rows": [0.5], "measured": "chips.txt"}))
-    kind = chart_kind(str(own))
-    np.testing.assert_array_equal(kind.centres[:, 0], [0.5, 1.5, 3.0])
-    assert np.all(np.diff(kind.linear_srgb()[:, 1]) < 0)
-    own.write_text(json.dumps({"columns": [0.5, 1.5], "rows": [0.5], "measured": "chips.txt"}))
-    with pytest.raises(CalibrationError, match="3 patches, and the chart has 2"):
-        chart_kind(str(own))
-
-
 @pytest.mark.parametrize(
     ("fields", "row", "said"),
     [
@@ -76,6 +60,7 @@ def test_a_layout_of_its_own_is_described_beside_the_table(tmp_path: Path) -> No
         ("SAMPLE_NAME LAB_L LAB_A LAB_B", "A1 nan 0 0", "no number"),
         ("SAMPLE_NAME LAB_L LAB_A LAB_B", "A1 x 0 0", "cannot be read as a CGATS table"),
         ("SAMPLE_NAME", "", "no table between"),
+        ("SAMPLE_NAME LAB_L LAB_A LAB_B", "white 90 0 0", "not named A1, A2"),
     ],
 )
 def test_what_is_no_table_is_refused_in_a_line(fields: str, row: str, said: str, tmp_path: Path) -> None:

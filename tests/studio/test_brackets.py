@@ -87,7 +87,7 @@ def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(
     view._save_profile()
     commands = [session.written["profile"].command]
     root = folder.parent
-    for suffix in (".cube", ".clf", ".dctl"):  # the last comes with a cube of its own
+    for suffix in (".cube", ".clf", ".csp"):
         view.suffix.value = suffix
         view._bake()
         assert suffix != ".cube" or "LUT_1D_SIZE" in (root / "drone_linearize.cube").read_text()
