@@ -12,22 +12,14 @@ def config(
     merge: Annotated[
         str | None, option("A config (.ocio, .ocioz, or the name of a built-in one) to add the cameras to.")
     ] = None,
-    ocio_version: Annotated[
-        str | None,
-        option(
-            "Profile version of the config, 2.1 to 2.6: that of the oldest OpenColorIO which must read it.",
-            show_default="2.1, or --merge's",
-        ),
-    ] = None,
     replace: Annotated[bool, option("Replace the config that the folder holds.", "--replace")] = False,
 ) -> None:
     """Write an OpenColorIO config with the cameras' RAW and JPEG colour spaces, views and refinish looks."""
     from lutforge.pipeline.configs import write_config
 
     with progress_bar("config") as progress:
-        written = write_config(profiles, output, version=ocio_version, merge=merge, replace=replace, progress=progress)
-    losses = (f"version {written.version}: {loss}" for loss in written.losses)
+        written = write_config(profiles, output, merge=merge, replace=replace, progress=progress)
     counts = ((written.spaces, "input colour spaces"), (written.views, "view transforms"), (written.looks, "looks"))
     held = ", ".join(f"{len(entries)} {title}" for entries, title in counts)
     say(f"{written.path}: profile version {written.version}, checked: {held}")
-    note(*losses, *(finding.note for finding in written.findings))
+    note(*(finding.note for finding in written.findings))

@@ -121,7 +121,7 @@ OTHER_KITS = (
 def _write(look: Look, folder: Path) -> list[str]:
     """Write the config, which holds every style, and a script that starts Blender with it."""
     if not (folder / "ocio").exists():
-        write_config([look.profile], folder / "ocio", version="2.1")
+        write_config([look.profile], folder / "ocio")
     write_script(folder / "blender.sh", "blender", 'OCIO="$here/ocio/config.ocio" exec blender "$@"\n')
     return [
         "Start Blender by blender.sh, or with the environment variable OCIO set to ocio/config.ocio.",

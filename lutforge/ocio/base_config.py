@@ -6,19 +6,8 @@ scripts know them.
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.errors import ConfigError
-
-OLDEST, NEWEST = 1, 6
-DEFAULT_VERSION = "2.1"
-"""Read by every OpenColorIO since 2021; newer ones add names, not colours."""
-INTEROP_IDS = 5
-"""First minor version with interop IDs, and with displays that mirror negative values."""
-
-LOSSES = (
-    "no interop IDs (2.5): programs match the common spaces by their names and aliases",
-    "displays clamp negative values (mirrored from 2.5 on)",
-)
-"""What a config before that lacks, a line each."""
+MINOR_VERSION = 1
+"""Profile version 2.1, read by every OpenColorIO since 2021; newer ones add names, not colours."""
 
 LUT_FOLDER = "luts"
 LUT_SUFFIXES = {
@@ -43,26 +32,17 @@ SCENE_SPACES = (REFERENCE, WORKING, "ACEScct", "Linear Rec.709 (sRGB)", TEXTURE,
 DISPLAYS = (DISPLAY, "Display P3 - Display", "Gamma 2.6 P3-D65 - Display", "Rec.1886 Rec.709 - Display")
 
 
-def minor_version(text: str) -> int:
-    """Return the minor version: "2.4" → 4. Raises ConfigError on a version that is not 2.1 … 2.6."""
-    major, dot, minor = text.strip().partition(".")
-    if major != "2" or not dot or not minor.isdigit() or not OLDEST <= int(minor) <= NEWEST:
-        raise ConfigError(f'OpenColorIO profile version "{text}": choose 2.{OLDEST} to 2.{NEWEST}')
-    return int(minor)
-
-
-def base_config(version: str) -> OCIO.Config:
-    """Reference spaces, roles, displays, file rules: what is there before any camera. Raises ConfigError."""
-    minor = minor_version(version)
+def base_config() -> OCIO.Config:
+    """Reference spaces, roles, displays, file rules: what is there before any camera."""
     config = OCIO.Config()
-    config.setVersion(2, minor)
+    config.setVersion(2, MINOR_VERSION)
     config.setName("lutforge")
     config.setDescription("Cameras calibrated by LutForge: their RAW and JPEGs as colour spaces, views and looks.")
     config.setSearchPath(LUT_FOLDER)
     config.setEnvironmentMode(OCIO.ENV_ENVIRONMENT_LOAD_PREDEFINED)
     studio = OCIO.Config.CreateFromFile(STUDIO)
     for name in (*SCENE_SPACES, DISPLAY_REFERENCE, *DISPLAYS):
-        config.addColorSpace(_in_version(studio.getColorSpace(name), minor))
+        config.addColorSpace(_in_version(studio.getColorSpace(name)))
     for role in studio.getRoleNames():
         config.setRole(role, studio.getRoleColorSpace(role))
     config.setRole(OCIO.ROLE_RENDERING, WORKING)
@@ -79,10 +59,8 @@ def base_config(version: str) -> OCIO.Config:
     return config
 
 
-def _in_version(space: OCIO.ColorSpace, minor: int) -> OCIO.ColorSpace:
-    """A space of the studio config as a config of a version can hold it."""
-    if minor >= INTEROP_IDS:
-        return space
+def _in_version(space: OCIO.ColorSpace) -> OCIO.ColorSpace:
+    """A space of the studio config as a config of version 2.1 can hold it: no IDs, and negative values are clamped."""
     space.setInteropID("")
     space.setInterchangeAttribute("amf_transform_ids", "")
     built_in = space.getTransform(OCIO.COLORSPACE_DIR_FROM_REFERENCE)

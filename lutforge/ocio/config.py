@@ -15,7 +15,7 @@ from lutforge.inverse.linearization import SIZE
 from lutforge.luts.formats.text import write_text
 from lutforge.luts.sequence import OCIO_ERRORS
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio.base_config import DATA, DEFAULT_VERSION, DISPLAYS, LUT_FOLDER, OLDEST, UN_TONE_MAPPED, base_config
+from lutforge.ocio.base_config import DATA, DISPLAYS, LUT_FOLDER, UN_TONE_MAPPED, base_config
 from lutforge.ocio.cameras import Camera, UniqueNames, config_names, name_cameras
 from lutforge.ocio.merge import BaseConfig, merged, open_base
 from lutforge.ocio.renderings import STEPS, Rendering, baked, compact_text, renderings
@@ -45,7 +45,6 @@ def build_config(
     profiles: Sequence[CameraProfile | str | Path],
     folder: str | Path | None = None,
     *,
-    version: str | None = None,
     merge: str | Path | None = None,
 ) -> OCIO.Config:
     """Build an OpenColorIO config with the given cameras in memory; `config.serialize()` is its text.
@@ -55,19 +54,18 @@ def build_config(
     Args:
         profiles: profiles, or the paths of their files.
         folder: that of `luts/`, for use of the config from memory.
-        version: of the config, "2.1" to "2.6"; without, 2.1, or that of the config to merge.
         merge: a config to add the cameras to, a file or the name of a built-in one; it keeps its own colour spaces.
 
     Returns:
         The config (PyOpenColorIO.Config).
 
     Raises:
-        ConfigError: profiles, version and config to merge do not go together.
+        ConfigError: profiles and config to merge do not go together.
         ProfileError: a profile cannot be read.
     """
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)
-        config = _assembled(cameras, parts, base, version, {})
+        config = _assembled(cameras, parts, base, {})
     if folder is not None:
         config.setWorkingDir(str(folder))
     return config
@@ -77,7 +75,6 @@ def write_config(
     profiles: Sequence[CameraProfile | str | Path],
     target: str | Path,
     *,
-    version: str | None = None,
     merge: str | Path | None = None,
     replace: bool = False,
     inverse_size: int = SIZE,
@@ -94,7 +91,7 @@ def write_config(
         if target.is_dir():
             raise ConfigError(f"{target}: is a folder; name a file that ends in {ARCHIVE_SUFFIX}")
         with scratch_folder(beside=None if "$" in str(target.absolute()) else target) as folder:
-            write_config(profiles, folder, version=version, merge=merge, inverse_size=inverse_size, progress=progress)
+            write_config(profiles, folder, merge=merge, inverse_size=inverse_size, progress=progress)
             files = sorted(path for path in folder.rglob("*") if path.is_file())
             files.sort(key=lambda path: path.name != CONFIG_NAME)  # readers look for it first
             with (
@@ -111,7 +108,7 @@ def write_config(
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)
         texts, errors = _all_baked(parts, inverse_size, progress)
-        config = _assembled(cameras, parts, base, version, errors)
+        config = _assembled(cameras, parts, base, errors)
         if base is not None and base.folder is not None:
             for file in base.files:
                 (target / file).parent.mkdir(parents=True, exist_ok=True)
@@ -173,7 +170,7 @@ def _plan(
     profiles: Sequence[CameraProfile | str | Path], base: BaseConfig | None
 ) -> tuple[tuple[Camera, ...], tuple[Rendering, ...]]:
     """Name the cameras and list their renderings, without clashes with a base config and its files."""
-    cameras = name_cameras(profiles, config_names(base_config(DEFAULT_VERSION) if base is None else base.config))
+    cameras = name_cameras(profiles, config_names(base_config() if base is None else base.config))
     stems = [] if base is None else [file.stem.lower() for file in base.files]
     return cameras, renderings(cameras, [stem.removesuffix("_render").removesuffix("_linearize") for stem in stems])
 
@@ -182,13 +179,10 @@ def _assembled(
     cameras: Sequence[Camera],
     parts: Sequence[Rendering],
     base: BaseConfig | None,
-    version: str | None,
     errors: Mapping[str, tuple[str, ...]],
 ) -> OCIO.Config:
     """The whole config, valid. errors: what is known of the LUTs of a rendering, by its stem."""
-    if base is not None and base.config.getMinorVersion() < OLDEST:
-        version = version or DEFAULT_VERSION
-    config = base_config(version or (base.version if base is not None else DEFAULT_VERSION))
+    config = base_config()
     defaults = default_balances(parts)
     groups: dict[object, str] = {}
     for camera in cameras:
@@ -213,7 +207,7 @@ def _assembled(
         config.addActiveView(view)
     rules = camera_rules(cameras, parts)
     if base is not None:
-        config = merged(base, config, views, rules, version)
+        config = merged(base, config, views, rules)
     else:
         put_first(config, rules)
     try:

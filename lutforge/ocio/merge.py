@@ -23,6 +23,7 @@ from lutforge.ocio.base_config import (
     DISPLAY_REFERENCE,
     LUT_FOLDER,
     LUT_SUFFIXES,
+    MINOR_VERSION,
     REFERENCE,
     UN_TONE_MAPPED,
 )
@@ -41,11 +42,6 @@ class BaseConfig:
     config: OCIO.Config
     label: str
     folder: Path | None
-
-    @property
-    def version(self) -> str:
-        """Its profile version."""
-        return f"{self.config.getMajorVersion()}.{self.config.getMinorVersion()}"
 
     @property
     def views(self) -> set[str]:
@@ -105,11 +101,7 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
 
 
 def merged(
-    base: BaseConfig,
-    cameras: OCIO.Config,
-    views: Sequence[str],
-    rules: Sequence[tuple[str, str, str]],
-    version: str | None,
+    base: BaseConfig, cameras: OCIO.Config, views: Sequence[str], rules: Sequence[tuple[str, str, str]]
 ) -> OCIO.Config:
     """The base with the cameras of another config of ours: spaces, looks, views and file rules. Raises ConfigError."""
     displays = []  # that a shared view can be shown on: named as a colour space of video or cinema
@@ -142,15 +134,7 @@ def merged(
         if active:
             config.addActiveView(view)
     put_first(config, rules)
-    if version is not None:
-        config.setVersion(2, int(version.partition(".")[2]))
-        try:
-            config.validate()
-            config.serialize()
-        except OCIO_ERRORS as error:
-            reason = " ".join(str(error).split()).removeprefix("Error building YAML: ")
-            message = f"{base.label}: is a config of version {base.version}, and not {version}: {reason}"
-            raise ConfigError(message) from error
+    config.setVersion(2, max(base.config.getMinorVersion(), MINOR_VERSION))
     return config
 
 

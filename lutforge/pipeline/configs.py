@@ -10,7 +10,6 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio.base_config import INTEROP_IDS, LOSSES, minor_version
 from lutforge.ocio.cameras import as_profiles
 from lutforge.ocio.check import Finding, check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
@@ -22,7 +21,7 @@ from lutforge.progress import Progress, silent, telling_of_compilation
 
 @dataclass(frozen=True)
 class WrittenConfig:
-    """A config that was written. spaces: the cameras' colour spaces; losses: what its version cannot hold."""
+    """A config that was written. spaces: the cameras' colour spaces."""
 
     path: Path
     config: OCIO.Config
@@ -31,14 +30,12 @@ class WrittenConfig:
     views: tuple[str, ...]
     looks: tuple[str, ...]
     findings: tuple[Finding, ...]
-    losses: tuple[str, ...]
 
 
 def write_config(
     profiles: Sequence[CameraProfile | str | Path],
     output: str | Path,
     *,
-    version: str | None = None,
     merge: str | Path | None = None,
     replace: bool = False,
     progress: Progress = silent,
@@ -48,7 +45,6 @@ def write_config(
     Args:
         profiles: profiles, or the paths of their files.
         output: a new folder, or an archive (.ocioz).
-        version: of the config, "2.1" to "2.6"; without, 2.1, or that of the config to merge.
         merge: a config to add the cameras to: a file, or the name of a built-in one.
         replace: the config that the folder holds.
         progress: called with what is being done, and the share that is done.
@@ -58,12 +54,11 @@ def write_config(
         it.
 
     Raises:
-        ConfigError: profiles, folder, version and config to merge do not go together, or the check failed.
+        ConfigError: profiles, folder and config to merge do not go together, or the check failed.
         ProfileError: a profile cannot be read.
         LutForgeError: nothing can be written there. All but the failed check is raised before the work.
     """
     output = Path(output)
-    lost = LOSSES if version is not None and minor_version(version) < INTEROP_IDS else ()
     archive = output.suffix.lower() == ARCHIVE_SUFFIX
     several = profiles if isinstance(profiles, list | tuple) else ()
     inputs = [entry for entry in (*several, merge) if isinstance(entry, str | Path)]
@@ -76,7 +71,7 @@ def write_config(
                 "lutforge calibrate SHOT… -o camera.npz"
             )
     with telling_of_compilation(progress) as telling:
-        path = write(loaded, output, version=version, merge=merge, replace=replace, progress=telling)
+        path = write(loaded, output, merge=merge, replace=replace, progress=telling)
     config = load_config(path)
     findings = tuple(check_config(config))
     if any(finding.severity == "error" for finding in findings):
@@ -90,5 +85,4 @@ def write_config(
         tuple(config.getViewTransformNames()),
         tuple(config.getLookNames()),
         findings,
-        lost,
     )

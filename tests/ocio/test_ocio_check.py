@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio.base_config import DEFAULT_VERSION, base_config
+from lutforge.ocio.base_config import base_config
 from lutforge.ocio.cameras import file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config, round_trips
 from tests.cases.profiles import MATRIX, plain_profile
@@ -88,7 +88,7 @@ def test_the_built_in_studio_config_has_no_error() -> None:
 # --- Names from strangers: every camera keeps colour spaces that can be told apart, written, and found again ---------
 
 
-ROLES = {role.lower() for role in base_config(DEFAULT_VERSION).getRoleNames()}
+ROLES = {role.lower() for role in base_config().getRoleNames()}
 
 
 def test_parts() -> None:
@@ -124,9 +124,7 @@ def test_any_names_give_spaces_of_their_own(cameras: list[str], style: str, bala
     ]
     spaces = [name for camera in name_cameras(profiles) for name in camera.spaces()]
     assert len({name.lower() for name in spaces}) == len(spaces)
-    assert not {name.lower() for name in spaces} & {
-        role.lower() for role in base_config(DEFAULT_VERSION).getRoleNames()
-    }
+    assert not {name.lower() for name in spaces} & {role.lower() for role in base_config().getRoleNames()}
 
 
 HOSTILE = [
