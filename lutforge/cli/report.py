@@ -46,7 +46,7 @@ def compare(
     ] = None,
     other: Annotated[str | None, option("STYLE/WB of the second; unless given, the first in it.", "--to")] = None,
 ) -> None:
-    """Show what two cameras, or two styles of one, make of the same light: a chart, a picture, ΔE00."""
+    """Show what two cameras, or two styles of one, make of the same light: a chart, ΔE00."""
     from lutforge.pipeline.reports import compare as write_comparison
 
     with progress_bar("comparing") as progress:

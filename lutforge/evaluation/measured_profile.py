@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
@@ -117,13 +116,11 @@ def _worse_than_baselines(found: Predictions, errors: dict[str, float]) -> list[
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """The distances and errors of the held-out samples of one direction, each (n,).
+    """The held-out samples of one direction, each (n,).
 
-    distance: to the nearest sample of the fit that predicts it; deviation: σ given the samples of that fit; error: of
-    the prediction.
+    deviation: σ given the samples of the fit that predicts one; error: of the prediction.
     """
 
-    distance: Array
     deviation: Array
     error: Array
 
@@ -143,10 +140,9 @@ def held_out_errors(predictions: Predictions, method: str, base: MatrixAndRespon
         rows &= np.isfinite(values[method]).all(axis=1) if method in values else False
     if rows.sum() < 24 or data.monochrome or len(np.unique(predictions.fold)) < 2:
         return {}
-    distance, deviation = np.zeros(len(rows)), Both(np.zeros(len(rows)), np.zeros(len(rows)))
+    deviation = Both(np.zeros(len(rows)), np.zeros(len(rows)))
     for fold in np.unique(predictions.fold[rows]):
         inside, train = rows & (predictions.fold == fold), predictions.fold != fold
-        distance[inside] = cKDTree(data.encoded[train]).query(data.encoded[inside])[0]
         of_codes = deviations(base, data.balanced[train], data.encoded[train])
         for direction, of_fold in of_codes.items():
             deviation[direction][inside] = of_fold(data.both[direction][0][inside], data.encoded[inside])
@@ -155,7 +151,7 @@ def held_out_errors(predictions: Predictions, method: str, base: MatrixAndRespon
     for direction, values in predictions.predicted.items():
         encode = encoders[direction]
         residual = encode(values[method][rows]) - encode(data.both[direction][1][rows])
-        errors[direction] = HeldOut(distance[rows], deviation[direction][rows], np.linalg.norm(residual, axis=1))
+        errors[direction] = HeldOut(deviation[direction][rows], np.linalg.norm(residual, axis=1))
     return errors
 
 
@@ -199,13 +195,3 @@ def expected_errors(
             ..., 0
         ]
     return result
-
-
-def by_distance(held_out: Mapping[Direction, HeldOut]) -> list[tuple[float, dict[Direction, float]]]:
-    """The mean error by direction in four groups of like distance, each with its mean distance, in codes of 255."""
-    rows: list[tuple[float, dict[Direction, float]]] = []
-    for first in list(held_out.values())[:1]:
-        for group in np.array_split(np.argsort(first.distance), 4):
-            errors = {direction: float(values.error[group].mean()) for direction, values in held_out.items()}
-            rows.append((255 * float(first.distance[group].mean()), errors))
-    return rows

@@ -68,7 +68,7 @@ def compare(
     other: str | None = None,
     progress: Progress = silent,
 ) -> Report:
-    """Write a page that shows two cameras, or two styles of one, side by side: a chart, a picture, ΔE00.
+    """Write a page that shows two cameras, or two styles of one, side by side: a chart, ΔE00.
 
     one, other: STYLE/WB of each; without, the first style under daylight, or what there is.
     """

@@ -1,6 +1,5 @@
 """Error maps of real shots, in both directions, by fits that never saw the shot (thesis, Figs. 5.5 and 5.6)."""
 
-import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -13,31 +12,13 @@ from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice_name, with_compared
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
-from lutforge.report.drawing import ERROR_SCALE, Drawing, Lines, Panel, Raster
+from lutforge.report.drawing import ERROR_SCALE, Drawing, Panel, Raster
 from lutforge.samples.clipping import clipping, saturation_levels
 from lutforge.samples.extract import places_in_picture
 from lutforge.shots.read import TURNS, read_shot
-from lutforge.shots.shot import Shot
 
 DIRECTIONS = (("RAW → JPEG", ERROR_SCALE), ("JPEG → RAW", 0.3 * ERROR_SCALE))
 """Each with the error that is drawn brightest: linear values are small where encoded ones are not; so are errors."""
-
-
-def moved_by_lens(shot: Shot, turns: int) -> Array:
-    """How far places were drawn from where the upright JPEG shows them, nothing where the camera corrected nothing.
-
-    (rows, columns, 2), x and y as shares of the picture's width, of places on an even grid.
-    """
-    place = shot.placement.registration
-    if place.distortion is None:
-        return np.zeros((0, 0, 2))
-    height, width = shot.jpeg.shape[:2]
-    across, down = np.meshgrid((np.arange(12) + 0.5) * width / 12, (np.arange(8) + 0.5) * height / 8)
-    places = np.stack([across, down], axis=-1)
-    moved = np.rot90((place.on_raw(places) - place.straight(places)) / place.scale, turns)
-    for _ in range(turns % 4):
-        moved = moved[..., ::-1] * (1, -1)
-    return np.asarray(moved / (width if turns % 2 == 0 else height))
 
 
 def own_method(profile: CameraProfile, evaluation: Evaluation) -> str:
@@ -98,15 +79,8 @@ def maps_of_shot(
     pictures = {"the camera's JPEG": jpeg.mean / 255.0, "the RAW, balanced, stretched": scene}
     height, width = np.rot90(jpeg.mean, turns).shape[:2]
     rows: list[tuple[Panel, ...]] = []
-    moved = moved_by_lens(shot, turns)
-    down, across = (np.arange(size) + 0.5 for size in moved.shape[:2])
-    x, y = np.meshgrid(across * width / max(len(across), 1), height - down * height / max(len(down), 1))
-    start = np.stack([x, y], axis=-1).reshape(-1, 2)
-    ends = np.stack([start, start + width * moved.reshape(-1, 2) * (1, -1)], axis=1)
     for (direction, scale), (title, picture), errors in zip(DIRECTIONS, pictures.items(), both, strict=True):
-        arrows, note = ((Lines(list(ends), "#ffffff"),), shot.lens_note) if not rows and len(ends) else ((), "")
-        shown = (Raster(np.rot90(picture, turns)), *arrows)
-        panels = [Panel(title, shown, textwrap.fill(note, 40), bare=True, equal=True)]
+        panels = [Panel(title, (Raster(np.rot90(picture, turns)),), bare=True, equal=True)]
         for method, each in errors.items():
             words = f"{direction}\n{method}: mean {np.nanmean(each):.4f}"
             panels.append(Panel(words, (Raster(each),), bare=True, equal=True, scale=(0.0, scale), scale_name=" "))

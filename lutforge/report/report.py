@@ -18,7 +18,6 @@ from scipy.optimize import brentq
 from lutforge.atomic_write import atomic_path
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
 from lutforge.calibration.style import StyleData, uniform_lattice_errors
 from lutforge.colour.srgb import delta_e_2000, srgb_to_lab
@@ -26,7 +25,6 @@ from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import visibility
 from lutforge.evaluation.evaluation import Evaluation, evaluate
 from lutforge.evaluation.linearization import response_deltas
-from lutforge.evaluation.measured_profile import by_distance, held_out_errors
 from lutforge.evaluation.methods import LATTICE
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, is_response_alone, through_camera
@@ -42,8 +40,6 @@ from lutforge.report.tables import TITLES, Table, balance_table, error_table, ma
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.settings import setting_name
-from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.scene import still_life
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,14 +254,6 @@ def error_tables(own: str, evaluation: Evaluation) -> Iterator[Table]:
     rendered = [row for row in evaluation.rows if row.direction == "render" and row.method == own]
     if shots := [row for row in rendered if not row.shot.startswith("all")]:
         yield error_table("RAW → JPEG by shot", shots)
-    distances = []  # how the error grows away from the samples, in encoded RGB
-    for style, found in evaluation.predictions.items():
-        errors = held_out_errors(found, own, fit_matrix_and_response(found.data.balanced, found.data.encoded))
-        for distance, mean in by_distance(errors):
-            distances.append((style, f"{distance:.0f}", f"{mean['render']:.4f}", f"{mean['linearize']:.4f}"))
-    if distances:
-        header = ("style", "codes to the nearest sample", "RAW → JPEG", "JPEG → RAW, as rendered")
-        yield Table("Mean error by distance to the nearest sample", header, distances)
     yield from more_tables(evaluation, own)
 
 
@@ -402,7 +390,7 @@ def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
 
 
 def build_comparison(first: CameraProfile, one: str, second: CameraProfile, other: str) -> Report:
-    """A page about two settings, STYLE/WB, of two profiles: a chart and a picture through both, and their ΔE00.
+    """A page about two settings, STYLE/WB, of two profiles: a chart through both, and their ΔE00.
 
     Light is that of neutral white balance; the second is exposed so that both show 18 % grey equally light. Raises
     SettingsError on an unknown setting.
@@ -436,33 +424,18 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
     lines = [Line(np.full(2, x), np.array([0.0, 4.0]), "#191919", width=6.0) for x in range(1, 6)]
     lines += [Line(np.array([0.0, 6.0]), np.full(2, y), "#191919", width=6.0) for y in range(1, 4)]
     two_charts = Drawing(((Panel("", (Raster(halves, (6, 4)), *lines), bare=True, equal=True),),), 6.1)
-
-    # A picture through both, and how far they are apart
-    taker = nikon_d5100()
-    raw = still_life(300, 450).irradiance(taker, "daylight") * taker.multipliers("daylight")
-    scene = np.clip(raw @ taker.matrix.T, 0.0, None)
-    pictures = render(scene), beside(scene)
-    distance = delta_e_2000(*pictures)
-    scale = (0.0, max(float(distance.max()), 1.0))
-    panels = [Panel("", (Raster(picture),), bare=True, equal=True) for picture in pictures]
-    panels.append(Panel("", (Raster(distance),), bare=True, equal=True, scale=scale, scale_name="ΔE00"))
-    two_pictures = Drawing((tuple(panels),), 3.2, 13.0)
     lead = (
         f"The chart's colours differ by ΔE00 {difference.mean():.1f} in the mean, most by {difference.max():.1f} "
-        f"({patches[int(difference.argmax())]}); the picture's by {distance.mean():.1f}.",
+        f"({patches[int(difference.argmax())]}).",
     )
     caption = f"Left halves: {names[0]}; right halves: {names[1]}."
-    seen = f"Left: {names[0]}; middle: {names[1]}; right: ΔE00, {distance.max():.0f} at the most."
     header = ("patch", names[0], names[1], "ΔE00", "ΔL*", "ΔC*")
     table = Table("JPEG codes, and the differences of the second from the first", header, rows)
     return Report(
         f"{names[0]} beside {names[1]}",
         f"the same light through both; the second at {ev:+.2f} EV, so that 18 % grey is equally light",
         lead,
-        {
-            "A chart": (Picture("chart", two_charts, caption), table),
-            "A picture": (Picture("picture", two_pictures, seen),),
-        },
+        {"A chart": (Picture("chart", two_charts, caption), table)},
     )
 
 

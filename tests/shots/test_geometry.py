@@ -13,7 +13,6 @@ from PIL import Image
 from lutforge.arrays import Array
 from lutforge.pipeline.inspection import inspect
 from lutforge.pipeline.kits import compare_with_jpeg
-from lutforge.report.error_maps import moved_by_lens
 from lutforge.samples.extract import extract, places_in_picture
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Distortion, Registration
@@ -111,19 +110,6 @@ def test_it_is_told(tmp_path: Path) -> None:
     rows = dict(inspect(tmp_path / "shot.dng").rows)
     assert rows["lens"] == shot.lens_note
     assert shot.lens_note in extract(shot).notes
-
-
-def test_a_report_draws_which_way_places_moved(tmp_path: Path) -> None:
-    """A barrel draws all places nearer the middle, however the camera was held; the further out, the more."""
-    shot = shot_of(tmp_path, lens(-0.06))
-    for turns in range(4):
-        moved = moved_by_lens(shot, turns)
-        rows, columns = moved.shape[:2]
-        down, across = np.mgrid[:rows, :columns] - np.array([rows - 1, columns - 1])[:, None, None] / 2
-        assert np.all(moved[..., 0] * across < 0)
-        assert np.all(moved[..., 1] * down < 0)
-        assert np.linalg.norm(moved[0, 0]) > 2 * np.linalg.norm(moved[rows // 2, columns // 4])
-    assert moved_by_lens(shot_of(tmp_path, None), 0).size == 0
 
 
 def test_places_of_samples_are_where_the_lens_drew_them(tmp_path: Path) -> None:
