@@ -47,9 +47,6 @@ def bake(
     transfer: Annotated[
         list[Path] | None, option("For match: RAW to RAW, from `lutforge transfer`; may repeat, in steps.")
     ] = None,
-    stages: Annotated[
-        bool, option(".clf, .ctf: each step a cube of its own; lattices of a profile stay exact.", "--stages")
-    ] = False,
     colours: Annotated[
         bool, option(".icc: without the camera's tone curve, scene-linear, for one's own tone mapper.", "--colours")
     ] = False,
@@ -62,7 +59,7 @@ def bake(
     with progress_bar("baking") as progress:
         files, notes = bake_files(
             profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
-            stages=stages, colours=colours, progress=progress,
+            colours=colours, progress=progress,
         )  # fmt: skip
     for file in files:
         say(*str(file).splitlines())

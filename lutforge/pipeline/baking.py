@@ -68,7 +68,6 @@ def bake(
     form: Form = "full",
     tolerance: float | None = None,
     interpolation: str | None = None,
-    stages: bool = False,
     title: str = "",
     highest: float = 1.0,
     progress: Progress = silent,
@@ -84,8 +83,6 @@ def bake(
             channel in front of it (.resolve.cube, .csp, .spi1d), "plain" is an evenly spaced cube alone (.cube).
         tolerance: instead of a size, the ΔE00 that 99 % of colours keep within; the smallest size that does is taken.
         interpolation: how the reader interpolates, "trilinear" or "tetrahedral".
-        stages: .clf and .ctf hold a cube for each step, so that lattices of a profile stay exact. A refinish or match
-            is written so where nothing else is asked for.
         title: of the files, if not the transform's own.
         highest: inputs of a function reach from 0 to this, for scene-linear light.
         progress: called with what is being done, and the share that is done.
@@ -102,14 +99,12 @@ def bake(
     method = None if interpolation is None else one_of("interpolation", interpolation, INTERPOLATIONS)
     if program is not None:
         method = method or program_named(program).interpolation
-    if stages and tolerance is not None:
-        raise SettingsError("--stages goes with --size: steps that are exact alone need no tolerance")
     if form not in FORMS:
         raise LutError(f'unknown form "{form}"; choose {", ".join(FORMS)}')
     purpose = transform.purpose if isinstance(transform, Transform) else Purpose()
     kind, title, displayed = purpose.kind, title or purpose.title, purpose.kind != "linearize"
     _require_fed(program, purpose)
-    named, notes = _files([check_output(path) for path in several(outputs)], program, title, stages)
+    named, notes = _files([check_output(path) for path in several(outputs)], program, title)
     adobe_rgb = purpose.source.partition("/")[0].endswith(ADOBE_RGB_STYLE)
     ends = input_and_output_of(kind, purpose.light, ADOBE_RGB if adobe_rgb else ENCODED).comments if kind else ()
     scenes = takes_scenes(transform) or highest != 1
@@ -118,7 +113,8 @@ def bake(
     targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
     targets = targets or [Target(form, size, method)]
     comments = (f"LutForge {__version__}", *ends, *purpose.comments)
-    whole = stages or (kind in ("refinish", "match") and not any((program, size, tolerance, method)))
+    # A cube for each step, so that lattices of a profile stay exact, where nothing else is asked for.
+    whole = kind in ("refinish", "match") and not any((program, size, tolerance, method))
     stepwise = [whole and path.suffix.lower() in PROCESS_LISTS for path in named] or [False]
     with telling_of_compilation(progress) as telling:
         luts = bake_forms(
@@ -127,7 +123,7 @@ def bake(
             progress=telling,
         )  # fmt: skip
         if any(stepwise):
-            steps = bake_steps(transform, size, interpolation=method, title=title, comments=comments)
+            steps = bake_steps(transform, title=title, comments=comments)
             for at in np.flatnonzero(stepwise):
                 luts.insert(int(at), steps)
     if kind == "linearize" and purpose.space == "aces2065-1":
@@ -169,7 +165,6 @@ def bake_files(
     size: int | None = None,
     tolerance: float | None = None,
     interpolation: str | None = None,
-    stages: bool = False,
     colours: bool = False,
     progress: Progress = silent,
 ) -> tuple[tuple[BakedFile, ...], tuple[str, ...]]:
@@ -205,7 +200,7 @@ def bake_files(
     if isinstance(profile, str | Path):
         _require_fed(program, transform.purpose, str(profile))
     baked = bake(
-        transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation, stages=stages,
+        transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation,
         progress=progress,
     )  # fmt: skip
     files = [*baked.files, *(_bake_camera_profile(camera, wanted, path, colours) for path in profiles)]
@@ -235,9 +230,7 @@ def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: 
     return BakedFile(path, summary, error)
 
 
-def _files(
-    paths: Sequence[Path], program: str | None, title: str, stages: bool
-) -> tuple[dict[Path, str | None], list[str]]:
+def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict[Path, str | None], list[str]]:
     """Files to write, each once, and the program of each; without names, those that suit the program; and notes."""
     named = {} if paths or program is None else files_for(program, title)
     for path in named:
@@ -247,7 +240,5 @@ def _files(
         if path.resolve() in {known.resolve() for known in named}:
             notes.append(f"{path}: named twice, written once")
             continue
-        if stages and path.suffix.lower() not in PROCESS_LISTS:
-            raise LutError(f"{path}: --stages writes {' and '.join(PROCESS_LISTS)}; other files hold one cube")
         named[path] = program
     return named, notes

@@ -31,21 +31,14 @@ ADVICE = {
 """What to do about a shot without samples, by the reason for which most of it was left out."""
 
 
-OUTCOMES = ("kept", "clipped", "outside the RAW", "not flat", "RAW and JPEG disagree", "colour already covered")
-"""What can become of a cell of a shot."""
-
-
 @dataclass(frozen=True, eq=False)
 class ShotCells:
-    """A shot in small, upright, a pixel a cell: 8-bit JPEG and RAW (h, w, 3), RAW balanced and encoded as in a JPEG.
+    """A shot in small, upright, (h, w, 3) of 8 bits.
 
-    outcome: (h, w) what became of each cell, an index into OUTCOMES. picture: the whole JPEG (h, w, 3), reduced to some
-    500 pixels.
+    raw: the means of its cells, balanced and encoded as in a JPEG; picture: the JPEG, reduced to some 500 pixels.
     """
 
-    jpeg: NDArray[np.uint8]
     raw: NDArray[np.uint8]
-    outcome: NDArray[np.uint8]
     picture: NDArray[np.uint8]
 
 
@@ -123,7 +116,7 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
 
 
 def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
-    """The flat tiles of a shot, and what became of its cells."""
+    """The flat tiles of a shot, and why its other cells are none."""
     cell = cell_size(shot.registration)
     raw = shot.raw_cells(cell)
     hot = raw.hot
@@ -158,25 +151,24 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
         "RAW and JPEG disagree": int(np.count_nonzero(is_flat & ~agrees)),
         "colour already covered": int(np.count_nonzero(is_flat & agrees)) - len(parts[0][0]),
     }
-    outcome = np.select([~inside, is_clipped, ~is_flat, ~agrees], [2, 1, 3, 4], 5).astype(np.uint8)
-    outcome[rows, columns] = 0
+    counted = inside.copy()
+    counted[rows, columns] = False
     names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
     centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
     samples, places = _sample_set(shot, names, raw.mean[rows, columns], codes[rows, columns], centres)
-    # The shot in small, of the means of its cells
+    # The shot in small
     multipliers = np.ones(3) if shot.metadata.multipliers is None else shot.metadata.multipliers
     balanced = np.clip(np.nan_to_num(raw.mean) * multipliers, 0.0, 1.0)
-    jpeg8, raw8 = (np.rint(values).astype(np.uint8) for values in (jpeg.mean, 255 * srgb_encode(balanced)))
+    raw8 = np.rint(255 * srgb_encode(balanced)).astype(np.uint8)
     height, width = shot.jpeg.shape[:2]
     step = max(1, round(max(height, width) / 500))
     whole = shot.jpeg[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
     picture = np.rint(whole.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
     turns = -TURNS.get(shot.raw.flip, 0)
-    counted = inside & (outcome != 0)
     clipped = {reason: int(np.count_nonzero(mask & counted)) for reason, mask in clips.items()}
     return ShotSamples(
         shot.name, samples, len(samples), 0, clipped, rejected, tuple(notes),
-        ShotCells(*(np.rot90(each, turns) for each in (jpeg8, raw8, outcome, picture))), places, shot.metadata.notes,
+        ShotCells(np.rot90(raw8, turns), np.rot90(picture, turns)), places, shot.metadata.notes,
     )  # fmt: skip
 
 

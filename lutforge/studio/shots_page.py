@@ -11,7 +11,7 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 from numpy.typing import NDArray
-from PIL import Image, ImageColor, ImageDraw
+from PIL import Image, ImageDraw
 
 from lutforge.arrays import Array, Mask
 from lutforge.model.camera_profile import CameraProfile
@@ -22,16 +22,14 @@ from lutforge.pipeline.sampling import file_notes
 from lutforge.report.figures import bracket_figure
 from lutforge.report.tables import response_table
 from lutforge.samples.chart_kinds import chart_names
-from lutforge.samples.extract import OUTCOMES, ShotSamples
+from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
 from lutforge.studio.opening import OPENED_SUFFIXES, jpeg_of
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace, WorkspaceError
 
-SHOWN = ("JPEG and RAW", "samples, framed", "tiles")
-OUTCOME_COLOURS = ("#ffffff", "#e69f00", "#111111", "#8c8c8c", "#cc79a7", "#4f83e0")
-"""The colour of each outcome of a tile, in the order of `OUTCOMES`."""
+SHOWN = ("JPEG and RAW", "samples, framed")
 EMPTY = (
     "No shots yet. To calibrate a camera takes five photographs or more, each as RAW with its JPEG, inside the RAW "
     "file or beside it; without RAW, JPEGs of one scene at several exposures."
@@ -52,7 +50,7 @@ class ShotsPage:
         self.path = ui.entry("or its path")
         self.shown = ui.select("Shown", list(SHOWN))
         session.watch(self.refresh, self.shown)
-        self.notes, self.legend = ui.text(), ui.text()
+        self.notes = ui.text()
         self.grid = pn.FlexBox(sizing_mode="stretch_width")
         sample = session.button("Sample", self._open, variant="contained", **ui.WIDE)
         again = session.button("List again", self.list_files, variant="text", **ui.WIDE)
@@ -69,8 +67,7 @@ class ShotsPage:
         self.controls = [self.drop, self.listed, self.path, sample, again, self.bracket, self.shown, self.notes]
         self.curves, self.findings = ui.Figures(), ui.text(**ui.SCROLLED)
         self.response = pn.Row(self.curves.layout, self.findings, visible=False, **{**ui.FILL, "min_height": 260})
-        scrolled = pn.Column(self.legend, self.grid, **ui.SCROLLED)
-        self.main = pn.Column(self.response, scrolled, **ui.FILL)
+        self.main = pn.Column(self.response, pn.Column(self.grid, **ui.SCROLLED), **ui.FILL)
         self._enable()
         self.list_files()
 
@@ -151,11 +148,6 @@ class ShotsPage:
         known = "" if profile is not None or workspace is None else "The falloff is known once a model is computed."
         said = untick + known if bracket is None else f"{bracket}."
         self.notes.object = ui.paragraphs(said, *file_notes(session.opened.accounts), *unused)
-        mark, legend = "<i class=colour style='background:{}'></i>{} &emsp; ", ui.Html()
-        if self.shown.value == "tiles" and session.opened.accounts:
-            kinds = zip(OUTCOME_COLOURS, ("kept: in its own colour", *OUTCOMES[1:]), strict=True)
-            legend = ui.Html("".join(ui.html(mark, colour, what) for colour, what in kinds))
-        self.legend.object = legend
 
     def _draw(self, cards: dict[str, ui.Html]) -> None:
         """A card a shot: a box to take it in or leave it out, its pictures, and what is known of it.
@@ -195,11 +187,6 @@ class ShotsPage:
             elif self.shown.value == SHOWN[1]:
                 out = workspace.outliers[workspace.samples.shot == name]
                 pictures = {"samples, outliers orange": framed(cells.picture, account.places, out)}
-            elif self.shown.value == SHOWN[2]:
-                colours = np.array([ImageColor.getrgb(colour) for colour in OUTCOME_COLOURS])
-                mixed = 0.3 * cells.jpeg + 0.7 * colours[cells.outcome]
-                kept = cells.outcome[..., None] == 0
-                pictures = {"tiles": np.where(kept, cells.jpeg, mixed).astype(np.uint8).repeat(4, 0).repeat(4, 1)}
             else:
                 pictures = {"JPEG": cells.picture, "RAW": cells.raw}
             yield name, card_of(name, pictures, facts_of(name, samples, account, profile))

@@ -266,7 +266,7 @@ def test_a_shot_keeps_its_box_while_its_card_is_drawn_anew(tmp_path: Path) -> No
     session, shots = page.session, page.pages["Shots"]
     papers, boxes = list(shots.grid), [paper[0] for paper in shots.grid]
     assert len(papers) == len(np.unique(samples.shot))
-    shots.shown.value = "tiles"
+    shots.shown.value = "samples, framed"
     session.change(Workspace(samples.select(samples.patch == "0")))
     assert "1 samples" in papers[0][1].object
     assert all(one is other for one, other in zip(shots.grid, papers, strict=True))
