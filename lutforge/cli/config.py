@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from lutforge.cli.console import argument, note, option, progress_bar, say
+from lutforge.cli.console import argument, option, progress_bar, say
 
 
 def config(
@@ -22,4 +22,3 @@ def config(
     counts = ((written.spaces, "input colour spaces"), (written.views, "view transforms"), (written.looks, "looks"))
     held = ", ".join(f"{len(entries)} {title}" for entries, title in counts)
     say(f"{written.path}: profile version {written.version}, checked: {held}")
-    note(*(finding.note for finding in written.findings))

@@ -97,9 +97,6 @@ ColourFunction = Callable[[Array], Array]
 MEAN_GOAL, MAX_GOAL = 0.001, 0.02
 """The most that a round trip should lose, RGB norm of encoded values: a quarter of a code, and five."""
 
-MEAN_KEY, MAX_KEY = "round trip mean", "round trip max"
-"""The names of both in a description."""
-
 
 @dataclass(frozen=True)
 class RoundTrip:
@@ -121,8 +118,8 @@ class RoundTrip:
         return self.mean <= MEAN_GOAL and self.maximum <= MAX_GOAL
 
     def __str__(self) -> str:
-        """Lines of a key and a value each, which `stated_errors` reads."""
-        text = f"{MEAN_KEY}: {rounded_up(self.mean)}\n{MAX_KEY}: {rounded_up(self.maximum)}"
+        """Lines of a key and a value each."""
+        text = f"round trip mean: {rounded_up(self.mean)}\nround trip max: {rounded_up(self.maximum)}"
         text += f"\nround trip quantile: 99.9 % within {rounded_up(self.p999)}"
         if self.maximum <= MAX_GOAL:
             return text
@@ -132,15 +129,6 @@ class RoundTrip:
         if self.shown == 0:
             return f"{text}; more than {MAX_GOAL:g} only for colours that no sample showed"
         return f"{text}; {rounded_up(self.shown)} for colours that samples showed"
-
-
-def stated_errors(description: str) -> tuple[float, float]:
-    """Read mean and maximum from a description that holds the lines of a `RoundTrip`; both 0 where it does not."""
-    fields = dict(line.split(": ", 1) for line in description.splitlines() if ": " in line)
-    try:
-        return float(fields[MEAN_KEY]), float(fields[MAX_KEY])
-    except (KeyError, ValueError):
-        return 0.0, 0.0
 
 
 def rounded_up(value: float) -> str:

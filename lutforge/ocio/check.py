@@ -2,7 +2,6 @@
 
 import zipfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -12,41 +11,12 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.arrays import Pixels
 from lutforge.boundary import reading, require_file
 from lutforge.errors import ConfigError, one_line
-from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL, stated_errors
 from lutforge.luts.sequence import OCIO_ERRORS
-from lutforge.sobol import sobol
-
-WANTED_ROLES = (
-    OCIO.ROLE_INTERCHANGE_SCENE,
-    OCIO.ROLE_SCENE_LINEAR,
-    OCIO.ROLE_INTERCHANGE_DISPLAY,
-    OCIO.ROLE_COMPOSITING_LOG,
-    OCIO.ROLE_COLOR_TIMING,
-    OCIO.ROLE_COLOR_PICKING,
-    OCIO.ROLE_DATA,
-)
 
 _PIXELS = np.array(
     [[0, 0, 0], [0.18, 0.18, 0.18], [1, 1, 1], [0.5, 0.2, 0.1], [0.1, 0.4, 0.7], [-0.01, 0.5, 1.2]],
     dtype=np.float32,
 )
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that is wrong. severity: "error" (an application will fail) or "warning"."""
-
-    severity: str
-    where: str
-    what: str
-
-    def __str__(self) -> str:
-        return f"{self.severity}: {self.note}"
-
-    @property
-    def note(self) -> str:
-        """What is wrong, and where: for those who are told that it is a warning."""
-        return f"{self.where}: {self.what}"
 
 
 def load_config(path: str | Path) -> OCIO.Config:
@@ -68,69 +38,27 @@ def make_processor(path: str, *names: str) -> None:
     OCIO.Config.CreateFromFile(path).getProcessor(*arguments).getDefaultCPUProcessor()
 
 
-def check_config(config: OCIO.Config) -> list[Finding]:
-    """What ociocheck checks and more; an empty list is a sound config.
+def check_config(config: OCIO.Config) -> list[str]:
+    """What ociocheck checks and more, a line for each thing with which an application will fail; none: it is sound.
 
-    Pixels go through each colour space, named transform, view and look, in both directions; round trips are measured,
-    files looked for. OpenColorIO loads no config in which a name stands for two things.
+    Pixels go through each colour space, named transform, view and look, in both directions; files are looked for.
+    OpenColorIO loads no config in which a name stands for two things.
     """
-    findings: list[Finding] = []
+    problems: list[str] = []
     try:
         config.validate()
     except OCIO_ERRORS as error:
-        findings.append(Finding("error", "config", one_line(str(error), 400)))
-    findings += [
-        Finding("warning", f"role {role}", "missing; programs cannot relate this config to others")
-        for role in WANTED_ROLES
-        if not config.hasRole(role)
-    ]
-    findings += _files(config)
+        problems.append(f"config: {one_line(str(error), 400)}")
+    problems += _missing_files(config)
     for where, make in _transforms(config):
         try:
             pixels = _applied(make().getDefaultCPUProcessor(), _PIXELS)
         except OCIO_ERRORS as error:
-            findings.append(Finding("error", where, one_line(str(error), 400)))
+            problems.append(f"{where}: {one_line(str(error), 400)}")
             continue
         if not np.all(np.isfinite(pixels)):
-            findings.append(Finding("error", where, "ordinary pixels come out as NaN or infinity"))
-    if any(finding.severity == "error" for finding in findings):
-        return findings
-    # One finding for all colour spaces that lose the same: white balances of a style share their files. What a
-    # description states was searched for by more colours: the larger counts.
-    spaces: dict[str, list[str]] = {}
-    for name, *measured in round_trips(config):
-        stated = stated_errors(config.getColorSpace(name).getDescription())
-        mean, largest = map(max, measured, stated)
-        if mean > MEAN_GOAL or largest > MAX_GOAL:
-            spaces.setdefault(f"mean {mean:.2g}, max {largest:.2g}", []).append(name)
-    for lost, names in spaces.items():
-        others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        what = f"to the reference and back, RGB is off by {lost}"
-        findings.append(Finding("warning", f"colour space {names[0]}{others}", what))
-    return findings
-
-
-def round_trips(config: OCIO.Config) -> Iterator[tuple[str, float, float]]:
-    """Each colour space to the reference and back, on values that have been there once: it can hold those.
-
-    Given are its name, and the mean and the maximum of the norm of the change of these values. They start from [0, 1],
-    from its faces and from the darks of both.
-    """
-    values = sobol(1 << 12, seed=3)
-    face = values.copy()
-    face[np.arange(len(face)), np.arange(len(face)) % 3] = np.arange(len(face)) // 3 % 2
-    start = np.concatenate([values, values**2, face, face**2]).astype(np.float32)
-    for name, reference in _convertible(config):
-        there = _processor(config, name, reference)
-        back = _processor(config, reference, name)
-        first = _applied(back, _applied(there, start))
-        second = _applied(back, _applied(there, first))
-        error = np.linalg.norm(second - first, axis=1)
-        yield name, float(error.mean()), float(error.max())
-
-
-def _processor(config: OCIO.Config, source: str, target: str) -> OCIO.CPUProcessor:
-    return config.getProcessor(source, target).getDefaultCPUProcessor()
+            problems.append(f"{where}: ordinary pixels come out as NaN or infinity")
+    return problems
 
 
 def _applied(processor: OCIO.CPUProcessor, pixels: Pixels) -> Pixels:
@@ -179,7 +107,7 @@ def _transforms(config: OCIO.Config) -> Iterator[tuple[str, Callable[[], OCIO.Pr
             yield f"look {sign}{name}", partial(config.getProcessor, look)
 
 
-def _files(config: OCIO.Config) -> Iterator[Finding]:
+def _missing_files(config: OCIO.Config) -> Iterator[str]:
     """Files that are named but missing; names with variables are left out."""
     context = config.getCurrentContext()
     for source, where in sorted(file_names(config).items()):
@@ -187,7 +115,7 @@ def _files(config: OCIO.Config) -> Iterator[Finding]:
             if "$" not in source:
                 context.resolveFileLocation(source)
         except OCIO_ERRORS:
-            yield Finding("error", f"file {source}", f"missing; {where} needs it")
+            yield f"file {source}: missing; {where} needs it"
 
 
 def file_names(config: OCIO.Config) -> dict[str, str]:

@@ -11,7 +11,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.cameras import as_profiles
-from lutforge.ocio.check import Finding, check_config, load_config
+from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
 from lutforge.pipeline.outputs import check_output
@@ -29,7 +29,6 @@ class WrittenConfig:
     spaces: tuple[str, ...]
     views: tuple[str, ...]
     looks: tuple[str, ...]
-    findings: tuple[Finding, ...]
 
 
 def write_config(
@@ -50,8 +49,7 @@ def write_config(
         progress: called with what is being done, and the share that is done.
 
     Returns:
-        The path, the cameras' colour spaces, views and looks, what the check found, and `config`, as OpenColorIO reads
-        it.
+        The path, the cameras' colour spaces, views and looks, and `config`, as OpenColorIO reads it.
 
     Raises:
         ConfigError: profiles, folder and config to merge do not go together, or the check failed.
@@ -73,10 +71,8 @@ def write_config(
     with telling_of_compilation(progress) as telling:
         path = write(loaded, output, merge=merge, replace=replace, progress=telling)
     config = load_config(path)
-    findings = tuple(check_config(config))
-    if any(finding.severity == "error" for finding in findings):
-        told = "; ".join(str(finding) for finding in findings if finding.severity == "error")
-        raise ConfigError(f"{path}: the config was written, but does not pass its check: {told}")
+    if problems := check_config(config):
+        raise ConfigError(f"{path}: the config was written, but does not pass its check: {'; '.join(problems)}")
     return WrittenConfig(
         path,
         config,
@@ -84,5 +80,4 @@ def write_config(
         tuple(space.getName() for space in config.getColorSpaces() if space.getFamily().startswith("Input/")),
         tuple(config.getViewTransformNames()),
         tuple(config.getLookNames()),
-        findings,
     )

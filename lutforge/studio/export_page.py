@@ -260,8 +260,7 @@ def export(kind: str, profile: Path, output: Path, given: Any, progress: Progres
         return (*(f"{file.summary}; read back, against the model: {file.error}" for file in files), *told)
     if kind == "config":
         made = write_config([profile], output, progress=progress)
-        checked = "; ".join(map(str, made.findings)) or "sound"
-        return (f"{len(made.spaces)} input colour spaces, {len(made.looks)} looks; checked: {checked}",)
+        return (f"{len(made.spaces)} input colour spaces, {len(made.looks)} looks; checked",)
     if kind == "export-nus":
         return tuple(map(str, export_published(as_profile(profile), given, output)))
     if kind == "report":

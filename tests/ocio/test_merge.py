@@ -118,7 +118,7 @@ def test_a_base_with_another_reference(tmp_path: Path) -> None:
         np.testing.assert_allclose(jpeg, convert(config, "Nikon D40 RAW", "Nikon D40 standard default"), atol=1e-6)
         shot = convert(config, "Nikon D40 standard (as shot)", "ACEScg")
         np.testing.assert_allclose(shot, convert(config, "Nikon D40 standard daylight", "ACEScg"), atol=2e-5)
-        assert [f.severity for f in check_config(config) if f.severity == "error"] == []
+        assert check_config(config) == []
     assert base.getColorSpace("ACEScg") is not None
 
 

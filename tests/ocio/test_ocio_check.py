@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.base_config import base_config
 from lutforge.ocio.cameras import file_stem, name_cameras, part_name
-from lutforge.ocio.check import check_config, load_config, round_trips
+from lutforge.ocio.check import check_config, load_config
 from tests.cases.profiles import MATRIX, plain_profile
 from tests.ocio.test_config import ociocheck, write_config
 
@@ -23,15 +23,15 @@ def path(tmp_path: Path) -> Path:
 
 
 def said(config: OCIO.Config) -> str:
-    findings = [str(finding) for finding in check_config(config)]
-    assert all("\n" not in finding for finding in findings)
-    return "\n".join(findings)
+    problems = check_config(config)
+    assert all("\n" not in problem for problem in problems)
+    return "\n".join(problems)
 
 
 def test_a_missing_file_is_named_with_what_needs_it(path: Path) -> None:
     (path.parent / "luts" / "canon_vivid_render.clf").unlink()
     found = said(load_config(path))
-    assert "error: file canon_vivid_render.clf: missing; colour space Canon vivid daylight needs it" in found
+    assert "file canon_vivid_render.clf: missing; colour space Canon vivid daylight needs it" in found
     assert "colour space Canon vivid daylight, from the reference" in found
     assert "view sRGB - Display / Canon vivid" in found
     assert "Nikon D40 standard daylight" not in found
@@ -39,12 +39,7 @@ def test_a_missing_file_is_named_with_what_needs_it(path: Path) -> None:
 
 def test_a_broken_file_is_an_error(path: Path) -> None:
     (path.parent / "luts" / "canon_vivid_render.clf").write_text("<ProcessList>")
-    assert "error: colour space Canon vivid daylight, from the reference" in said(load_config(path))
-
-
-def test_missing_roles_are_warnings() -> None:
-    findings = check_config(OCIO.Config.CreateRaw())
-    assert {finding.severity for finding in findings} == {"warning"}
+    assert "colour space Canon vivid daylight, from the reference" in said(load_config(path))
 
 
 def test_a_look_or_view_of_an_unknown_space_is_an_error(path: Path) -> None:
@@ -53,24 +48,6 @@ def test_a_look_or_view_of_an_unknown_space_is_an_error(path: Path) -> None:
     changed = both.with_name("changed.ocio")
     changed.write_text(both.read_text().replace("process_space: Nikon D40 RAW", "process_space: Nikon D50 RAW"))
     assert "Nikon D50 RAW" in said(load_config(changed))
-
-
-def test_a_space_that_does_not_come_back_is_a_warning(path: Path) -> None:
-    config = load_config(path)
-    space = OCIO.ColorSpace(name="one way", encoding="sdr-video")
-    space.setTransform(
-        OCIO.MatrixTransform(np.diag([0.5, 0.5, 0.5, 1]).ravel().tolist()), OCIO.COLORSPACE_DIR_TO_REFERENCE
-    )
-    space.setTransform(
-        OCIO.MatrixTransform(np.diag([1.9, 1.9, 1.9, 1]).ravel().tolist()), OCIO.COLORSPACE_DIR_FROM_REFERENCE
-    )
-    config.addColorSpace(space)
-    assert said(config).startswith("warning: colour space one way: to the reference and back, RGB is off by mean 0.0")
-    space.setDescription("Of more colours:\nround trip mean: 0.0002\nround trip max: 0.25")
-    config.addColorSpace(space)
-    assert said(config).endswith(", max 0.25")
-    maximum = next(largest for space, _, largest in round_trips(config) if space == "one way")
-    assert maximum == pytest.approx(0.05 * 0.95 * np.sqrt(3), rel=0.05)
 
 
 def test_pixels_that_are_not_numbers_are_an_error(path: Path) -> None:
@@ -82,7 +59,7 @@ def test_pixels_that_are_not_numbers_are_an_error(path: Path) -> None:
 
 def test_the_built_in_studio_config_has_no_error() -> None:
     config = OCIO.Config.CreateFromBuiltinConfig("cg-config-v1.0.0_aces-v1.3_ocio-v2.1")
-    assert [finding for finding in check_config(config) if finding.severity == "error"] == []
+    assert check_config(config) == []
 
 
 # --- Names from strangers: every camera keeps colour spaces that can be told apart, written, and found again ---------

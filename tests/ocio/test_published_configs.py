@@ -17,7 +17,7 @@ import lutforge as lf
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio.check import check_config, load_config, round_trips
+from lutforge.ocio.check import check_config, load_config
 from tests.ocio.test_config import convert, ociocheck
 
 CONFIGS = Path(__file__).parents[2] / "ocio_configs"
@@ -53,7 +53,7 @@ def test_sound_and_explained(folder: Path) -> None:
     said = ociocheck(folder / "config.ocio").lower()
     assert "warning" not in said
     assert "error" not in said
-    assert [str(f) for f in check_config(load_config(folder / "config.ocio")) if f.severity == "error"] == []
+    assert check_config(load_config(folder / "config.ocio")) == []
     readme = (folder / "README.md").read_text()
     assert "Made by" in readme
     assert any(licence in readme for licence in ("MIT", "CC0"))
@@ -61,14 +61,6 @@ def test_sound_and_explained(folder: Path) -> None:
 
 def test_the_d40_is_small() -> None:
     assert sum(file.stat().st_size for file in (CONFIGS / "nikon_d40").rglob("*") if file.is_file()) <= 8_000_000
-
-
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
-def test_jpegs_come_back(folder: Path) -> None:
-    config = load_config(folder / "config.ocio")
-    trips = [trip for trip in round_trips(config) if "standard" in trip[0]]
-    assert trips
-    assert all(mean <= MEAN_GOAL for _, mean, _ in trips), trips
 
 
 def test_what_the_d40_renders_comes_back(d40: CameraProfile) -> None:
