@@ -10,6 +10,8 @@ The result is records, and one JSON document with stable keys.
                   seconds_per_megapixel (null where they were not measured)
     raw           Fig. 4.5: JPEG → RAW before white balance: style, method, held_out, count, rmse, rmse_rgb
     linearization  equation (4.11): style, method, held_out, pairs, delta (r, g, b)
+    edited        ΔE00 after exposure and white balance are changed: style, method, held_out, count, and de00, the means
+                  by edit ("+2 EV", "warmer" …)
     refinish      Fig. 6.2: source, target (STYLE/WB), method, held_out, shots, and figures as in rows
     departures    shots that depart from the fixed rendering: shot, values and errors (exposure, contrast, saturation),
                   clear (which of them are beyond chance)
@@ -38,7 +40,7 @@ from lutforge.calibration.physical.white_balance import complete_multipliers, wi
 from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import ErrorFigures, MethodError, error_figures
-from lutforge.evaluation.linearization import linearization_errors
+from lutforge.evaluation.linearization import edited_errors, linearization_errors
 from lutforge.evaluation.methods import LATTICE, RBF, Predictions, predict
 from lutforge.evaluation.refinish_errors import RefinishError, refinish_errors
 from lutforge.model.camera_profile import CameraProfile, is_response_alone
@@ -71,7 +73,7 @@ class EvaluationRow:
 class Evaluation:
     """The result of an evaluation.
 
-    rows: the error table; raw, linearization, refinish: the other tables; notes: what was left out, and why;
+    rows: the error table; raw, linearization, edited, refinish: the other tables; notes: what was left out, and why;
     predictions: by style, what the rows are made of; departures: of shots. The values of raw are the root mean squares
     over all channels ("RMSE") and of each channel.
     """
@@ -82,6 +84,7 @@ class Evaluation:
     raw: tuple[MethodError, ...] = ()
     linearization: tuple[MethodError, ...] = ()
     refinish: tuple[RefinishError, ...] = ()
+    edited: tuple[MethodError, ...] = ()
     tables: bool = False
     predictions: Mapping[str, Predictions] = field(default_factory=dict, repr=False)  # long arrays
     departures: tuple[Departure, ...] = ()
@@ -106,6 +109,7 @@ class Evaluation:
                 for row in self.linearization
             ],
             "departures": [asdict(departure) for departure in self.departures],
+            "edited": [_plain(row) | {"de00": row.values} for row in self.edited],
             "refinish": [_plain(row) for row in self.refinish],
             "notes": list(self.notes),
         }  # fmt: skip
@@ -205,6 +209,7 @@ def evaluate(
         linearization=tuple(
             row for name, found in predictions.items() for row in linearization_errors(name, found, profile.matrix)
         ),
+        edited=tuple(row for name, found in predictions.items() for row in edited_errors(name, found)),
         refinish=refinish_errors(predictions),
         departures=departures,
         tables=tables,

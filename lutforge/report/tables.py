@@ -93,17 +93,21 @@ def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
     from lutforge.evaluation.errors_table import FIGURES
 
     tables = (
-        ("JPEG → RAW before white balance: RMSE (1 = saturation)", "n", evaluation.raw),
+        ("JPEG → RAW before white balance: RMSE (1 = saturation)", "n", evaluation.raw, 4),
+        (
+            "JPEGs made linear, then exposed and balanced anew: mean ΔE00 to the same edit of the RAW",
+            "n", evaluation.edited, 2,
+        ),
         (
             "Two exposures of one scene: how far their linearized JPEGs differ, beyond the exposure (1 = full scale)",
-            "pairs", evaluation.linearization,
+            "pairs", evaluation.linearization, 4,
         ),
     )  # fmt: skip
-    for caption, counted, rows in tables:
+    for caption, counted, rows, digits in tables:
         if rows:
 
-            def cells(row: MethodError) -> tuple[str, ...]:
-                numbers = (f"{value:.4f}" for value in row.values.values())
+            def cells(row: MethodError, digits: int = digits) -> tuple[str, ...]:
+                numbers = (f"{value:.{digits}f}" for value in row.values.values())
                 return (row.style, row.method, YES[row.held_out], str(row.count), *numbers)
 
             yield _by_method(caption, ("style", "method", "held out", counted, *rows[0].values), rows, cells, own)
