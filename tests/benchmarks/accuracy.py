@@ -12,27 +12,41 @@ Errors are Euclidean norms of the RGB difference, 1 = full scale, or ΔE00. Seco
 """
 
 import runpy
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import permutations, product
 from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.stats import qmc
 
 import lutforge as lf
+from lutforge.calibration.calibrate import calibrate
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.images.read import read_image
-from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
+from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.luts.bake import bake_forms, bake_steps, grading_steps
+from lutforge.luts.programs import target_of
+from lutforge.luts.reading import file_processor
+from lutforge.luts.sequence import evaluate
+from lutforge.model.camera_profile import match, raw_to_balanced
+from lutforge.model.transform import through_stages
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.demo import HELD_OUT
+from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES
-from tests.benchmarks import bake_table, common, lattices, raw_transfer_table, refinish_table
+from tests.benchmarks import common, lattices, raw_transfer_table
 from tests.benchmarks.common import ROOT, Array, Figure, Figures, Parts
+from tests.cases import input_transforms
+from tests.cases.real_data import CHARTS
 
 
 def d40(sizes: tuple[int, ...]) -> Figures:
@@ -96,22 +110,137 @@ def _figures(name: str, colours: Array, truth: Array, *, display: bool = True) -
 
 
 def bakes(data: Path) -> Figures:
-    """Baked files of the physical D40 model, a render and a refinish."""
-    chosen = bake_table.transforms(bake_table.nikon_d40(data))
-    for name in ("render daylight", "refinish tungsten to daylight +0 EV"):
+    """Baked files of the physical D40 model, each read back by OpenColorIO at the better of both interpolations.
+
+    The .clf is also told by the error of `ociobakelut`, which has twice the nodes and the best of its shapers.
+    """
+    profile = common.nikon_d40(data)
+    grey = np.repeat(np.linspace(0, 1, 1025)[:, None], 3, axis=1)
+    corners = np.array(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0])).reshape(3, -1).T
+    x = np.concatenate([np.random.default_rng(3).random((30000, 3)), grey, corners]).astype(np.float32).astype(float)
+    chosen = {
+        "render daylight": profile.render("standard/daylight"),
+        # The other side's config holds the bare model.
+        "refinish tungsten to daylight +0 EV": profile.refinish(
+            "standard/tungsten", "standard/daylight", neutral_highlights=False
+        ),
+    }
+
+    def error(path: Path, method: Interpolation, wanted: Array) -> tuple[float, float]:
+        difference = delta_e_2000(evaluate(file_processor(path, method), x).astype(np.float64), wanted)
+        return float(difference.mean()), float(difference.max())
+
+    for name, transform in chosen.items():
+        wanted, best = transform(x), dict[str, tuple[float, float]]()
         with tempfile.TemporaryDirectory() as work:
-            files = bake_table.ours(chosen[name], Path(work), (17, 33))
-        for what, (mean, most) in files.items():
-            yield Figure(f"bake {name}, {what}³: mean ΔE00", mean)
-            yield Figure(f"bake {name}, {what}³: max ΔE00", most)
+            paths = [Path(work, file) for file in ("a.clf", "a.resolve.cube", "a.csp")]
+            for size, method in product((17, 33), INTERPOLATIONS):
+                luts = bake_forms(transform, [target_of(path, None, size, method) for path in paths])
+                for path, lut in zip(paths, luts, strict=True):
+                    key = f"{path.suffix} {size}"
+                    best[key] = min(best.get(key, (np.inf, np.inf)), error(lut.write(path), method, wanted))
+            for what, (mean, most) in best.items():
+                yield Figure(f"bake {name}, {what}³: mean ΔE00", mean)
+                yield Figure(f"bake {name}, {what}³: max ΔE00", most)
+            bare = evaluate(file_processor(bake_steps(transform, 65).write(Path(work, "model.clf"))), x).astype(float)
+            peer = min(error(path, method, bare) for path in by_ociobakelut(Path(work)) for method in INTERPOLATIONS)
+            for figure, mine, theirs in zip(("mean", "max"), best[".clf 17"], peer, strict=True):
+                yield Figure(f"bake {name}, .clf 17³ by 33³ of ociobakelut: {figure}", mine / theirs)
+
+
+def by_ociobakelut(folder: Path) -> Iterator[Path]:
+    """The 33³ .cube of the model.clf in a folder by each shaper, on a config that shapes by powers and a logarithm.
+
+    The logarithm takes the last ten stops, with a straight line below them.
+    """
+    shapes = [f"!<ExponentTransform> {{value: [{1 / g}, {1 / g}, {1 / g}, 1]}}" for g in (1.0, 1.5, 2.0, 2.4, 3.0)]
+    shapes += ["!<LogCameraTransform> {base: 2, log_side_slope: 0.1, log_side_offset: 1, lin_side_break: 0.00097656}"]
+    shapes += ["!<FileTransform> {src: model.clf}"]
+    spaces = (f"  - !<ColorSpace> {{name: {at}, from_scene_reference: {shape}}}\n" for at, shape in enumerate(shapes))
+    (folder / "config.ocio").write_text(
+        "ocio_profile_version: 2\nsearch_path: .\nroles: {default: raw}\ndisplays:\n  d:\n"
+        "    - !<View> {name: v, colorspace: raw}\nactive_displays: []\nactive_views: []\ncolorspaces:\n"
+        "  - !<ColorSpace> {name: raw, isdata: false}\n" + "".join(spaces)
+    )
+    command = [str(Path(sys.executable).with_name("ociobakelut")), "--iconfig", "config.ocio", "--inputspace", "raw"]
+    command += ["--outputspace", str(len(shapes) - 1), "--format", "resolve_cube", "--cubesize", "33", "baked.cube"]
+    shaped = product(range(len(shapes) - 1), (4096, 65536))
+    for shaper in ([], *(["--shaperspace", str(at), "--shapersize", str(length)] for at, length in shaped)):
+        subprocess.run([*command, *shaper], cwd=folder, check=True, capture_output=True)
+        yield folder / "baked.cube"
+
+
+STYLES = ("standard", "vivid")
+PLAN = (
+    (1.0, None, "wall"), (0.3, None, "wall"), (0.8, "tungsten", "still-life"), (0.7, "shade", "still-life"),
+    (0.5, "daylight", "wall"), (0.6, "fluorescent", "wall"), (1.3, "cloudy", "still-life"), (0.25, "tungsten", "wall"),
+    (1.4, "tungsten", "wall"), (1.3, "shade", "wall"), (0.9, None, "still-life"), (0.4, "shade", "chart"),
+)  # fmt: skip
+"""Relative exposure, light (None: the one that the white balance is made for) and scene of a setting's shots."""
+UNSEEN = (("still-life", 7, "daylight", 0.6), ("wall", 77, "daylight", 0.7), ("still-life", 8, "tungsten", 0.7))
+SIDE = 8
 
 
 def refinishes(keep: Path) -> Figures:
-    """Every pair of settings of a simulated camera, 144 shots: RMSE of the means of tiles and of single pixels."""
-    tiles, _, pixels, _ = np.array(list(refinish_table.errors(nikon_d5100(), keep / "refinish").values())).T
-    for name, values in (("tiles", tiles), ("pixels", pixels)):
-        yield Figure(f"refinish, 132 pairs, {name}: median", float(np.median(values)))
-        yield Figure(f"refinish, 132 pairs, {name}: max", float(values.max()))
+    """Every pair of settings of a simulated camera, 144 shots: RMSE of the means of tiles and of single pixels.
+
+    The floor is what the camera's own functions make of the same 8-bit JPEGs of quality 95.
+    """
+    camera, folder = nikon_d5100(), keep / "refinish"
+    settings, table = list(product(STYLES, camera.white_balances)), folder / "samples.csv"
+    if not table.exists():
+        for number, (style, balance) in enumerate(settings):
+            for index, (exposure, light, scene) in enumerate(PLAN):
+                place, count = divmod(number, len(settings) // 2)
+                picture = SCENES[scene](616, 920, 200 + 80 * place + len(PLAN) * count + index)
+                taken = CameraSettings(style, balance, camera.nominal_exposure_s * exposure)
+                photograph(camera, picture, taken, folder / "shots", f"{style}-{balance}-{index}", light=light)
+        lf.sample([folder / "shots"]).save(table)
+    profile = lf.calibrate(lf.read_samples(table))
+    encoded = {setting: np.concatenate(tiles) for setting, tiles in _unseen_tiles(camera, folder, settings).items()}
+    usable = {at: np.all((tiles > 0.002) & (tiles < 0.998), axis=(1, 2)) for at, tiles in encoded.items()}
+    raw = {at: profile.linearize("/".join(at))(tiles) for at, tiles in encoded.items()}
+    true_raw = {}
+    for at, tiles in encoded.items():
+        # Most colours of a JPEG occur more than once, and the true inverse is found by bisection.
+        colours, rows = np.unique(tiles[usable[at]].reshape(-1, 3), axis=0, return_inverse=True)
+        true_raw[at] = np.zeros_like(tiles)
+        true_raw[at][usable[at]] = camera.linearize(colours, *at)[rows.ravel()].reshape(-1, SIDE * SIDE, 3)
+    errors = []
+    for source, target in permutations(settings, 2):
+        selectors = profile.selector("/".join(source)), profile.selector("/".join(target))
+        exposed = raw_to_balanced(profile, selectors[0], profile, selectors[1])
+        _, _, highlights, render = grading_steps(profile.refinish(*selectors))
+        both = usable[source] & usable[target]
+        made = render(highlights(through_stages(exposed, raw[source][both])))
+        off = [made - encoded[target][both], camera.render(true_raw[source][both], *target) - encoded[target][both]]
+        errors.append([[np.sqrt(np.mean(each**2)) for each in (one.mean(axis=1), one)] for one in off])
+    for side, compared in (("", True), (", floor", False)):
+        for name, values in zip(("tiles", "pixels"), np.array(errors)[:, int(not compared)].T, strict=True):
+            yield Figure(f"refinish, 132 pairs, {name}{side}: median", float(np.median(values)), compared=compared)
+            yield Figure(f"refinish, 132 pairs, {name}{side}: max", float(values.max()), compared=compared)
+
+
+def _unseen_tiles(
+    camera: SimulatedCamera, folder: Path, settings: list[tuple[str, str]]
+) -> dict[tuple[str, str], list[Array]]:
+    """The 8 × 8 pixels (tiles, 64, 3) of scenes that were held out, by setting."""
+    tiles: dict[tuple[str, str], list[Array]] = {setting: [] for setting in settings}
+    for number, (scene, seed, light, exposure) in enumerate(UNSEEN):
+        place, exposure_s = folder / "held-out" / str(number), camera.nominal_exposure_s * exposure
+        if not (place / "shot.dng").exists():
+            taken = CameraSettings("standard", light, exposure_s)
+            photograph(camera, SCENES[scene](404, 608, seed), taken, place, "shot", light=light)
+        for (style, balance), parts in tiles.items():
+            path = place / f"{style}-{balance}.jpg"
+            if not path.exists():
+                shot = Photograph(place / "shot.dng", None)
+                develop_again(camera, shot, CameraSettings(style, balance, exposure_s), path)
+            pixels = read_image(path).pixels
+            rows, columns = (length // SIDE for length in pixels.shape[:2])
+            cut = pixels[: rows * SIDE, : columns * SIDE].reshape(rows, SIDE, columns, SIDE, 3).swapaxes(1, 2)
+            parts.append(cut.reshape(rows * columns, SIDE * SIDE, 3).astype(np.float64))
+    return tiles
 
 
 def charts() -> Figures:
@@ -123,6 +252,48 @@ def charts() -> Figures:
             values = [row.rmse[method] for row in rows]
             yield Figure(f"charts, {light}, {method}: mean", float(np.mean(values)))
             yield Figure(f"charts, {light}, {method}: max", float(np.max(values)))
+
+
+def matches() -> Figures:
+    """Ten cameras of which none has RAW but a Nikon D200: mean distances of the 90 pairs of pictures, one matched."""
+    charts = lf.read_samples(CHARTS)
+    for light in ("light1", "light2"):
+        samples = charts.select(np.char.startswith(charts.shot, light))
+        raw, cameras = samples.select(samples.camera == "NikonD200"), []
+        for name in np.unique(samples.camera):
+            own = taken = samples.select(samples.camera == name)
+            if name != "NikonD200":
+                here, there = _same_patches(own, raw)
+                none = np.full((len(here), 3), np.nan)
+                taken = replace(own.select(here), raw=raw.raw[there], raw_camera=raw.camera[there], wb=none)
+            cameras.append((own, calibrate(taken)[0]))
+        errors = []
+        for (one, source), (other, target) in permutations(cameras, 2):
+            here, there = _same_patches(one, other)
+            x, y = one.srgb[here], other.srgb[there]
+            inside = np.all((np.minimum(x, y) > 0.02) & (np.maximum(x, y) < 0.98), axis=1)
+            made = match(source, "standard/wb1", target, "standard/wb1")(x[inside])
+            errors.append(np.linalg.norm(made - y[inside], axis=1).mean())
+        yield Figure(f"charts matched, {light}: median", float(np.median(errors)))
+        yield Figure(f"charts matched, {light}: pairs of 90 beyond 0.03", float(np.sum(np.array(errors) > 0.03)))
+
+
+def _same_patches(one: lf.SampleSet, other: lf.SampleSet) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    here, there = (np.char.add(np.char.add(side.shot, "/"), side.patch) for side in (one, other))
+    _, first, second = np.intersect1d(here, there, return_indices=True)
+    return first, second
+
+
+def charts_without_raw() -> Figures:
+    """Input transforms of cameras without RAW, ΔE00 of exposures and of surfaces that were not photographed."""
+    settings = (("daylight", "daylight"), ("tungsten", "tungsten"), ("daylight", "cloudy"))
+    for camera, (light, white_balance) in product((nikon_d5100(), sigma_sd_merrill()), settings):
+        with tempfile.TemporaryDirectory() as folder:
+            errors = input_transforms.errors(camera, light, white_balance, Path(folder))
+        for method, values in errors.items():
+            for what, value in zip(("chart", "other surfaces"), values, strict=True):
+                name = f"input transform, {camera.model}, {light} on {white_balance}, {what}, {method}"
+                yield Figure(name, value, compared=method == "LutForge")
 
 
 def unseen_colours() -> Figures:
@@ -164,8 +335,10 @@ def transfers() -> Figures:
 def configs(data: Path, keep: Path) -> Figures:
     """JPEG to the scene reference and back through the written config, over colours that the model makes."""
     profiles = {
-        "D40": (bake_table.nikon_d40(data), "standard/daylight"),
+        "D40": (common.nikon_d40(data), "standard/daylight"),
         "S40": (lf.calibrate(common.s40(data, keep)), "standard/auto"),
+        "simulated, standard": (common.demo(keep)[1], "standard/daylight"),
+        "simulated, vivid": (common.demo(keep)[1], "vivid/daylight"),
     }
     for name, (profile, selector) in profiles.items():
         with tempfile.TemporaryDirectory() as folder:
@@ -197,6 +370,7 @@ def parts(keep: Path, *, quick: bool) -> Parts:
     if not quick:
         made |= {"refinishes": partial(refinishes, keep), "charts": charts}
         made |= {"unseen_colours": unseen_colours, "transfers": transfers}
+        made |= {"matches": matches, "charts_without_raw": charts_without_raw}
         if data is not None:
             made |= {"bakes": partial(bakes, data), "configs": partial(configs, data, keep)}
     return made

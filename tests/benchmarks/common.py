@@ -148,6 +148,12 @@ def s40(data: Path, keep: Path) -> lf.SampleSet:
     return lf.read_samples(table)
 
 
+def nikon_d40(data: Path) -> lf.CameraProfile:
+    """The published physical model of the Nikon D40."""
+    folder = data / "nus_nikon_d40"
+    return lf.import_published([folder / "other_white_balances", folder / "fluorescent"], "Nikon D40")
+
+
 def left_out(samples: lf.SampleSet) -> Iterator[tuple[str, lf.SampleSet, lf.SampleSet]]:
     """Each shot in turn: its name, the others' samples, and its own."""
     for name in np.unique(samples.shot):

@@ -2,10 +2,9 @@
 
     python -m tests.benchmarks.field [--keep DIR]
 
-Prints four tables. First, real photographs of a Canon PowerShot S40, each left out in turn: mean ΔE00 of flat tiles
-between the camera's JPEG and what a program or a model makes of the RAW file. Then one of them with white balance or
-exposure moved in the program, beside what the model renders for it. Then the way from JPEG to RAW, of these photographs
-and of the simulated camera. Last, a refinish on the simulated camera, beside a polynomial of 11 terms that
+Prints three tables. First, real photographs of a Canon PowerShot S40, each left out in turn: mean ΔE00 of flat tiles
+between the camera's JPEG and what a program or a model makes of the RAW file. Then the way from JPEG to RAW, of these
+photographs and of the simulated camera. Last, a refinish on the simulated camera, beside a polynomial of 11 terms that
 is fitted to the answer itself: no method that maps a picture by one such polynomial can do better in the mean square.
 
 darktable and RawTherapee run as they are installed, with their defaults; camera-match and darktable_lut_generator are
@@ -16,7 +15,6 @@ LUTFORGE_TEST_DATA names the folder of real data.
 
 import argparse
 import os
-import re
 import shutil
 import struct
 import subprocess
@@ -33,12 +31,10 @@ import lutforge as lf
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import style_data
 from lutforge.child_processes import run_command
-from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError
 from lutforge.evaluation.methods import LATTICE, fit_baselines
 from lutforge.images.raw import read_raw
-from lutforge.images.read import read_image
 from lutforge.kits.darktable import NEUTRAL
 from lutforge.kits.kit import look_of
 from lutforge.pipeline.kits import KitCheck, compare_with_jpeg, write_kit
@@ -54,8 +50,6 @@ darktable:raw_params="0" darktable:history_end="{}"><darktable:history><rdf:Seq>
 STEP = """<rdf:li darktable:num="{}" darktable:operation="{}" darktable:enabled="1" darktable:modversion="{}"
 darktable:params="{}" darktable:multi_name="" darktable:multi_priority="0"/>"""
 AUTO_MATCHED = "RawTherapee, its default with the auto-matched curve"
-MOVES = {"5,500 − 1,000 K": (4500, 0), "5,500 + 1,000 K": (6500, 0), "− 1 EV": (5500, -1), "+ 1 EV": (5500, 1)}
-"""White balance in kelvin, and exposure in stops."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,74 +210,6 @@ def photographs_table(shots: list[LeftOut]) -> dict[str, list[float]]:
     return errors
 
 
-def moved_by_darktable(shot: LeftOut, kit: Path, file: str, kelvin: int, ev: int, folder: Path) -> Array:
-    """A picture by a profile of a kit; without one, the balanced camera RGB that darktable feeds it, encoded too."""
-    (folder / "config" / "color").mkdir(parents=True)
-    shutil.copytree(kit, folder / "config" / "color" / "in")
-    kind, linear_rec2020, multipliers = 0 if file else 4, 4, shot.profile().multipliers(f"standard/{kelvin}K")
-    steps = [
-        ("colorin", 7, struct.pack("<i512s4i512x", kind, file.encode(), 0, 0, 0, linear_rec2020)),
-        ("temperature", 3, struct.pack("<4f", *multipliers, np.nan)),
-        ("exposure", 6, struct.pack("<i4fi", 0, 0.0, ev, 50.0, -4.0, 0)),
-    ]
-    pixels = encoded_pixels(by_darktable(shot.raw, folder, steps, "SRGB" if file else "LIN_REC2020"))
-    return pixels if file else rgb_space("srgb").encode(pixels)
-
-
-def moved_by_rawtherapee(shot: LeftOut, kit: Path, file: str, kelvin: int, ev: int, folder: Path) -> Array:
-    """The same of RawTherapee. Exposure is moved as the kit's page says."""
-    text = next(kit.glob("* icc.pp3")).read_text(encoding="utf-8")
-    text = re.sub("InputProfile=.*", f"InputProfile=file:{kit / file}" if file else "InputProfile=(none)", text)
-    text = text.replace("Setting=Camera", f"Setting=Custom\nTemperature={kelvin}\nGreen=1\nEqual=1")
-    if not file:
-        text = text.replace("WorkingProfile=ProPhoto", "WorkingProfile=sRGB")
-    if file.endswith(".dcp"):
-        text = text.replace("Compensation=0", f"Compensation={ev}")
-    else:
-        text = text.replace("[RAW]", f"[RAW]\nPreExposure={2.0**ev}")
-    output = folder / "developed.tif"
-    (folder / "moved.pp3").write_text(text, encoding="utf-8")
-    words = ["-p", str(folder / "moved.pp3"), "-t", "-b16", "-Y", "-c", str(shot.raw)]
-    run_command(["rawtherapee-cli", "-o", str(output), *words], "RawTherapee", shot.raw, output)
-    return encoded_pixels(output)
-
-
-def moved_table(shot: LeftOut) -> None:
-    """Print ΔE00 of a program's picture to what the model makes of the camera RGB that the program feeds it."""
-    programs = {"darktable": (moved_by_darktable, [".icc"]), "rawtherapee": (moved_by_rawtherapee, [".icc", ".dcp"])}
-    columns = [f"{program}, `{kind}`" for program, (_, kinds) in programs.items() for kind in kinds]
-    look = look_of(shot.profile(), SETTING)
-    heading(f"{shot.raw.stem} moved: mean ΔE00 to the model, 99 %, max", *columns)
-    with tempfile.TemporaryDirectory() as folder:
-        kits = {program: write_kit(shot.profile(), SETTING, Path(folder) / program, program) for program in programs}
-        for name, (kelvin, ev) in MOVES.items():
-            cells = []
-            for program, (develop, kinds) in programs.items():
-                means = []
-                for kind in ["", *kinds]:
-                    with tempfile.TemporaryDirectory() as place:
-                        file = f"{look.file_name}{kind}" if kind else ""
-                        means.append(blocks(develop(shot, kits[program], file, kelvin, ev, Path(place))))
-                fed, spread = means[0]
-                flat = np.all((spread < 0.03) & (fed + 3 * spread < 1.0), axis=-1)
-                wanted = np.clip(look.render(rgb_space("srgb").linearize(fed[flat])), 0.0, 1.0)
-                for shown, _ in means[1:]:
-                    error = delta_e_2000(np.clip(shown[flat], 0.0, 1.0), wanted)
-                    cells.append(f"{error.mean():.2f}, {np.quantile(error, 0.99):.2f}, {error.max():.2f}")
-            row(name, *cells)
-
-
-def encoded_pixels(picture: Path) -> Array:
-    return read_image(picture).pixels[..., :3].astype(np.float64)
-
-
-def blocks(pixels: Array, side: int = 16) -> tuple[Array, Array]:
-    """Mean and standard deviation of blocks of an image (h, w, c)."""
-    height, width = (length // side for length in pixels.shape[:2])
-    cut = pixels[: height * side, : width * side].reshape(height, side, width, side, -1)
-    return cut.mean(axis=(1, 3)), cut.std(axis=(1, 3))
-
-
 def verdicts(errors: dict[str, list[float]]) -> Iterator[str]:
     """Whether each kit is nearer to the JPEG than RawTherapee's auto-matched curve, and what it adds to the model."""
     auto_matched, model = (np.array(errors[name]) for name in (AUTO_MATCHED, "LutForge, its model on RAW"))
@@ -351,7 +277,6 @@ def main() -> int:
             for name, others, shot in common.left_out(samples)
         ]
         print("", *verdicts(photographs_table(shots)), sep="\n")
-        moved_table(shots[0])
         way_back_table(samples, keep)
         refinish_table(keep)
     return 0

@@ -14,7 +14,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,8 +26,6 @@ import psutil
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from PIL import Image as Pillow
 
-from lutforge.apply.blocks import apply_to_pixels
-from lutforge.apply.grade import LutRecipe
 from lutforge.arrays import Pixels
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
@@ -44,7 +41,6 @@ from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
 from tests.benchmarks import common
-from tests.benchmarks.bake_table import nikon_d40
 from tests.benchmarks.common import ROOT, Figure, Figures, Parts
 from tests.cases.pictures import write_cube
 from tests.cases.profiles import plain_profile
@@ -203,7 +199,7 @@ def bake_task(size: int, _: int) -> Callable[[], object]:
     """A refinish of the D40's published model, with 3,018 centres each way, baked and written as .clf and .cube."""
     data, folder = common.real_data(), Path(tempfile.mkdtemp())
     assert data is not None
-    transform = nikon_d40(data).refinish("standard/tungsten", "standard/daylight")
+    transform = common.nikon_d40(data).refinish("standard/tungsten", "standard/daylight")
     paths = [folder / "a.clf", folder / "a.resolve.cube"]
     targets = [target_of(path, None, size) for path in paths]
     return lambda: [lut.write(path) for lut, path in zip(bake_forms(transform, targets), paths, strict=True)]
@@ -333,40 +329,6 @@ def float_lines(folder: Path, lut: Path) -> Figures:
         yield Figure(name, ran.megabytes, 600, "MB")
 
 
-def memory_lines(folder: Path) -> Figures:
-    """24 Mpixel of float RGB in memory, on all sides into memory that is there."""
-    lut = write_cube(folder / "large.cube", nodes=33)
-    pixels, threads = scene(4000, 6000), os.cpu_count() or 1
-    processor = LutRecipe(lut).grade(lut).processor
-    ours, flat, size = pixels.copy(), pixels.copy().reshape(-1, 3), 1 << 16
-    source, target = oiio.ImageBuf(pixels), oiio.ImageBuf(pixels.copy())
-
-    def blocks() -> None:
-        """OpenColorIO's best: nothing but blocks, in place."""
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(lambda at: processor.applyRGB(flat[at : at + size]), range(0, len(flat), size)))
-
-    def clocked(side: Callable[[], object]) -> Callable[[], Ran]:
-        def once() -> Ran:
-            began = time.perf_counter()
-            side()
-            return Ran(time.perf_counter() - began, 0.0, 0.0, "")
-
-        return once
-
-    sides: list[Callable[[], object]] = [
-        lambda: apply_to_pixels(processor, ours, workers=threads, out=ours),
-        lambda: oiio.ImageBufAlgo.ociofiletransform(target, source, str(lut), nthreads=threads),
-        blocks,
-    ]
-    mine, by_oiio, by_ocio = alternating(*map(clocked, sides), rounds=5)
-    apart = np.abs(apply_to_pixels(processor, pixels) - np.asarray(target.get_pixels(oiio.FLOAT))).max()
-    yield Figure("a LUT on 24 Mpixel in memory", median(ran.seconds for ran in mine), unit="s", compared=False)
-    for name, theirs, limit in (("ociofiletransform", by_oiio, 3.0), ("blocks by OpenColorIO", by_ocio, 0.9)):
-        yield Figure(f"… speed, of {name}", ratio(theirs, mine), limit, at_least=True, compared=False)
-    yield Figure("… largest difference from ociofiletransform", float(apart), 1e-5)
-
-
 def start_lines(folder: Path, lut: Path, profile: Path) -> Figures:
     (picture,) = jpegs(folder / "one", 1, 600, 800)
     yield timed("start: lutforge --help", 0.25, lambda: lutforge("--help"))
@@ -489,7 +451,6 @@ def parts(folder: Path) -> Parts:
         "start": lambda: start_lines(folder, lut, profile),
         "calibrate config": lambda: fit_lines(folder, table, profile),
         "tasks": task_lines,
-        "memory": lambda: memory_lines(folder),
         "jpeg": lambda: jpeg_lines(folder, lut),
         "light": lambda: light_lines(folder),
         "tif exr": lambda: float_lines(folder, lut),

@@ -7,17 +7,34 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lutforge.arrays import Pixels
+from lutforge.calibration.calibrate import calibrate as calibrate_once
 from lutforge.calibration.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import unclipped
 from lutforge.errors import ProfileError
 from lutforge.evaluation.evaluation import evaluate
-from lutforge.model.camera_profile import load_profile
+from lutforge.images.read import read_image
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.falloff import Falloff, falloff_of
 from lutforge.pipeline.calibration import calibrate
+from lutforge.pipeline.grading import apply
+from lutforge.pipeline.sampling import sample
+from lutforge.samples.extract import extract
 from lutforge.samples.sample_set import SampleSet
+from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
-from tests.cases.samples import lost_stops, photograph_patches, spread_over_picture, surfaces, with_dark_corners
+from lutforge.simulate.photograph import BORDER, CameraSettings, Photograph, photograph
+from lutforge.simulate.scene import chart_scene
+from tests.cases.samples import (
+    chart_140,
+    lost_stops,
+    photograph_patches,
+    spread_over_picture,
+    surfaces,
+    with_bright_jpegs,
+    with_dark_corners,
+)
 
 BALANCES = ("tungsten", "daylight", "shade")
 
@@ -45,6 +62,19 @@ def test_the_fourth_power_of_a_cosine_is_recovered() -> None:
     stops = 2.0 * np.log2(1.0 + 0.7 * np.sum(samples.position**2, axis=1))
     (falloff,) = _fitted(with_dark_corners(samples, stops))
     np.testing.assert_allclose(falloff.stops(samples.position), stops, atol=0.02)
+
+
+@pytest.mark.slow
+def test_falloff_of_real_photographs_is_recovered(shared_data: Path) -> None:
+    """RAW darkened, or JPEGs brightened through the camera's own rendering. As they are, none is found."""
+    photographs = sample([shared_data / "canon_powershot_s40"])
+    assert _fitted(photographs) == ()
+    profile, _ = calibrate_once(photographs, CalibrationOptions(size=17))
+    for ev, centre in ((0.3, (0.0, 0.0)), (1.5, (0.0, 0.0)), (0.85, (0.06, -0.05))):
+        stops = lost_stops(photographs, ev, centre)
+        for samples in (with_dark_corners(photographs, stops), with_bright_jpegs(photographs, stops, profile)):
+            (falloff,) = _fitted(samples)
+            np.testing.assert_allclose(falloff.stops(photographs.position), stops, atol=0.05)
 
 
 def test_lens_settings_have_falloffs_of_their_own() -> None:
@@ -122,3 +152,54 @@ def test_gain_is_that_of_the_places_of_pixels() -> None:
     place = np.array([29.5 - 15.0, 0.5 - 10.0]) / np.hypot(15, 10)
     assert gain[0, 29] == pytest.approx(2.0 ** float(falloff.stops(place)))
     assert falloff.stops([np.nan, np.nan]) == 0.0
+
+
+# --- RAW files of a lens that loses light towards the corners, which the camera corrects in its JPEGs -----------------
+
+
+CAMERA = nikon_d5100()
+LENS = Falloff((0.5, 0.5, 0.4), (0.03, -0.04), aperture=8.0)
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory: pytest.TempPathFactory) -> Photograph:
+    settings = CameraSettings(exposure_s=0.8 * CAMERA.nominal_exposure_s, falloff=LENS, preview_scale=1.0)
+    return photograph(CAMERA, chart_scene(400, 600), settings, tmp_path_factory.mktemp("shot"), "dark-corners")
+
+
+@pytest.fixture(scope="module")
+def profile() -> CameraProfile:
+    samples = photograph_patches(CAMERA, chart_140(), balances=("daylight",), stops=(-4, -2, 0))
+    return calibrate(samples, CalibrationOptions(size=9))
+
+
+def _error(profile: CameraProfile, shot: Photograph, folder: Path) -> Pixels:
+    """Of the RAW graded by a profile against the camera's JPEG, smoothed over 8 × 8 pixels."""
+    profile.save(folder / "camera.npz")
+    result = apply(folder / "camera.npz", shot.dng, folder / "graded", suffix=".png")
+    assert not result.failed
+    graded = read_image(next((folder / "graded").iterdir())).pixels[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
+    assert shot.jpeg is not None
+    difference = graded - read_image(shot.jpeg).pixels
+    height, width = (size // 8 for size in difference.shape[:2])
+    cells = difference[: 8 * height, : 8 * width].reshape(height, 8, width, 8, 3).mean(axis=(1, 3))
+    return np.asarray(np.abs(cells).max(axis=-1))
+
+
+def test_apply_brightens_the_corners(profile: CameraProfile, shot: Photograph, tmp_path: Path) -> None:
+    known = _error(replace(profile, falloffs=(LENS,)), shot, tmp_path)
+    other = _error(replace(profile, falloffs=(replace(LENS, lens="another"),)), shot, tmp_path)
+    corner, middle = np.s_[:6, :6], np.s_[20:28, 32:40]
+    assert np.median(known[corner]) < 0.01
+    assert np.median(other[corner]) > 0.1
+    assert np.median(known[middle]) < 0.01
+
+
+def test_samples_of_a_photograph_know_their_places(profile: CameraProfile, shot: Photograph) -> None:
+    """RAW, brightened at its places, is what the camera rendered."""
+    samples = extract(read_shot(shot.dng)).samples
+    gain = 2.0 ** LENS.stops(samples.position)[:, None]
+    assert np.ptp(np.linalg.norm(samples.position, axis=1)) > 0.5
+    rendered = CAMERA.render(samples.raw * gain, "standard", "daylight")
+    assert np.median(np.abs(rendered - samples.srgb)) < 0.004
+    assert set(samples.aperture) == {8.0}

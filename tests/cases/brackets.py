@@ -1,7 +1,6 @@
 """Brackets of a camera whose response is known: noise, clipping, a shutter that is off, and a mild gamut map."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from io import BytesIO
 
 import numpy as np
@@ -62,19 +61,13 @@ CURVES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
-@dataclass(frozen=True)
-class BracketErrors:
-    """Relative errors of f⁻¹ at white and at code 20, both over middle grey, and of the worst exposure."""
-
-    white: float
-    dark: float
-    shutter: float
-
-
 def errors_of(
     fit: BracketFit, response: Callable[[np.ndarray], np.ndarray], times: Sequence[float], errors: np.ndarray
-) -> BracketErrors:
-    """How far a fit is off; a power common to f⁻¹ and to all exposures cannot be told, and is taken out of these."""
+) -> list[float]:
+    """Relative errors of f⁻¹ at white and at code 20, both over middle grey, and of the worst exposure.
+
+    A power common to f⁻¹ and to all exposures cannot be told, and is taken out of these.
+    """
     light = np.linspace(0, 1, 100_001)
     codes = np.array([20 / 255, 0.5, 1.0])
     dark, middle, white = np.interp(codes, response(light), light)
@@ -82,15 +75,11 @@ def errors_of(
     at = np.log(times) - np.mean(np.log(times))
     off = np.log([fit.exposure_error[f"{time:g}"] for time in times]) - np.log(errors)
     off -= off.mean() + at * (off @ at) / (at @ at)
-    return BracketErrors(
-        float(np.abs(found[2] / found[1] / (white / middle) - 1).max()),
-        float(np.abs(found[0] / found[1] / (dark / middle) - 1).max()),
-        float(np.abs(off).max()),
-    )
+    ends = (found[2] / found[1] / (white / middle) - 1, found[0] / found[1] / (dark / middle) - 1)
+    return [float(np.abs(error).max()) for error in (*ends, off)]
 
 
 ADAPTATIONS: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
-    "gamma": lambda x, amount: x ** (1 + amount),
     "shadows": lambda x, amount: x + 4 * max(-amount, 0.0) * x * (1 - x) ** 3,
     "highlights": lambda x, amount: x - 4 * max(amount, 0.0) * x**3 * (1 - x),
     "contrast": lambda x, amount: x + 4 * amount * (x - 0.5) * x * (1 - x),

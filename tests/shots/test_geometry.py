@@ -9,10 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import map_coordinates
 
 from lutforge.arrays import Array
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.inspection import inspect
 from lutforge.pipeline.kits import compare_with_jpeg
+from lutforge.pipeline.sampling import sample
 from lutforge.samples.extract import extract, places_in_picture
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Distortion, Registration
@@ -71,6 +75,27 @@ def test_samples_of_straightened_pictures_are_as_good(drawn: Distortion, tmp_pat
     assert found.red == pytest.approx(drawn.red, abs=5e-4)
     assert found.blue == pytest.approx(drawn.blue, abs=5e-4)
     assert error(bent) < 1.1 * error(plain)
+
+
+@pytest.mark.slow
+def test_straightened_photographs_calibrate_as_well(shared_data: Path, tmp_path: Path) -> None:
+    """Five previews, resampled at r (1 − 0.06 r²) to fill their frame; as they are, none is told to be straightened."""
+    shots = [Path(shutil.copy(raw, tmp_path)) for raw in (shared_data / "canon_powershot_s40").glob("*.CRW")]
+    plain = calibrate(sample(shots), CalibrationOptions(size=17)).styles["standard"].errors
+    for raw in shots:
+        read = read_shot(raw)
+        assert not read.lens_note
+        height, width = read.jpeg.shape[:2]
+        middle, half = np.array([width, height]) / 2, math.hypot(width, height) / 2
+        away = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1) - middle
+        bent = 1 - 0.06 * np.square(away / half).sum(axis=-1, keepdims=True)
+        x, y = np.moveaxis(away * bent / bent[0, width // 2] + middle - 0.5, -1, 0)
+        planes = [map_coordinates(plane, [y, x], mode="nearest") for plane in np.moveaxis(read.jpeg, -1, 0)]
+        Image.fromarray(np.stack(planes, axis=-1)).save(raw.with_suffix(".JPG"), quality=98, subsampling=0)
+    assert "barrel" in read_shot(shots[0]).lens_note
+    straightened = calibrate(sample(shots), CalibrationOptions(size=17)).styles["standard"].errors
+    for figure in ("render_mean", "linearize_mean"):
+        assert straightened[figure] < 1.1 * plain[figure]
 
 
 def test_a_crop_of_a_straightened_picture_is_found(tmp_path: Path) -> None:
