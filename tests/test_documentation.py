@@ -8,8 +8,8 @@ import pytest
 
 import lutforge as lf
 from lutforge.pipeline.kits import KITS
-from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
+from tests.cases.samples import samples_of_settings
 from tests.conftest import CommandLine
 
 ROOT = Path(__file__).parents[1]
@@ -89,19 +89,9 @@ def test_the_readme_is_short_and_its_figures_are_those_of_the_guide() -> None:
 
 def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code = README.split("```python\n", 1)[1].split("```", 1)[0]
-    camera, rng, count = nikon_d5100(), np.random.default_rng(2), 400
-    balances = rng.choice(["tungsten", "daylight"], count)
-    styles = np.where(np.arange(count) % 2, "standard", "vivid")
-    gains = np.array([camera.white_balances[name].multipliers for name in balances])
-    raw = rng.uniform(0.02, 0.5, (count, 3)) / gains
-    srgb = np.array([camera.render(r, s, b) for r, s, b in zip(raw, styles, balances, strict=True)])
-    shot = np.char.add("shot", (np.arange(count) % 4).astype(np.str_))
-    samples = SampleSet.from_arrays(
-        raw, srgb, camera="Simulated", style=styles, white_balance=balances, shot=shot, exposure_s=0.01, wb=gains
-    )
-    samples.save(tmp_path / "samples.csv")
+    samples_of_settings(nikon_d5100(), 2, balances=("tungsten", "daylight")).save(tmp_path / "samples.csv")
     monkeypatch.chdir(tmp_path)
-    names = {"pixels": rng.random((4, 5, 3))}
+    names = {"pixels": np.random.default_rng(2).random((4, 5, 3))}
     exec(code, names)
     assert names["image"].shape == (4, 5, 3)
     assert (tmp_path / "fix.clf").stat().st_size > 0

@@ -1,6 +1,5 @@
 """The steps of the journey, where they join."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from lutforge.errors import SampleError, ShotError
 from lutforge.pipeline.sampling import gather_samples, sample_shots
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.demo import SHOTS, demo_shots
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
 from tests.cases.samples import chart_140, made_samples, photograph_patches
@@ -63,30 +61,6 @@ def test_a_table_that_is_named_twice_counts_once(tmp_path: Path) -> None:
 def test_nothing_given() -> None:
     with pytest.raises(SampleError, match="nothing given"):
         gather_samples([])
-
-
-@pytest.mark.slow
-def test_shots_of_the_demo_register_where_they_were_taken(tmp_path: Path) -> None:
-    """A full-size JPEG lies 8 and 4 pixels in from the RAW's corner, a half-size preview has scale 2."""
-    from lutforge.shots.read import read_shot
-
-    shots = demo_shots(tmp_path)
-    assert len(shots.calibration) == len(SHOTS)
-    for path in shots.calibration[:4]:
-        place = read_shot(path).registration
-        assert place.scale == pytest.approx(round(place.scale), abs=1e-3)
-        assert (place.offset_x, place.offset_y) == pytest.approx((8.0, 4.0), abs=0.15)
-
-
-def test_a_held_out_shot_is_told_from_one_that_was_calibrated_from() -> None:
-    samples = made_samples()
-    first = samples.select(samples.shot != "s2")
-    profile = lf.calibrate(first, lf.CalibrationOptions(size=9))
-    rows = lf.evaluate(profile, replace(samples)).rows
-    mine = [row for row in rows if row.direction == "render" and row.method == "lattice" and row.shot != "all"]
-    assert {row.shot for row in mine} == {"s0", "s1", "s2"}
-    assert all(row.held_out for row in mine)
-    assert all(row.figures.mean < 0.02 for row in mine)
 
 
 def test_what_is_neither_samples_nor_paths_is_refused_in_one_line() -> None:

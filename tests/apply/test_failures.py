@@ -54,6 +54,7 @@ def test_each_failure_is_named_and_nothing_is_lost(folder: Path, run: Run) -> No
     summary = json.loads(done.stdout)
     assert [entry["output"] for entry in summary["graded"]] == ["out/good.png", "out/good.tif", "out/inside.jpg"]
     assert {entry["source"] for entry in summary["failed"]} == set(bad)
+    assert "red, green and blue; this image has 1 channel" in done.stderr
     lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
     assert len(lines) == 6
     assert all(line.startswith("lutforge: ") for line in lines), lines

@@ -12,7 +12,12 @@ from tests.cases.samples import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 SAMPLES = photograph_patches(CAMERA, chart_140(), balances=("daylight", "tungsten"), stops=(-3, -2, -1, 0))
-PAIRS = pairs_of_samples(SAMPLES)
+PAIRS, VIVID = (
+    pairs_of_samples(SAMPLES),
+    pairs_of_samples(
+        photograph_patches(CAMERA, chart_140(), styles=("vivid",), balances=("daylight",), stops=(-3, -2, -1, 0))
+    ),
+)
 
 
 def test_one_function_a_ratio_and_it_is_the_cameras() -> None:
@@ -31,8 +36,7 @@ def test_one_function_a_ratio_and_it_is_the_cameras() -> None:
 
 def test_removing_outliers_brings_the_function_nearer_to_the_cameras() -> None:
     """The thesis's Fig. 4.2, where the gamut map moves much."""
-    vivid = photograph_patches(CAMERA, chart_140(), styles=("vivid",), balances=("daylight",), stops=(-3, -2, -1, 0))
-    one = min(transfer_functions(pairs_of_samples(vivid)), key=lambda function: abs(function.stops - 1.0))
+    one = min(transfer_functions(VIVID), key=lambda function: abs(function.stops - 1.0))
     codes = np.linspace(0.1, 0.7, 100)
     true = CAMERA.styles["vivid"][1]
     expected = true(2.0**one.stops * true.inverse(np.stack([codes] * 3, axis=1)))
@@ -46,8 +50,7 @@ def test_removing_outliers_brings_the_function_nearer_to_the_cameras() -> None:
 
 def test_outliers_are_the_saturated_colours_and_the_response_is_fixed() -> None:
     assert judge(PAIRS).fixed
-    vivid = photograph_patches(CAMERA, chart_140(), styles=("vivid",), balances=("daylight",), stops=(-3, -2, -1, 0))
-    verdict = judge(pairs_of_samples(vivid))
+    verdict = judge(VIVID)
     assert verdict.fixed
     assert verdict.outlier_saturation > verdict.inlier_saturation + 0.1
     assert 0.0 < verdict.outliers < 0.3

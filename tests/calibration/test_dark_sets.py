@@ -12,6 +12,7 @@ from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.model.response import Response
+from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from tests.cases.real_data import CHARTS, middlebury_table, read_published_pairs
@@ -55,23 +56,20 @@ def mostly_dark(x: Array, encoded: Array) -> Iterator[Fitted]:
         yield x[rows], encoded[rows], x, encoded
 
 
-def of_d40() -> Iterator[Fitted]:
-    pairs = read_published_pairs()
-    return mostly_dark(pairs.balanced, pairs.encoded)
-
-
-def of_chart(camera: str) -> Iterator[Fitted]:
+def of_chart(camera: str) -> SampleSet:
     samples = read_samples(CHARTS)
     samples = samples.select(samples.camera == camera)
-    samples = samples.select(middlebury_table().unclipped(samples))
-    return mostly_dark(samples.raw * complete_multipliers(samples)[0], samples.srgb)
+    return samples.select(middlebury_table().unclipped(samples))
 
 
 def sets(name: str) -> Iterator[Fitted]:
     camera, _, style = name.partition(" ")
     if style:
         return simulated(nikon_d5100() if camera == "D5100" else sigma_sd_merrill(), style)
-    return of_d40() if name == "D40" else of_chart(name)
+    if name == "D40":
+        return mostly_dark(read_published_pairs().balanced, read_published_pairs().encoded)
+    samples = of_chart(name)
+    return mostly_dark(samples.raw * complete_multipliers(samples)[0], samples.srgb)
 
 
 def error(matrix: Array, response: Response, x: Array, encoded: Array) -> float:
@@ -128,9 +126,7 @@ def test_a_response_of_exposures_does_not_run_away_above_the_brightest(camera: s
 
     It is 0.69 to 1.0 times; with a prior so weak that pairs alone tell the curve, 0.26 to 1.4 times.
     """
-    samples = read_samples(CHARTS)
-    samples = samples.select(samples.camera == camera)
-    samples = samples.select(middlebury_table().unclipped(samples))
+    samples = of_chart(camera)
     of_raw = fit_matrix_and_response(samples.raw * complete_multipliers(samples)[0], samples.srgb).response
     dark = samples.select(samples.srgb.max(axis=1) < 0.5)
     of_pairs = fit_response_to_exposures(pairs_of_samples(dark), "thesis").response

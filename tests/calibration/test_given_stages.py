@@ -99,16 +99,16 @@ def test_options_of_the_stages_come_back_from_a_profile() -> None:
     options = CalibrationOptions(physical=physical)
     assert options_from_json(options.as_json()).physical == physical
     assert "physical" not in CalibrationOptions().as_json()
-    for wrong in (
-        {"beta": 0.0},
-        {"curves": 0},
-        {"weighting": 2.0},
-        {"centres": 1},
-        {"rho": -1.0},
-        {"rho": float("inf")},
+    for name, wrong in (
+        ("beta", 0.0),
+        ("curves", 0),
+        ("weighting", 2.0),
+        ("centres", 1),
+        ("rho", -1.0),
+        ("rho", np.inf),
     ):
         with pytest.raises(CalibrationError):
-            PhysicalOptions(**wrong)
+            PhysicalOptions(**{name: wrong})  # type: ignore[arg-type]  # options by name
 
 
 def test_pairs_that_are_left_out_do_not_tell_the_response(samples: SampleSet) -> None:

@@ -1,4 +1,4 @@
-"""Matrix and response from samples of a camera that has no gamut map but clips, noise and strays."""
+"""Matrix, response and multipliers: of a made camera that clips, with noise and strays, and of the simulated one."""
 
 from dataclasses import replace
 
@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import encoded_residual, fit_matrix_and_response
-from lutforge.calibration.style import fit_lattices, style_data
+from lutforge.calibration.options import CalibrationOptions, Preset
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.physical.physical_model import KNOWN, fit_matrix
+from lutforge.calibration.physical.unsaturated import BETA, saturation, untouched
+from lutforge.calibration.style import fit_lattices, style_data, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.samples.table import read_samples
-from lutforge.solvers.robust_weights import RobustWeights, cauchy
+from lutforge.simulate.camera import nikon_d5100
 from tests.cases.real_data import S40
-from tests.cases.samples import style_of
+from tests.cases.samples import BALANCES, chart_140, photograph_patches, style_of
 
 Array = NDArray[np.float64]
 
@@ -46,17 +48,6 @@ def test_recovers_both(noise: float, strays: float, least: float) -> None:
     assert error.mean() < 0.006
     # But for the few colours that the fitted curve clips.
     assert np.quantile(np.abs(found.linearize(found.render(unseen)) - unseen), 0.99) < 1e-9
-
-
-def test_strays_are_told_from_the_others() -> None:
-    x, y = samples(1000, 3, 0.002)
-    y[:50] = 1 - y[:50]
-    found = fit_matrix_and_response(x, y)
-    moved = np.linalg.norm(y[:50] - encode(x[:50] @ MATRIX.T), axis=1) > 0.2
-    inlier = RobustWeights(cauchy, multiple=4.0, least=2.0 / 255.0)(
-        encoded_residual(found.response, found.matrix, x, y)
-    )
-    assert inlier[:50][moved].max() < 0.2 < 0.5 < np.median(inlier[50:])
 
 
 def test_grey_samples_leave_the_matrix_the_identity() -> None:
@@ -98,9 +89,53 @@ def test_too_few_samples() -> None:
         fit_matrix_and_response(x, y)
 
 
-def squeeze(linear: Array) -> Array:
-    """A gamut map: less chroma where there is much."""
-    grey = linear.mean(axis=1, keepdims=True)
-    chroma = linear - grey
-    size = np.linalg.norm(chroma, axis=1, keepdims=True)
-    return np.asarray(grey + chroma * 0.25 / np.maximum(0.25, size))
+# --- Ts and Tw of the simulated camera, with multipliers known, partly known, and unknown -----------------------------
+
+
+CAMERA = nikon_d5100()
+SAMPLES = photograph_patches(CAMERA, chart_140())
+SAMPLES = SAMPLES.select(unclipped(SAMPLES, SAMPLES.wb))
+LINEAR = CAMERA.styles["standard"][1].inverse(SAMPLES.srgb)
+TRUSTED = untouched(SAMPLES.srgb).astype(np.float64)
+BALANCED, ALL_KNOWN = SAMPLES.raw * SAMPLES.wb, np.full(len(SAMPLES), KNOWN)
+
+
+@pytest.mark.parametrize("known", [BALANCES, ("daylight",), ()])
+@pytest.mark.parametrize("preset", ["lutforge", "thesis"])
+def test_matrix_and_multipliers_are_the_cameras(known: tuple[str, ...], preset: Preset) -> None:
+    is_known = np.isin(SAMPLES.white_balance, known)
+    raw = np.where(is_known[:, None], SAMPLES.raw * SAMPLES.wb, SAMPLES.raw)
+    setting = np.where(is_known, KNOWN, SAMPLES.white_balance)
+    matrix, multipliers = fit_matrix(LINEAR, raw, setting, trusted=TRUSTED, preset=preset)
+    assert np.linalg.norm(matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
+    for name in np.unique(SAMPLES.white_balance[~is_known]):
+        np.testing.assert_allclose(multipliers[name], CAMERA.multipliers(name), rtol=0.005)
+        assert multipliers[name][1] == 1.0
+
+
+def test_colours_near_white_are_what_turns_the_plain_fit() -> None:
+    """The thesis's threshold β alone lets them in; the robust fit tells them by their residual."""
+    every = (saturation(SAMPLES.srgb) < BETA).astype(np.float64)
+    error = {}
+    for name, trusted in (("β", every), ("not near white", TRUSTED)):
+        matrix, _ = fit_matrix(LINEAR, BALANCED, ALL_KNOWN, trusted=trusted, preset="thesis")
+        error[name] = np.linalg.norm(matrix - CAMERA.matrix) / np.linalg.norm(CAMERA.matrix)
+    assert error["not near white"] < 0.005 < 0.02 < error["β"]
+
+
+def test_strays_do_not_turn_the_robust_fit() -> None:
+    rng = np.random.default_rng(0)
+    raw = BALANCED.copy()
+    strays = rng.permutation(len(raw))[: len(raw) // 20]
+    raw[strays] *= rng.uniform(0.5, 2.0, (len(strays), 3))
+    matrix, _ = fit_matrix(LINEAR, raw, ALL_KNOWN, trusted=TRUSTED)
+    assert np.linalg.norm(matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
+
+
+def test_colours_that_cannot_tell_the_matrix_are_refused() -> None:
+    setting = np.full(40, "daylight")
+    grey = np.linspace(0.05, 0.9, 40)[:, None] * np.ones((1, 3))
+    with pytest.raises(CalibrationError, match="colour chart"):
+        fit_matrix(grey, grey, setting, trusted=np.ones(40))
+    with pytest.raises(CalibrationError, match="0 unsaturated colours"):
+        fit_matrix(grey, grey, setting, trusted=np.zeros(40))

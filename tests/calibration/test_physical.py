@@ -14,13 +14,11 @@ from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import unclipped
 from lutforge.evaluation.linearization import model_delta
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_data import PictureStyle
 from lutforge.model.response import Response
-from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
-from tests.cases.samples import BALANCES, chart_140, photograph_patches, surfaces
+from tests.cases.samples import chart_140, photograph_patches, surfaces
 
 CAMERA = nikon_d5100()
 
@@ -112,19 +110,3 @@ def test_delta_of_the_model_is_less_with_the_gamut_map(small: tuple[SampleSet, C
     without, with_map = model_delta(pairs_of_samples(inside), profile.styles["standard"].physical[0])
     assert max(with_map) < max(without)
     assert max(with_map) < 0.004  # thesis, figure 4.3
-
-
-def test_refinish_with_the_physical_model() -> None:
-    samples = photograph_patches(CAMERA, chart_140(), balances=("tungsten", "daylight", "shade"))
-    samples = samples.select(unclipped(samples, samples.wb))
-    stages = fit_stages(samples, samples.wb, np.ones(len(samples), dtype=np.bool_))
-    base = MatrixAndResponse(stages.matrix, stages.responses["standard"])
-    model = fit_camera_model(base, samples.raw * samples.wb, samples.srgb, BALANCES)
-    balances = {name: WhiteBalance(CAMERA.white_balances[name].multipliers) for name in ("tungsten", "daylight")}
-    profile = CameraProfile(CAMERA.name, stages.matrix, balances, {"standard": PictureStyle(physical=(model,))})
-    raw = CAMERA.expose(surfaces(200, 3), "daylight") * 0.4
-    before = CAMERA.render(raw, "standard", "tungsten")
-    wanted = CAMERA.render(raw, "standard", "daylight", ev=0.5)
-    after = profile.refinish("standard/tungsten", "standard/daylight", ev=0.5)(before)
-    seen = np.all((before > 0.02) & (before < 0.98) & (wanted > 0.02) & (wanted < 0.98), axis=1)
-    assert np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2)) < 0.02  # the thesis's figure 6.2

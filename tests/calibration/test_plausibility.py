@@ -56,13 +56,6 @@ def test_a_profile_keeps_what_was_found_and_blames_no_shot(sets: dict[str, Sampl
     assert words in str(report)  # on its first page
 
 
-def test_diagnoses_survive_the_profile_file(sets: dict[str, SampleSet], tmp_path) -> None:  # type: ignore[no-untyped-def]
-    spoilt = CASES["red and blue of the JPEG swapped"][1](sets["D40"], np.random.default_rng(1))
-    profile = lf.calibrate(spoilt, lf.CalibrationOptions(size=5))
-    profile.save(tmp_path / "camera.npz")
-    assert lf.load_profile(tmp_path / "camera.npz").diagnoses == profile.diagnoses
-
-
 def test_settings_with_each_other_s_names_are_told_by_the_warmth_of_their_light(sets: dict[str, SampleSet]) -> None:
     other = {"tungsten": "shade", "shade": "tungsten"}
     names = np.array([other.get(str(name), str(name)) for name in sets["D5100"].white_balance])

@@ -1,14 +1,6 @@
-"""Files of every kind that are read from strangers: sound, and damaged; each is read, or is one line of our own error.
-
-As a script it reads many damaged ones, in processes of their own, so that a crash of a native library is told, too:
-
-    python -m tests.cases.damaged COUNT [KIND…]
-"""
+"""Files of every kind that strangers hand in, sound and damaged: each is read, or is one line of our own error."""
 
 import re
-import subprocess
-import sys
-import tempfile
 import time
 import warnings
 from collections.abc import Callable, Mapping
@@ -38,7 +30,7 @@ from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
-from tests.cases.luts import lut_of_nodes
+from tests.cases.pictures import lut_of_nodes
 from tests.cases.profiles import small_profile
 from tests.cases.real_data import S40
 
@@ -178,46 +170,3 @@ def fault(path: Path, read: Callable[[Path], object]) -> str:
         problem = f"{type(error).__name__}: {str(error)[:200]}"
     seconds = time.process_time() - began
     return problem or (f"{seconds:.1f} s" if seconds > SLOWEST else "")
-
-
-def main(count: int, kinds: list[str]) -> None:
-    """Read `count` damaged files of each kind, and print what went wrong; files that did are kept."""
-    kept = Path(tempfile.mkdtemp(prefix="damaged-"))
-    with tempfile.TemporaryDirectory() as name:
-        sound = whole_files(Path(name))
-    for suffix in kinds or READERS:
-        (kept / f"sound{suffix}").write_bytes(sound[suffix])
-        faults, first = 0, 0
-        while first < count:
-            command = [sys.executable, "-m", __spec__.name, "--batch", str(kept), suffix, str(first), str(count)]
-            run = subprocess.run(command, capture_output=True, text=True, check=False)
-            lines = run.stdout.splitlines()
-            faults += sum(line.startswith("fault") for line in lines)
-            print("\n".join(line for line in lines if line.startswith("fault")), flush=True)
-            last = max((int(line.split()[1]) for line in lines), default=first)
-            if run.returncode != 0:
-                faults += 1
-                print(
-                    f"fault {last} {suffix}: the process ended with {run.returncode}: {run.stderr[-200:]!r}", flush=True
-                )
-            first = last + 1 if run.returncode != 0 else count
-        print(f"{suffix}: {count} files, {faults} faults", flush=True)
-    print(f"kept in {kept}")
-
-
-def batch(folder: Path, suffix: str, first: int, last: int) -> None:
-    """Read the damaged files of these numbers, each told of before it is read."""
-    data, path = (folder / f"sound{suffix}").read_bytes(), folder / f"at{suffix}"
-    for number in range(first, last):
-        path.write_bytes(damaged(data, np.random.default_rng([7, number])))
-        print("at", number, flush=True)
-        if problem := fault(path, READERS[suffix]):
-            path.replace(folder / f"{number}{suffix}")
-            print("fault", number, f"{suffix}: {problem}", flush=True)
-
-
-if __name__ == "__main__":
-    if sys.argv[1] == "--batch":
-        batch(Path(sys.argv[2]), sys.argv[3], int(sys.argv[4]), int(sys.argv[5]))
-    else:
-        main(int(sys.argv[1]), sys.argv[2:])

@@ -48,11 +48,6 @@ def test_a_raw_without_preview_and_one_whose_jpeg_is_of_something_else(refused: 
     assert "does not match" in refused(tmp_path, "calibrate", "alone.dng", "-o", "x.npz")
 
 
-@pytest.mark.parametrize("name", ["Canon_G1_bayer4.crw", "Nikon_D1_RAW_NIKON_D1.NEF", "DC0008L.KDC"])
-def test_unusual_raw_files(refused: Refused, shared_data: Path, tmp_path: Path, name: str) -> None:
-    assert name in refused(tmp_path, "calibrate", shared_data / "unusual_raw" / name, "-o", "x.npz")
-
-
 def small_table(path: Path) -> None:
     """60 samples of two shots."""
     write_samples(path, made_samples(60, shots=("a", "b")))

@@ -1,21 +1,14 @@
 """The demo ends with LUTs, a config, a graded photograph and small errors against the known truth."""
 
 import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.images.read import read_image
-from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import evaluate
-from lutforge.ocio.check import check_config, load_config
 from lutforge.simulate.camera import nikon_d5100
 
 
@@ -39,6 +32,7 @@ def test_it_makes_every_file_that_it_names(demo: tuple[Path, str]) -> None:
 
 def test_each_lut_and_its_error_stand_in_one_line(demo: tuple[Path, str]) -> None:
     _, stdout = demo
+    assert "ociocheck: passed" in stdout
     assert "?" not in stdout  # control characters, an end of line among them, are printed as "?"
     (line,) = (line for line in stdout.splitlines() if "refinish.resolve.cube" in line)
     assert line.count("; mean ") == 1
@@ -52,14 +46,6 @@ def test_errors_against_the_truth(demo: tuple[Path, str]) -> None:
     assert table["linearize standard/tungsten"][0] < 0.004
     assert table["refinish"][0] < 0.03
     assert table["graded JPEG, 8 bit"][2] < 0.025
-
-
-def test_the_matrix_is_the_cameras(demo: tuple[Path, str]) -> None:
-    """Ts of the profile against the simulated camera's own, relative Frobenius norm."""
-    profile, truth = lf.load_profile(demo[0] / "camera.npz"), nikon_d5100()
-    assert np.linalg.norm(profile.matrix - truth.matrix) < 0.08 * np.linalg.norm(truth.matrix)
-    for name, balance in profile.white_balances.items():
-        np.testing.assert_allclose(balance.multipliers, truth.white_balances[name].multipliers, rtol=5e-3)
 
 
 def test_grading_comes_near_what_the_cameras_own_functions_would_make(demo: tuple[Path, str]) -> None:
@@ -77,26 +63,6 @@ def test_grading_comes_near_what_the_cameras_own_functions_would_make(demo: tupl
     # colours that no calibration shot shows.
     assert rmse(perfect) < 0.09 * rmse(before)
     assert rmse(after) < 1.24 * rmse(perfect)
-
-
-def test_the_config_passes_ociocheck_and_converts_as_the_luts_do(demo: tuple[Path, str]) -> None:
-    tool = shutil.which("ociocheck", path=str(Path(sys.executable).parent))
-    if tool is None:
-        pytest.skip("ociocheck is not in this environment")
-    config = demo[0] / "ocio" / "config.ocio"
-    run = subprocess.run([tool, "--iconfig", str(config)], capture_output=True, text=True, check=False)
-    assert run.returncode == 0
-    assert "WARNING" not in run.stdout
-    assert "ociocheck: passed" in demo[1]
-    assert check_config(load_config(config)) == []
-
-
-def test_baked_files_are_the_profile(demo: tuple[Path, str]) -> None:
-    """The render's CLF holds the profile's lattice without loss."""
-    profile = lf.load_profile(demo[0] / "camera.npz")
-    x = np.random.default_rng(1).random((50_000, 3)).astype(np.float32)
-    got = evaluate(file_processor(demo[0] / "luts" / "render.clf", "trilinear"), x)
-    np.testing.assert_allclose(got, profile.render("vivid/daylight")(x), atol=1e-5)
 
 
 def test_the_mask_finds_the_errors_of_the_graded_picture(demo: tuple[Path, str]) -> None:

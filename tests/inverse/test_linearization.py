@@ -8,7 +8,7 @@ from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.inverse import linearization
 from lutforge.inverse.linearization import BakedRender, Linearization, inverse_of, preimages
-from lutforge.inverse.round_trip import MAX_GOAL, RoundTrip, as_8_bit, in_every_cell, measure, raw_colours, rounded_up
+from lutforge.inverse.round_trip import MAX_GOAL, RoundTrip, as_8_bit, measure, raw_colours, rounded_up
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import shaper
@@ -119,11 +119,6 @@ def test_clipped_codes_stay_clipped_and_leave_their_neighbours_alone(
     assert np.abs(back - jpeg)[one].max() < 0.01
 
 
-def test_the_fit_is_the_same_again(render: BakedRender) -> None:
-    one, other = inverted(render, 9), inverted(render, 9)
-    np.testing.assert_array_equal(one.values, other.values)
-
-
 def test_a_render_without_a_response_comes_back_where_it_clips() -> None:
     axis = uniform_levels(9)
     cube = np.clip(grid(axis) @ MIXED.T, 0.0, 1.0)
@@ -141,18 +136,6 @@ def test_a_lut_of_levels_cube_and_response_is_a_render_and_others_are_none(rende
     for ops in ((Matrix(np.eye(3)), *lut.ops), (Curve(levels.outputs**2), *lut.ops[1:])):
         with pytest.raises(LutError, match="node levels, a cube and a curve"):
             BakedRender.of(Lut(ops))
-
-
-def test_colours_are_in_every_tetrahedron_of_every_cell_and_face() -> None:
-    levels = uniform_levels(6)
-    colours = in_every_cell(levels, np.random.default_rng(0))
-    inside = colours[6**3 :]
-    cells = inside[np.all((inside > 0) & (inside < 1), axis=1)]
-    assert len(cells) == 6 * 3**3
-    cell = np.floor(cells * 5)
-    order = np.argsort(cells * 5 - cell, axis=1)
-    kinds = np.unique(np.concatenate([cell, order], axis=1), axis=0)
-    assert len(kinds) == len(cells)
 
 
 def test_errors_are_said_no_smaller_than_they_are() -> None:

@@ -3,14 +3,18 @@
 import json
 import os
 import re
-import struct
 import subprocess
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import hsv_to_rgb, rgb_to_hsv
 from numpy.typing import NDArray
+from PIL.TiffImagePlugin import ImageFileDirectory_v2
+from scipy.ndimage import map_coordinates
 
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
@@ -292,35 +296,18 @@ def test_a_kit_that_cannot_be_written_names_its_folder(profile: CameraProfile, t
 Array = NDArray[np.float64]
 
 
-def dcp_tags(path: Path) -> dict[int, Array | str]:
-    """The tags of a DNG camera profile: text, or numbers."""
+def dcp_tags(path: Path) -> dict[int, Any]:
+    """The tags of a DNG camera profile, which is a TIFF file but for its magic number."""
     data = path.read_bytes()
-    order, magic, at = struct.unpack_from("<2sHI", data)
-    assert (order, magic) == (b"II", 0x4352)
-    (count,) = struct.unpack_from("<H", data, at)
-    found: dict[int, Array | str] = {}
-    previous = 0
-    for entry in range(count):
-        tag, kind, number = struct.unpack_from("<HHI", data, at + 2 + 12 * entry)
-        assert tag > previous
-        previous = tag
-        size = {2: 1, 3: 2, 4: 4, 10: 8, 11: 4}[kind] * number
-        place = at + 10 + 12 * entry
-        if size > 4:
-            (place,) = struct.unpack_from("<I", data, place)
-        value = data[place : place + size]
-        assert len(value) == size
-        if kind == 2:
-            found[tag] = value.rstrip(b"\0").decode()
-        elif kind == 10:
-            pairs = np.frombuffer(value, "<i4").reshape(-1, 2)
-            found[tag] = pairs[:, 0] / pairs[:, 1]
-        else:
-            found[tag] = np.frombuffer(value, {3: "<u2", 4: "<u4", 11: "<f4"}[kind]).astype(np.float64)
-    return found
+    assert data[:4] == b"IIRC"
+    directory = ImageFileDirectory_v2(b"II*\0" + data[4:8])
+    file = BytesIO(data)
+    file.seek(directory.next)
+    directory.load(file)
+    return dict(directory)
 
 
-def developed_by_dcp(tags: dict[int, Array | str], balanced: Array) -> Array:
+def developed_by_dcp(tags: dict[int, Any], balanced: Array) -> Array:
     """What a DNG developer makes of balanced camera RGB (n, 3): encoded sRGB (DNG specification 1.7, chapter 6)."""
     forward, dims = np.asarray(tags[50964], dtype=np.float64).reshape(3, 3), np.asarray(tags[50981], dtype=int)
     curve = np.asarray(tags[50940]).reshape(-1, 2)
@@ -328,7 +315,7 @@ def developed_by_dcp(tags: dict[int, Array | str], balanced: Array) -> Array:
     table = np.asarray(tags[50982]).reshape(values, hues, saturations, 3)
     to_xyz = np.array([[0.7976749, 0.1351917, 0.0313534], [0.2880402, 0.7118741, 0.0000857], [0.0, 0.0, 0.8252100]])
     rgb = np.clip(balanced @ (np.linalg.inv(to_xyz) @ forward).T, 0.0, 1.0)
-    looked = np.array([_looked_up(pixel, table) for pixel in rgb])
+    looked = _looked_up(rgb, table)
     order = np.argsort(looked, axis=1)
     low, middle, high = np.take_along_axis(looked, order, axis=1).T
     top, bottom = np.interp(high, *curve.T), np.interp(low, *curve.T)
@@ -340,19 +327,10 @@ def developed_by_dcp(tags: dict[int, Array | str], balanced: Array) -> Array:
 
 
 def _looked_up(rgb: Array, table: Array) -> Array:
-    """One colour through the look table, whose values are spaced and scaled behind sRGB's curve."""
-    import colorsys
-
-    values, hues, saturations = table.shape[:3]
-    hue, saturation, value = colorsys.rgb_to_hsv(*(float(channel) for channel in rgb))
-    encoded = float(rgb_space("srgb").encode(value))
-    place = np.array([encoded * (values - 1), hue * hues, saturation * (saturations - 1)])
-    low = np.minimum(place.astype(int), [values - 2, hues - 1, saturations - 2])
-    share = place - low
-    entry = np.zeros(3)
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.prod(np.where(corner, share, 1 - share))
-        v, h, s = low + corner
-        entry += weight * table[v, h % hues, s]
-    lit = float(rgb_space("srgb").linearize(min(encoded * entry[2], 1.0)))
-    return np.array(colorsys.hsv_to_rgb((hue + entry[0] / 360) % 1, min(saturation * entry[1], 1.0), lit))
+    """Colours (n, 3) through the look table, whose values are spaced and scaled behind sRGB's curve."""
+    hue, saturation, value = rgb_to_hsv(rgb).T
+    encoded, closed = rgb_space("srgb").encode(value), np.concatenate([table, table[:, :1]], axis=1)
+    place = np.stack([encoded, hue, saturation]) * (np.array(closed.shape[:3])[:, None] - 1)
+    turn, scale, lift = (map_coordinates(closed[..., c], place, order=1, mode="nearest") for c in range(3))
+    lit = rgb_space("srgb").linearize(np.minimum(encoded * lift, 1.0))
+    return np.asarray(hsv_to_rgb(np.stack([(hue + turn / 360) % 1, np.minimum(saturation * scale, 1.0), lit], axis=1)))

@@ -17,7 +17,7 @@ from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut, evaluate
 from lutforge.model.lattice import grid, uniform_levels
-from tests.cases.luts import lut_of_nodes
+from tests.cases.pictures import lut_of_nodes
 
 CLF, DEPTHS = "compCLFversion='3' id='a'", "inBitDepth='32f' outBitDepth='32f'"
 LEVELS = (np.array([0.0, 0.125, 0.5, 1.0]),) * 3

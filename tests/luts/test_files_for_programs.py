@@ -9,10 +9,8 @@ import pytest
 from lutforge.luts.programs import PROGRAMS, files_for, target_of
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import evaluate
-from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.model.lattice import Lattice, uniform_levels
-from lutforge.model.profile_data import PictureStyle
-from lutforge.model.white_balance import WhiteBalance
+from lutforge.model.camera_profile import load_profile
+from tests.cases.profiles import small_profile
 from tests.conftest import CommandLine
 
 NAMED = (
@@ -23,18 +21,8 @@ NAMED = (
 
 @pytest.fixture(scope="module")
 def profile(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    rng = np.random.default_rng(0)
-    nodes = np.sort(rng.random((2, 5, 5, 5, 3)), axis=1)
-    nodes[:, 0, 0, 0] = 0.0  # black is black, as in a fitted lattice
-    render, linearize = (Lattice(uniform_levels(5), values) for values in nodes)
-    camera = CameraProfile(
-        "A Camera: №1/x",
-        np.eye(3),
-        {"daylight": WhiteBalance((2.0, 1.0, 1.5), 5200.0)},
-        {"standard": PictureStyle(render, linearize)},
-    )
     path = tmp_path_factory.mktemp("profile") / "camera.npz"
-    camera.save(path)
+    small_profile("A Camera: №1/x").save(path)
     return path
 
 

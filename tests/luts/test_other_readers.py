@@ -1,5 +1,11 @@
-"""colour-science reads our files as OpenColorIO does."""
+"""Our files read by others: colour-science reads them as OpenColorIO does, and programs show what they hold."""
 
+import shutil
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +15,14 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.colour.srgb import delta_e_2000
+from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import evaluate
 from lutforge.pipeline.baking import bake
-from tests.luts.reader_programs import PROGRAMS, Program, baked, rendered, smooth_look
+from tests.cases.pictures import write_picture
+
+Array = NDArray[np.float64]
 
 
 def look(x: ArrayLike) -> NDArray[np.float64]:
@@ -49,29 +58,139 @@ def test_two_readers_agree(tmp_path: Path, name: str, highest: float, method: In
 # --- The real programs show what the LUT file holds. Skipped where a program is not installed ------------------------
 
 
-LIMITS = {
-    ("ffmpeg lut3d", ".cube"): 1e-4,
-    ("ffmpeg lut3d", ".csp"): 2e-3,
-    ("oiiotool", ".clf"): 1e-4,
-    ("oiiotool", ".cube"): 1e-4,
-    ("oiiotool", ".csp"): 1e-4,
-    ("ImageMagick", ".png"): 0.02,
-    ("G'MIC", ".cube"): 0.06,
-    ("G'MIC", ".png"): 0.06,
-    ("darktable", ".cube"): 0.02,
-    ("RawTherapee", ".tif"): 0.02,
-}
-"""Largest difference of a channel from the LUT in the file: the first do the same sums, the others their own rounding,
-interpolation, or a round trip through their working space; G'MIC works in 8 bits."""
+def colours() -> NDArray[np.float32]:
+    """Random colours, the grey axis and the corners of the cube, in 16 bits, as an image (64, 64, 3)."""
+    grey = np.repeat(np.linspace(0, 1, 256)[:, None], 3, axis=1)
+    corners = np.array(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0])).reshape(3, -1).T
+    fill = np.random.default_rng(11).random((64 * 64 - len(grey) - len(corners), 3))
+    codes = np.rint(np.concatenate([grey, corners, fill]) * 65535)
+    return np.asarray((codes / 65535).reshape(64, 64, 3), dtype=np.float32)
+
+
+def smooth_look(x: ArrayLike) -> Array:
+    """A look with a toe, a shoulder and crossed channels; [0, 1]³ → [0, 1]³."""
+    values = np.clip(np.asarray(x, dtype=np.float64), 0.0, 1.0)
+    linear = values**2.2 @ np.array([[1.25, -0.15, -0.1], [-0.12, 1.2, -0.08], [-0.02, -0.2, 1.22]]).T
+    mapped = np.clip(linear, 0.0, None)
+    return np.asarray(np.clip(1.05 * mapped / (mapped + 0.18) * 1.12, 0.0, 1.0) ** (1 / 1.6))
+
+
+def run(command: list[str], folder: Path) -> None:
+    """Run a program in a folder that is its home, too."""
+    environment = {"PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin", "HOME": str(folder), "LC_ALL": "C.UTF-8"}
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=120, env=environment
+    )
+    assert done.returncode == 0, f"{command[0]} failed: {(done.stderr or done.stdout)[-500:]}"
+
+
+@dataclass(frozen=True)
+class Program:
+    """A reader: its names, the format that it is given, the interpolation that it uses, how it is run.
+
+    most: the largest difference of a channel from the LUT in the file. The first do the same sums, the others their own
+    rounding, interpolation, or a round trip through their working space; G'MIC works in 8 bits.
+    """
+
+    name: str
+    commands: tuple[str, ...]
+    suffix: str
+    interpolation: Interpolation
+    apply: Callable[[str, Path, Path], Path]
+    most: float
+    reader: str | None = None
+
+    @property
+    def command(self) -> str | None:
+        """Where the program is, or none."""
+        path = f"{Path(sys.executable).parent}:/usr/bin:/bin"
+        return next((found for found in (shutil.which(name, path=path) for name in self.commands) if found), None)
+
+
+def _ffmpeg(command: str, folder: Path, lut: Path) -> Path:
+    graph = f"format=rgb48le,lut3d=file={lut.name}:interp=tetrahedral,format=rgb48be"
+    run([command, "-v", "error", "-y", "-i", "in.png", "-vf", graph, "-pix_fmt", "rgb48be", "out.png"], folder)
+    return folder / "out.png"
+
+
+def _oiiotool(command: str, folder: Path, lut: Path) -> Path:
+    run([command, "in.png", "--ociofiletransform", str(lut), "-d", "uint16", "-o", "out.tif"], folder)
+    return folder / "out.tif"
+
+
+def _imagemagick(command: str, folder: Path, lut: Path) -> Path:
+    run([command, "in.png", str(lut), "-hald-clut", "-depth", "16", "out.png"], folder)
+    return folder / "out.png"
+
+
+def _gmic(command: str, folder: Path, lut: Path) -> Path:
+    load = ["-input_cube", str(lut)] if lut.suffix == ".cube" else [str(lut), "-div[-1]", "257"]
+    words = [command, "in.tif", "-div", "257", *load, "-map_clut[0]", "[1]", "-keep[0]", "-mul", "257", "-round"]
+    run([*words, "-o", "out.tif,uint16"], folder)
+    return folder / "out.tif"
+
+
+def _rawtherapee(command: str, folder: Path, lut: Path) -> Path:
+    (folder / "film.pp3").write_text(
+        "[Version]\nAppVersion=5.9\nVersion=349\n\n[Film Simulation]\nEnabled=true\n"
+        f"ClutFilename={lut}\nStrength=100\n\n[Color Management]\nInputProfile=(cameraICC)\nWorkingProfile=sRGB\n"
+        "OutputProfile=RTv4_sRGB\nOutputProfileIntent=Relative\nOutputBPC=false\n\n[Exposure]\nAuto=false\n"
+        "Clip=0\nHistogramMatching=false\nCurve=0;\n\n[Sharpening]\nEnabled=false\n"
+    )
+    run([command, "-q", "-Y", "-o", "out.tif", "-t", "-b16", "-p", "film.pp3", "-c", "in.tif"], folder)
+    return folder / "out.tif"
+
+
+def _darktable(command: str, folder: Path, lut: Path) -> Path:
+    # dt_iop_lut3d_params_t, version 3: path (under the module's folder), colour space sRGB, tetrahedral, no keypoints.
+    params = struct.pack("<512siii12288s128s", lut.name.encode(), 0, 0, 0, b"", b"")
+    (folder / "in.xmp").write_text(
+        '<?xml version="1.0" encoding="UTF-8"?>\n<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF '
+        'xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description rdf:about="" '
+        'xmlns:darktable="http://darktable.sf.net/" darktable:xmp_version="5" darktable:history_end="1" '
+        'darktable:iop_order_version="2"><darktable:history><rdf:Seq><rdf:li darktable:num="0" '
+        'darktable:operation="lut3d" darktable:enabled="1" darktable:modversion="3" '
+        f'darktable:params="{params.hex()}" darktable:multi_name="" darktable:multi_priority="0"/>'
+        "</rdf:Seq></darktable:history></rdf:Description></rdf:RDF></x:xmpmeta>\n"
+    )
+    settings = {
+        "plugins/darkroom/lut3d/def_path": str(lut.parent),
+        "plugins/imageio/format/png/bpp": "16",
+        "opencl": "FALSE",
+    }
+    words = [command, "in.png", "in.xmp", "out.png", "--core", "--configdir", str(folder / "configuration")]
+    words += ["--library", ":memory:"]
+    for key, value in settings.items():
+        words += ["--conf", f"{key}={value}"]
+    run(words, folder)
+    return folder / "out.png"
+
+
+PROGRAMS = (
+    Program("ffmpeg", ("ffmpeg",), ".cube", "tetrahedral", _ffmpeg, 1e-4, "ffmpeg"),
+    Program("ffmpeg", ("ffmpeg",), ".csp", "tetrahedral", _ffmpeg, 2e-3, "ffmpeg"),
+    Program("oiiotool", ("oiiotool",), ".clf", "tetrahedral", _oiiotool, 1e-4),
+    Program("oiiotool", ("oiiotool",), ".cube", "tetrahedral", _oiiotool, 1e-4, "oiio"),
+    Program("oiiotool", ("oiiotool",), ".csp", "tetrahedral", _oiiotool, 1e-4, "oiio"),
+    Program("ImageMagick", ("convert-im6.q16", "magick"), ".png", "trilinear", _imagemagick, 0.02),
+    Program("G'MIC", ("gmic",), ".cube", "trilinear", _gmic, 0.06, "gmic"),
+    Program("G'MIC", ("gmic",), ".png", "trilinear", _gmic, 0.06, "gmic"),
+    Program("darktable", ("darktable-cli",), ".cube", "tetrahedral", _darktable, 0.02, "darktable"),
+    Program("RawTherapee", ("rawtherapee-cli",), ".tif", "trilinear", _rawtherapee, 0.02),
+)
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: f"{program.name}{program.suffix}")
 def test_the_program_renders_what_the_file_holds(tmp_path: Path, program: Program) -> None:
     if program.command is None:
-        pytest.skip(f"{program.commands[0]} is not installed (Debian package {program.package})")
-    lut = baked(program, smooth_look, tmp_path)
-    x, got = rendered(program, tmp_path / f"lut{program.suffix}", tmp_path)
-    assert np.abs(got - np.clip(lut(x), 0.0, 1.0)).max() < LIMITS[program.name, program.suffix]
-    error = delta_e_2000(got, smooth_look(x))
+        pytest.skip(f"{program.commands[0]} is not installed")
+    path, picture = tmp_path / f"lut{program.suffix}", colours()
+    lut = bake(smooth_look, path, program=program.reader, interpolation=program.interpolation)
+    for name in ("in.png", "in.tif"):
+        write_picture(tmp_path / name, kind="uint16", pixels=picture)
+    shown = read_image(program.apply(program.command, tmp_path, path)).pixels[..., :3].astype(np.float64)
+    x = picture.astype(np.float64)
+    assert np.abs(shown - np.clip(lut(x), 0.0, 1.0)).max() < program.most
+    error = delta_e_2000(shown, smooth_look(x))
     assert error.mean() < 0.4
     assert error.max() < 2.0

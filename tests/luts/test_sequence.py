@@ -9,7 +9,7 @@ from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import Lut, evaluate
 from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, node_levels, shaper
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
-from tests.cases.luts import lut_of_nodes
+from tests.cases.pictures import lut_of_nodes
 
 Array = NDArray[np.float64]
 MATRIX = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.5, 1.5]])

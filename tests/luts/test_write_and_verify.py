@@ -17,7 +17,7 @@ from lutforge.luts.sequence import FORMATS, Lut, evaluate
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels, uniform_levels
 from lutforge.pipeline.baking import bake
-from tests.cases.luts import lut_of_nodes
+from tests.cases.pictures import lut_of_nodes
 
 EXACT = 1e-5
 IDENTITY = Lut((Cube(grid(uniform_levels(5))),))

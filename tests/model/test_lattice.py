@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
+from lutforge.arrays import Array
 from lutforge.errors import ProfileError
-from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels
+from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, indexed, locate
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 
 RNG = np.random.default_rng(1)
@@ -36,26 +35,6 @@ def test_nodes_are_met_and_outside_is_clamped(method: Interpolation) -> None:
     np.testing.assert_allclose(lattice(x), lattice(np.clip(x, 0.0, 1.0)), atol=1e-12)
 
 
-def test_trilinear_multiplies_and_tetrahedral_does_not() -> None:
-    levels = uniform_levels(2)
-    values = np.repeat(np.prod(grid(levels), axis=-1, keepdims=True), 3, axis=-1)  # 1 in one corner
-    x = np.array([0.5, 0.25, 0.75])
-    assert Lattice(levels, values, "trilinear")(x)[0] == pytest.approx(0.5 * 0.25 * 0.75)
-    assert Lattice(levels, values, "tetrahedral")(x)[0] == pytest.approx(0.25)  # the least coordinate
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_values_stay_within_the_cell(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    levels = _levels(rng, (3, 4, 5))
-    for method in INTERPOLATIONS:
-        lattice = Lattice(levels, rng.uniform(-2.0, 3.0, size=(3, 4, 5, 3)), method)
-        y = lattice(rng.uniform(size=(50, 3)))
-        assert np.all(y >= lattice.values.min(axis=(0, 1, 2)) - 1e-12)
-        assert np.all(y <= lattice.values.max(axis=(0, 1, 2)) + 1e-12)
-
-
 def test_the_shape_of_the_input_is_kept() -> None:
     lattice = Lattice(uniform_levels(3), grid(uniform_levels(3)))
     assert lattice(np.zeros((4, 5, 3))).shape == (4, 5, 3)
@@ -79,5 +58,24 @@ def test_bad_lattices_are_refused(green: list[float], blue: list[float], values:
         Lattice((np.array(LEVELS), np.array(green), np.array(blue)), values)
 
 
-def test_a_lattice_prints_as_its_size() -> None:
-    assert repr(Lattice(uniform_levels(3), grid(uniform_levels(3)))) == "Lattice(3×3×3, trilinear)"
+def crowded(count: int, power: float) -> Array:
+    """Levels that stand the closer, the nearer to the low end they are, on an axis that is not [0, 1]."""
+    return 3.0 * np.linspace(0.0, 1.0, count) ** power - 0.5
+
+
+@pytest.mark.parametrize("count", [2, 3, 33, 65])
+@pytest.mark.parametrize("power", [0.3, 1.0, 2.4, 9.0])
+def test_each_number_is_in_its_cell(count: int, power: float) -> None:
+    levels = crowded(count, power)
+    axis = indexed((levels, levels, levels))[0]
+    beside = [np.nextafter(levels, end) for end in (-np.inf, np.inf)]
+    x = np.concatenate([levels, *beside, np.random.default_rng(1).uniform(-1.0, 3.0, 2000), [-np.inf, np.inf]])
+    found = [locate(axis, number) for number in x]
+    cell, inside = np.clip(np.searchsorted(levels, x, side="right") - 1, 0, count - 2), np.clip(x, -0.5, levels[-1])
+    assert [i for i, _ in found] == cell.tolist()
+    assert np.array_equal([f for _, f in found], (inside - levels[cell]) / (levels[cell + 1] - levels[cell]))
+
+
+def test_what_is_no_number_is_at_the_first_node() -> None:
+    levels = crowded(9, 2.0)
+    assert locate(indexed((levels, levels, levels))[0], np.nan) == (0, 0.0)

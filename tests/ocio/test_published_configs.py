@@ -1,7 +1,6 @@
 """The configs in ocio_configs/: sound, small, fast to load, and what their commands make."""
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -111,7 +110,7 @@ def test_the_s40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> N
     assert np.linalg.norm(there[0] - there[1], axis=1).mean() < 0.014
 
 
-# --- What oiiotool makes of a config is the Python model, within the error that the LUT states -----------------------
+# --- Looks of the published config, as oiiotool runs them -------------------------------------------------------------
 
 
 CONFIG = CONFIGS / "nikon_d40" / "config.ocio"
@@ -133,37 +132,10 @@ def oiiotool(folder: Path, pixels: NDArray[Any], *actions: str, **variables: str
     return values.reshape(-1, 3)
 
 
-def stated(way: str) -> tuple[float, float]:
-    """Mean and max error against the model, as a LUT file says of itself."""
-    text = (CONFIG.parent / "luts" / f"nikon_d40_standard_{way}.clf").read_text()
-    found = re.search(rf"{way} LUT against the model: mean ([\d.e-]+), max ([\d.e-]+)", text)
-    assert found is not None
-    return float(found[1]), float(found[2])
-
-
-def jpeg_colours() -> NDArray[np.float64]:
-    return np.random.default_rng(6).random((4096, 3))
-
-
-def assert_within(got: NDArray[Any], model: NDArray[Any], way: str) -> None:
-    error = np.linalg.norm(got - model, axis=1)
-    mean, largest = stated(way)
-    assert error.mean() <= 1.1 * mean + ROUNDING
-    assert error.max() <= 1.1 * largest + ROUNDING
-
-
-def test_colorconvert_to_raw_and_back_is_the_model(d40: CameraProfile, tmp_path: Path) -> None:
-    x, gain = jpeg_colours(), d40.multipliers("standard/daylight")
-    pair = "Nikon D40 standard daylight", "Nikon D40 RAW daylight"
-    raw = oiiotool(tmp_path, x, "--colorconvert", *pair)
-    assert_within(raw, d40.linearize("standard/daylight")(x) * gain, "linearize")
-    jpeg = oiiotool(tmp_path, x, "--colorconvert", *reversed(pair))
-    assert_within(jpeg, d40.render("standard/daylight")(x / gain), "render")
-
-
 def test_ociolook_refinishes_as_the_conversion_does(tmp_path: Path) -> None:
     """The look of a pair, the look of the context variables, and the conversion between the spaces are one."""
-    jpeg, source, target = jpeg_colours(), "Nikon D40 standard tungsten", "Nikon D40 standard daylight"
+    source, target = "Nikon D40 standard tungsten", "Nikon D40 standard daylight"
+    jpeg = np.random.default_rng(6).random((4096, 3))
     wanted = oiiotool(tmp_path, jpeg, "--colorconvert", source, target)
     pair = oiiotool(tmp_path, jpeg, "--iscolorspace", source, "--ociolook", "Nikon D40 tungsten to daylight")
     np.testing.assert_allclose(pair, wanted, atol=ROUNDING)

@@ -41,11 +41,6 @@ def test_samples_are_the_truth() -> None:
     assert np.isnan(samples.focal_mm).all()
 
 
-def test_deterministic() -> None:
-    shot = synthetic_shot(squares(40, 96, 2))
-    assert extract(shot).samples.patch.tolist() == extract(shot).samples.patch.tolist()
-
-
 def test_sky_does_not_dominate() -> None:
     scene = squares(40, 96, 3)
     scene[:200] = 0.3

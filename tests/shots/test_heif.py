@@ -158,6 +158,5 @@ def test_calibrating_from_heif_is_no_worse_than_from_jpeg(tmp_path: Path) -> Non
     for kind, files in (("jpeg", raws), ("heif", heifs)):
         profile = lf.calibrate(files)
         errors[kind] = profile.styles["standard"].errors
-    print({kind: (told["render_mean"], told["linearize_mean"]) for kind, told in errors.items()})
     for direction in ("render_mean", "linearize_mean"):
         assert errors["heif"][direction] <= errors["jpeg"][direction]

@@ -43,6 +43,7 @@ def test_prefers_the_jpeg_beside(folder: Path) -> None:
     assert shot.name == "pair"
     assert shot.jpeg_source == str(folder / "pair.JPG")
     assert shot.registration.scale == pytest.approx(1.0, abs=1e-3)
+    assert (shot.registration.offset_x, shot.registration.offset_y) == pytest.approx((8.0, 4.0), abs=0.15)
     embedded = read_shot(folder / "alone.dng")
     assert embedded.jpeg_source == EMBEDDED
     assert embedded.registration.scale == pytest.approx(2.0, abs=3e-3)

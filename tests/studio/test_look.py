@@ -1,6 +1,6 @@
 """The look of a picture in headless Chromium: its pixels are OpenColorIO's, and all can be done by mouse and keyboard.
 
-WebGL2 is SwiftShader's, on the processor. With `-s` the times from a slider to the new picture are printed.
+WebGL2 is SwiftShader's, on the processor.
 """
 
 import re

@@ -148,6 +148,34 @@ class Visit:
                 return expect(item).to_be_hidden(timeout=20_000)
         raise AssertionError(f"{label}: {option} cannot be chosen")
 
+    def fit(self, nodes: int, *models: str) -> None:
+        """Compute models, or the one that is chosen."""
+        self.step("Model")
+        self.fold("Options")
+        self.slide("Nodes per axis", nodes)
+        for model in models or ("Lattice",):
+            if models:
+                self.choose("Model", model)
+            self.press("Compute")
+            self.reads(f"{model}: fitted to")
+
+    def look_at(self, picture: str, style: str, balance: str) -> None:
+        """Show a picture that does not tell how it was taken, and say so."""
+        self.step("Look")
+        self.choose("Photograph in the folders", picture)
+        self.press("Show")
+        self.reads(f"{picture} does not tell how it was taken")
+        self.choose("Taken as: style", style)
+        self.choose("Taken as: white balance", balance)
+
+    def export(self, name: str, **news: str) -> None:
+        """Press buttons of the last step, each of which tells its news."""
+        self.step("Export")
+        self.write("Name of the files", name)
+        for button, told in news.items():
+            self.press(button.replace("_", " "))
+            self.reads(told)
+
     def reads(self, text: str) -> None:
         expect(self.page.get_by_text(text).first).to_be_visible(timeout=MOST_MS)
 
@@ -208,11 +236,7 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.reads("1 shots left out")
     box.click()
     visit.reads("all shots take part")
-    visit.step("Model")
-    visit.fold("Options")
-    visit.slide("Nodes per axis", 9)
-    visit.press("Compute")
-    visit.reads("Lattice: fitted to")
+    visit.fit(9)
     visit.step("Look")
     visit.choose("Photograph in the folders", "shots/LF0015-vivid-cloudy-still-life.JPG")
     visit.press("Show")
@@ -221,10 +245,7 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.choose("Wanted: white balance", "daylight")
     visit.reads("From vivid/cloudy to standard/daylight")
     visit.picture("look")
-    visit.step("Export")
-    visit.write("Name of the files", "mine")
-    visit.press("Save profile")
-    visit.reads("profile: written")
+    visit.export("mine", Save_profile="profile: written")
     visit.choose("Program of the kit", "rawtherapee")
     visit.press("Write kit")
     visit.reads("read README.md first")
@@ -266,13 +287,7 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.reads("outlier group by hand: 6 samples, in effect")
     visit.picture("samples")
 
-    visit.step("Model")
-    visit.fold("Options")
-    visit.slide("Nodes per axis", SIZE)
-    for model in ("Response, matrix and white balance", "Lattice"):
-        visit.choose("Model", model)
-        visit.press("Compute")
-        visit.reads(f"{model}: fitted to")
+    visit.fit(SIZE, "Response, matrix and white balance", "Lattice")
     visit.reads("It builds on the response and matrix that you fitted.")
     visit.reads("Matrix: white-balanced camera RGB → linear sRGB")
     visit.picture("model")
@@ -280,27 +295,15 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.reads("Colours to shoot next")
     visit.picture("lattice")
 
-    visit.step("Look")
-    visit.choose("Photograph in the folders", "picture.jpg")
-    visit.press("Show")
-    visit.reads("picture.jpg does not tell how it was taken")
-    visit.choose("Taken as: style", "standard")
-    visit.choose("Taken as: white balance", "tungsten")
+    visit.look_at("picture.jpg", "standard", "tungsten")
     visit.choose("Wanted: style", "vivid")
     visit.choose("Wanted: white balance", "daylight")
     visit.slide("Exposure", 0.8)
     visit.reads("From standard/tungsten to vivid/daylight, +0.8 EV.")
 
-    visit.step("Export")
-    visit.write("Name of the files", "filtered")
-    for button, news in (
-        ("Save profile", "profile: written"),
-        ("Bake LUT", "LUT, refinish: written"),
-        ("Write config", "config: written"),
-        ("Save workspace", "workspace: written"),
-    ):
-        visit.press(button)
-        visit.reads(news)
+    written = {"Save_profile": "profile", "Bake_LUT": "LUT, refinish", "Write_config": "config"}
+    news = {button: f"{what}: written" for button, what in (written | {"Save_workspace": "workspace"}).items()}
+    visit.export("filtered", **news)
     options = CalibrationOptions(size=SIZE)
     stages = calibrate_stages([folder / "filtered_inliers.npz"], options)
     calibrate([folder / "filtered_samples.npz"], options, stages=stages).save(folder / "filtered2.npz")
@@ -323,25 +326,12 @@ def test_settings_with_a_gain_are_fitted_as_the_package_fits_them(visit: Visit, 
     brighter = np.where(samples.white_balance == "tungsten", 1.02, 1.0)
     write_samples(folder / "gains.csv", replace(samples, raw=samples.raw / brighter[:, None]))
     visit.open("gains.csv", f"gains.csv: {len(samples):,} samples")
-    visit.step("Model")
-    visit.fold("Options")
-    visit.slide("Nodes per axis", 9)
-    visit.press("Compute")
-    visit.reads("Lattice: fitted to")
-    visit.step("Look")
-    visit.choose("Photograph in the folders", "picture.jpg")
-    visit.press("Show")
-    visit.reads("picture.jpg does not tell how it was taken")
-    visit.choose("Taken as: style", "standard")
-    visit.choose("Taken as: white balance", "daylight")
+    visit.fit(9)
+    visit.look_at("picture.jpg", "standard", "daylight")
     visit.choose("Wanted: white balance", "tungsten")
     visit.slide("Wanted: tint", 5)
     visit.reads("From standard/daylight to standard/tungsten+5")
-    visit.step("Export")
-    visit.write("Name of the files", "gains_page")
-    for button, news in (("Save profile", "profile: written"), ("Bake LUT", "LUT, refinish: written")):
-        visit.press(button)
-        visit.reads(news)
+    visit.export("gains_page", Save_profile="profile: written", Bake_LUT="LUT, refinish: written")
     profile = calibrate([folder / "gains.csv"], CalibrationOptions(size=9))
     assert profile.white_balances["tungsten"].gain == pytest.approx(1.02, abs=0.004)
     profile.save(folder / "gains_package.npz")
@@ -390,10 +380,7 @@ def test_files_and_paths_that_do_harm(visit: Visit, folder: Path) -> None:
     visit.choose("Model", "Response, matrix and white balance")
     visit.press("Compute")
     visit.reads("Response, matrix and white balance: fitted to")
-    visit.step("Export")
-    visit.write("Name of the files", "../../tmp/outside")
-    visit.press("Save profile")
-    visit.reads("outside the folders of this studio")
+    visit.export("../../tmp/outside", Save_profile="outside the folders of this studio")
     assert visit.page.title() == "LutForge studio"
     assert visit.page.locator("script", has_text="broken").count() == 0
 
@@ -503,12 +490,7 @@ def test_every_step_fills_the_window_and_axe_finds_no_serious_fault(visit: Visit
 def test_gamut_map_in_3d(visit: Visit, axe: str) -> None:
     visit.page.evaluate(axe)
     visit.open("samples.csv", "samples.csv: ")
-    visit.step("Model")
-    visit.fold("Options")
-    visit.slide("Nodes per axis", 9)
-    visit.choose("Model", "Gamut map")
-    visit.press("Compute")
-    visit.reads("Gamut map: fitted to")
+    visit.fit(9, "Gamut map")
     visit.press("Gamut map")
     visit.reads("standard, Y = 0.25: where the gamut map takes this slice")
     visit.choose("Style", "vivid")

@@ -1,5 +1,6 @@
 """Files of every kind that are read from strangers, damaged: each is read, or is one line of our own error."""
 
+import os
 import struct
 from pathlib import Path
 
@@ -10,6 +11,9 @@ from lutforge.errors import LutError
 from lutforge.kits.dcp import read_dcp
 from lutforge.pipeline.inspection import inspect
 from tests.cases.damaged import LUTS, READERS, damaged, fault, whole_files
+
+COUNT = int(os.environ.get("LUTFORGE_DAMAGED_FILES", "60"))
+"""How many damaged files of a kind are read; a long search for faults sets thousands."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +35,7 @@ def test_whole_files_are_read(sound: dict[str, bytes], kind: str, tmp_path: Path
 def test_damaged_files_are_one_line(sound: dict[str, bytes], kind: str, tmp_path: Path) -> None:
     rng, path = np.random.default_rng(7), tmp_path / f"a{kind}"
     faults = {}
-    for number in range(20 if kind == ".dng" else 60):
+    for number in range(COUNT // 3 if kind == ".dng" else COUNT):
         path.write_bytes(damaged(sound[kind], rng))
         if problem := fault(path, READERS[kind]):
             faults[number] = problem
