@@ -87,6 +87,14 @@ def test_delta_is_of_points_that_no_fit_had_seen(plain: Evaluation) -> None:
             assert max(row.values.values()) < 0.004  # thesis, figure 4.3, on the samples fitted to
 
 
+def test_edits_of_linearized_pictures_are_nearest_by_the_full_model(plain: Evaluation) -> None:
+    means = {row.method: row.values for row in plain.edited if row.style == "standard"}
+    assert list(means["rbf"]) == ["−2 EV", "−1 EV", "+1 EV", "+2 EV", "warmer", "cooler"]
+    for edit, difference in means["rbf"].items():
+        assert difference < min(means[method][edit] for method in BASELINES)
+    assert "render inverted" in means
+
+
 def test_refinish_between_the_styles_of_one_scene(plain: Evaluation) -> None:
     found = {(row.source, row.target, row.method): row for row in plain.refinish}
     a, b = "standard/daylight", "vivid/daylight"
@@ -145,7 +153,7 @@ def test_the_json_has_the_keys_that_are_documented(tables: Evaluation, plain: Ev
     described = evaluation_module.__doc__ or ""
     entries = re.findall(r"^    (\w+) {2,}", described, flags=re.MULTILINE)
     assert set(document) == {*entries, "version", "tables"}
-    for name in ("rows", "raw", "linearization", "refinish"):
+    for name in ("rows", "raw", "linearization", "edited", "refinish"):
         assert document[name]
         for key in document[name][0]:
             assert re.search(rf"\b{key}\b", described), (name, key)
