@@ -235,7 +235,7 @@ def dcp_lines(path: str | Path) -> list[str]:
 
 
 def _tags(path: Path) -> dict[int, Array]:
-    """The numbers of each tag of the first directory, text as its bytes. Raises LutError."""
+    """The numbers of each tag of the first directory that holds any, text as its bytes. Raises LutError."""
     require_file(path, "a camera profile", LutError, 64 << 20)
     data = path.read_bytes()
     order = byte_order(data)
@@ -252,7 +252,8 @@ def _tags(path: Path) -> dict[int, Array]:
                 values = values[::2] / np.where(values[1::2] == 0, 1.0, values[1::2])
             if not np.all(np.isfinite(values)):
                 raise LutError(f"{path}: tag {tag} holds a number that is not finite")
-            found[tag] = values
+            if values.size:
+                found[tag] = values
     return found
 
 

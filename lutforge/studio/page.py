@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import panel as pn
 import panel_material_ui as pmui
+from panel.io.resources import LOCAL_DIST
 from tornado.httputil import HTTPHeaders, HTTPServerRequest
 from tornado.web import ErrorHandler, OutputTransform
 
@@ -269,9 +270,13 @@ def serve(
     pn.extension(raw_css=[CSS], notifications=False, theme="dark")
 
     def page() -> Any:
+        document = pn.state.curdoc
+        if document is not None:
+            # A page that is slow to load comes back to a session of its own, for which Panel would name another server.
+            document.template_variables["dist_url"] = LOCAL_DIST
         made = Page(folders, inputs)
-        if pn.state.curdoc is not None:
-            pn.state.curdoc.on_session_destroyed(lambda context: made.session.close())
+        if document is not None:
+            document.on_session_destroyed(lambda context: made.session.close())
         return made.layout
 
     try:

@@ -26,6 +26,8 @@ from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 pytest.importorskip("playwright.sync_api", reason="playwright drives the browser: pip install playwright")
+from bokeh.client import pull_session
+from bokeh.models import ImportedStyleSheet
 from platformdirs import user_cache_path
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
@@ -215,6 +217,17 @@ def visit(browser: Browser, url: str) -> Iterator[Visit]:
 def expected(samples: SampleSet, saturation: float = 1.0) -> str:
     kept = ~Workspace(samples, limits={"saturation": (0.0, saturation)}).outliers
     return f"{int(kept.sum()):,} of {len(samples):,} samples are inliers"
+
+
+def test_a_page_that_loads_slowly_has_its_styles_from_its_own_server(url: str) -> None:
+    """Its session has ended meanwhile, so that it begins another one without asking for the page again."""
+    session = pull_session(url=url)
+    try:
+        styles = session.document.select({"type": ImportedStyleSheet})
+        addresses = {style.url for style in styles}
+    finally:
+        session.close()
+    assert addresses and all(address.startswith("static/extensions/") for address in addresses), addresses
 
 
 @pytest.mark.slow
