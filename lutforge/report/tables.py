@@ -54,7 +54,7 @@ def balance_table(profile: CameraProfile) -> Table:
     for name, balance in profile.white_balances.items():
         kelvin = "–" if balance.kelvin is None else f"{balance.kelvin:.0f} K"
         factors = (f"{value:.4f}" for value in balance.factors)
-        rows.append((name, *factors, kelvin, f"{100 * balance.spread:.1f} %"))
+        rows.append((name, *factors, kelvin, f"{100 * balance.spread:.1f} %" if balance.spread else "–"))
     header = ("name", "red", "green", "blue", "temperature", "spread over shots")
     return Table("White balances: what the RAW channels are multiplied by", header, rows)
 

@@ -209,6 +209,8 @@ class LookPage:
             covered = None if given is None else Lut(lattice_ops(confidence(profile.styles[given.style])))
             self.view.inspect(covered, raw_of)
         if self.shown is not None and known:
+            if taken is None and self.shown.path not in self.sources:
+                self.session.say(f"{self.shown.path.name}: taken as {look.source}, as you said")
             self.sources[self.shown.path] = look.source, [widget.value for widget in self.source.widgets]
         self.session.chosen = look
         self._tell_soon()

@@ -123,6 +123,8 @@ def states_of(session: Session) -> dict[str, tuple[State, str]]:
         "Export": "to do" if not session.written else "stale" if old else "done",
     }  # fmt: skip
     sentences = {step: NEXT[step, state] for step, state in states.items()}
+    if workspace is None and profile is not None:
+        sentences["Shots"] = "A profile is open: go on to Look. Shots are needed for a new model alone."
     if session.opened.bracket is not None:
         sentences["Shots"] = (
             "Name the chart, if the pictures show one, and press Fit response." if session.response is None

@@ -113,10 +113,10 @@ class SamplesPage:
         self.groups.options = list(workspace.groups)
         for show in self.bound:
             show(workspace)
-        outside = ", ".join(f"{COLUMNS[name].title.lower()} {out.sum():,}" for name, out in workspace.filtered.items())
+        outside = "; ".join(f"{COLUMNS[name].title}: {out.sum():,}" for name, out in workspace.filtered.items())
         self.counts.object = ui.paragraphs(
-            f"{int((~workspace.outliers).sum()):,} of {len(workspace.samples):,} samples are inliers. Outside the "
-            f"limits of {outside}; by hand, groups and shots {int(workspace.removed.sum()):,}."
+            f"{int((~workspace.outliers).sum()):,} of {len(workspace.samples):,} samples are inliers. Left out by each "
+            f"limit: {outside}. By hand, by groups and with shots: {int(workspace.removed.sum()):,}."
         )
         for plot, choice in ((self.left, self.first.value), (self.right, self.second.value)):
             shown = points(workspace, choice, self.channel.value)
@@ -151,6 +151,9 @@ class SamplesPage:
         shot = workspace.samples.shot
         if selected.any() and not (selected & (shot == chosen)).any():
             chosen = str(shot[np.flatnonzero(selected)[0]])
+            if chosen in self.picture_of.options:
+                with self.session.setting():
+                    self.picture_of.value = chosen
         account = {account.shot: account for account in self.session.opened.accounts}.get(chosen)
         rows, out = shot == chosen, workspace.outliers
         if account is None or account.cells is None or len(account.places) != rows.sum():

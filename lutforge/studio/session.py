@@ -172,8 +172,14 @@ class Session:
     def take_opened(self, opened: Opened, names: str) -> None:
         """Take over what was opened from files of these names."""
         workspace, profile = self.workspace, opened.profile
+        fitted = None if workspace is None else workspace.fitted
         news: object = opened.bracket
         if opened.bracket is None and opened.workspace is None and profile is not None:  # beside the samples
+            if fitted is not None and fitted.profile.camera != profile.camera:
+                raise WorkspaceError(
+                    f"{names}: a profile of {profile.camera}, which is not used, since this page has a model of "
+                    f"{fitted.profile.camera}: open it in another tab of the browser"
+                )
             if workspace is not None and str(workspace.samples.camera[0]) == profile.camera:
                 self.put(with_profile(workspace, profile))
             news = f"profile of {profile.camera}"

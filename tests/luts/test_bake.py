@@ -91,6 +91,18 @@ def test_black_and_white_are_exact_and_grey_nearly() -> None:
     assert np.abs(bake(look, size=33)(grey) - look(grey)).max() < 2e-3
 
 
+@pytest.mark.parametrize(("method", "most"), [("tetrahedral", 0.03), ("trilinear", 0.0025)])
+def test_the_nodes_beside_white_are_fitted_to_the_white_that_stays(method: Interpolation, most: float) -> None:
+    def rising_to_white(x: ArrayLike) -> Array:
+        colour = np.asarray(x, dtype=np.float64)
+        near = np.clip(colour.min(axis=-1, keepdims=True) / 0.05 - 19, 0.0, 1.0)
+        return np.asarray((0.9 + 0.1 * near**2) * colour)
+
+    grey = np.repeat(np.linspace(0.9, 1.0, 500)[:, None], 3, axis=1)
+    lut = bake(rising_to_white, size=17, interpolation=method, form="plain")
+    assert np.abs(lut(grey) - rising_to_white(grey)).max() <= most
+
+
 def test_no_output_leaves_the_range_of_the_function() -> None:
     def clipped(x: ArrayLike) -> Array:
         return np.asarray(np.clip(3 * np.asarray(x) - 1, 0.0, 1.0))

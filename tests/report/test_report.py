@@ -32,10 +32,11 @@ from lutforge.report.report import (
     write_figures,
     write_page,
 )
-from lutforge.report.tables import Table
+from lutforge.report.tables import Table, balance_table
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
+from tests.cases.profiles import small_profile
 from tests.cases.samples import chart_140, photograph_patches
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -214,6 +215,10 @@ def test_samples_of_another_camera_are_said_first() -> None:
     other = replace(samples, camera=np.full(len(samples), "Another"), raw_camera=np.full(len(samples), "Another"))
     assert "The samples are of Another" in answered(build_report(profile, other), 0)
     assert "Another" not in answered(build_report(profile, samples), 0)
+
+
+def test_a_spread_is_told_of_white_balances_that_shots_were_taken_with() -> None:
+    assert [row[-1] for row in balance_table(small_profile()).rows] == ["–", "–", "10.0 %"]
 
 
 def test_gaps_are_where_errors_are_expected() -> None:

@@ -150,6 +150,7 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     assert page.session.look == ChosenLook("", "standard/daylight") and look.view.a == []
     look.source.style.value, look.source.balance.value = "standard", "tungsten"
     assert page.session.look.source == "standard/tungsten" and look.view.a
+    assert "silent.jpg: taken as standard/tungsten, as you said" in page.session.status.object
     look.view.chosen = 0
     assert page.session.look.source == "vivid/tungsten"
     look.view.chosen = 1
@@ -172,6 +173,18 @@ def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfil
     control.balance.value = AS_SHOT
     with pytest.raises(WorkspaceError, match="choose one"):
         control.text(None)
+
+
+def test_a_profile_of_another_camera_does_not_take_the_place_of_a_model(tmp_path: Path, profile: CameraProfile) -> None:
+    session = opened(tmp_path, workspace=with_profile(Workspace(chart_samples(patches=9)), profile)).session
+    other = replace(profile, camera="Another")
+    session.attempt(session.take_opened, Opened(profile=other), "other.npz")
+    assert "other.npz: a profile of Another, which is not used" in session.status.object
+    assert session.profile is profile and session.opened.profile is None
+    session.begin(None)
+    session.take_opened(Opened(profile=other), "other.npz")
+    assert session.profile is other
+    assert "A profile is open" in states_of(session)["Shots"][1]
 
 
 def test_pairs_are_ticked_one_by_one_and_all_at_once(tmp_path: Path) -> None:

@@ -52,6 +52,13 @@ def test_no_bytes_at_all_and_random_bytes(kind: str, tmp_path: Path) -> None:
         assert not fault(path, READERS[kind])
 
 
+@pytest.mark.parametrize("tag", [50778, 50940, 50964, 50982])  # a light, the tone curve, a matrix, the look table
+def test_a_camera_profile_with_an_empty_tag(sound: dict[str, bytes], tag: int, tmp_path: Path) -> None:
+    at, path = sound[".dcp"].index(struct.pack("<H", tag)), tmp_path / "a.dcp"
+    path.write_bytes(sound[".dcp"][: at + 4] + bytes(4) + sound[".dcp"][at + 8 :])
+    assert not fault(path, inspect)
+
+
 def test_a_camera_profile_that_names_a_huge_table_takes_no_memory(sound: dict[str, bytes], tmp_path: Path) -> None:
     sizes, path = struct.pack("<III", 6, 4, 2), tmp_path / "a.dcp"
     assert sound[".dcp"].count(sizes) == 1
