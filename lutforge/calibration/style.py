@@ -196,10 +196,10 @@ def _bakes(
     levels: Both[Levels] | Both[None],
     asked: Both[Array] | Both[None],
 ) -> tuple[Callable[[], Lattice], Callable[[], Lattice]]:
-    """How the lattices of a model are baked, of likely light and of the codes that the model renders it to.
+    """Return what bakes each lattice of a model, of likely light and the codes that the model renders it to.
 
-    A code may be of much light, where the camera takes a wide range to few codes. So the lattice of the inverse is the
-    least squares on likely light, which comes near to its mean given the code, and follows h⁻¹ where there is none.
+    A camera takes wide ranges of light to few codes. So the lattice that linearizes is the least squares on likely
+    light, which comes near to its mean given the code. Where there is none, the lattice follows h⁻¹.
     """
     light, weight = likely_light(samples, options.size)
     mapped = model.gamut_map(light @ model.matrix.T)
