@@ -4,39 +4,14 @@ from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache
-from os import cpu_count
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.arrays import Codes, Pixels
-from lutforge.errors import ImageError
 
 BLOCK = 64 * 1024
 """Pixels per call of OpenColorIO, which packs them into 1 MB of RGBA floats: what a core's cache holds."""
-
-
-def apply_to_pixels(
-    processor: OCIO.CPUProcessor,
-    pixels: Pixels,
-    premultiplied: bool = False,
-    workers: int | None = None,
-    out: Pixels | None = None,
-) -> Pixels:
-    """Grade pixels (h, w, c ≥ 3), float32: the first three channels; the others are passed through.
-
-    premultiplied: the colours are multiplied by the fourth channel; they are divided by it for the LUT and
-    multiplied again. workers: threads, by default one per core (OpenColorIO works outside Python's lock). out: where
-    the result goes, C-contiguous, which may be `pixels` itself; new memory costs more than the LUT.
-    Raises ImageError on fewer than three channels.
-    """
-    if pixels.ndim != 3 or pixels.shape[2] < 3:
-        raise ImageError(f"a LUT needs red, green and blue; this image has {pixels.shape[-1]} channel(s)")
-    source = np.ascontiguousarray(pixels, dtype=np.float32)
-    result = np.empty_like(source) if out is None else out
-    with threads_of(workers or cpu_count() or 1) as threads:
-        grade_floats(processor, source, result, premultiplied, threads)
-    return result
 
 
 def threads_of(count: int) -> AbstractContextManager[Executor | None]:

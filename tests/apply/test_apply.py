@@ -10,7 +10,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 
 from lutforge.apply.batch import apply_batch, plan_jobs
-from lutforge.apply.blocks import BLOCK, apply_to_pixels
+from lutforge.apply.blocks import BLOCK
 from lutforge.apply.grade import Grade, LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.apply.inputs import JOURNAL, Input
@@ -20,7 +20,7 @@ from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels
-from tests.cases.pictures import Pixels, lut_of_nodes, write_cube, write_picture
+from tests.cases.pictures import Pixels, apply_to_pixels, lut_of_nodes, write_cube, write_picture
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from PIL import Image as Pillow
 from PIL import ImageCms
 
 from lutforge.apply.batch import apply_batch
-from lutforge.apply.blocks import apply_to_pixels, grade_codes
+from lutforge.apply.blocks import grade_codes
 from lutforge.apply.grade import Grade, LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
@@ -23,7 +23,7 @@ from lutforge.images.read import read_image
 from lutforge.images.write import IN_ANOTHER_SPACE
 from lutforge.shots.tags import SOFTWARE, tags
 from tests.cases.damaged import damaged
-from tests.cases.pictures import write_cube
+from tests.cases.pictures import apply_to_pixels, write_cube
 
 
 @pytest.fixture

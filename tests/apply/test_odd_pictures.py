@@ -10,7 +10,6 @@ from PIL import Image as Picture
 from PIL import ImageCms
 
 from lutforge.apply.batch import BatchResult, apply_batch
-from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.grade import ConfigRecipe, LutRecipe
 from lutforge.apply.inputs import find_inputs
 from lutforge.colour.rgb_spaces import NAME, adobe_rgb_profile
@@ -21,7 +20,7 @@ from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.shots.tags import tags
-from tests.cases.pictures import write_cube, write_picture
+from tests.cases.pictures import apply_to_pixels, write_cube, write_picture
 
 
 @pytest.fixture

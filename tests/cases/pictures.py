@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
+from lutforge.apply.blocks import grade_floats, threads_of
 from lutforge.interpolation import Interpolation, Levels
 from lutforge.luts.bake import joined
 from lutforge.luts.ops import Cube, Matrix, Range
@@ -70,3 +72,14 @@ def lut_of_nodes(
     curve = () if is_even(levels) else (shaper(levels, size),)
     behind = Matrix(np.eye(3) if matrix is None else matrix)
     return Lut(joined((Matrix(np.diag(gain)), Range(), *curve, Cube(values, interpolation), behind)), title, comments)
+
+
+def apply_to_pixels(
+    processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bool = False, workers: int = 2
+) -> Pixels:
+    """Pixels (h, w, c ≥ 3) graded as `apply` grades those of a picture, on so many threads."""
+    source = np.ascontiguousarray(pixels, dtype=np.float32)
+    result = np.empty_like(source)
+    with threads_of(workers) as threads:
+        grade_floats(processor, source, result, premultiplied, threads)
+    return result

@@ -11,7 +11,6 @@ from PIL import Image
 
 import lutforge as lf
 from lutforge.apply.batch import plan_jobs
-from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.grade import LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.apply.inputs import find_inputs
@@ -28,7 +27,7 @@ from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph, rendered
 from lutforge.simulate.scene import SCENES
-from tests.cases.pictures import write_cube
+from tests.cases.pictures import apply_to_pixels, write_cube
 
 heif = pytest.importorskip("pillow_heif", reason="needs the optional package pillow-heif")
 CAMERA = nikon_d5100()

@@ -16,6 +16,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+from tests.cases.pictures import apply_to_pixels
 from tests.studio.job_functions import broken, doubled, endless, killed, wrong
 from tests.studio.shots_for_the_studio import chart_samples, photograph
 
@@ -27,7 +28,6 @@ from panel.io.state import set_curdoc
 from tornado.httputil import HTTPHeaders, HTTPServerRequest, RequestStartLine
 
 from lutforge.apply.batch import apply_batch
-from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.cli.main import command_line
