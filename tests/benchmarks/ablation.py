@@ -27,6 +27,7 @@ from scipy.spatial.distance import cdist
 
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical import kriging
+from lutforge.calibration.physical.curve_basis import CurveBasis
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style import ClippedColours, StyleData, fit_lattices, unclipped
 from lutforge.colour.spectra import light
@@ -160,8 +161,8 @@ def around_unsaturated(style: StyleData) -> tuple[Predictor, Predictor]:
     return model(style, given=fit_matrix_and_response(style.balanced, style.encoded))
 
 
-def without(module: object, **values: float) -> Fit:
-    """The model with numbers of a module set to values that switch a part off, in the fit and where it is evaluated."""
+def without(module: object, **values: float | Callable[..., object]) -> Fit:
+    """The model with names of a module set to values that switch a part off, in the fit and where it is evaluated."""
 
     def switched(function: Callable[..., Array]) -> Callable[..., Array]:
         def call(*arguments: object) -> Array:
@@ -184,6 +185,8 @@ PARTS: dict[str, Fit] = {
     "the model itself (`--model rbf`)": model,
     "baseline of sixty lines": baseline,
     "matrix of unsaturated colours": around_unsaturated,
+    "without white at saturation": without(CurveBasis, with_white_by_one=lambda basis: basis),
+    "without outlier weights": without(kriging, cauchy=np.ones_like),
     "without clipped samples": partial(model, clipped=None),
     "without likely scenes": without(kriging, SCENES=8),
     "without neutral light": without(kriging, GREY_WEIGHT=1e-9),
