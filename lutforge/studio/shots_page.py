@@ -131,8 +131,8 @@ class ShotsPage:
             self.curves.show(bracket_figure(fit))
             notes = ui.paragraphs(*fit.told, fit.verdict.told, *profile.notes)
             self.findings.object = ui.html("{}{}", notes, ui.table(response_table(fit)))
-        out: object = workspace.outliers if workspace is not None and self.shown.value == SHOWN[1] else None
-        drawn = (bracket, None if workspace is None else workspace.samples, profile, self.shown.value, out)
+        framed_by = workspace.outliers.tobytes() if workspace is not None and self.shown.value == SHOWN[1] else b""
+        drawn = (bracket, None if workspace is None else workspace.samples, profile, self.shown.value, framed_by)
         if drawn != self._drawn:
             self._drawn = drawn
             if bracket is not None:
