@@ -73,8 +73,7 @@ def test_premultiplied_colours_are_graded_as_colours(lut: Lut, lut_file: Path) -
 
 
 @pytest.mark.parametrize(
-    ("suffix", "kind", "tolerance"),
-    [(".exr", "float", 1e-5), (".tif", "uint16", 2e-5), (".png", "uint8", 0.0025)],
+    ("suffix", "kind", "tolerance"), [(".exr", "float", 1e-5), (".tif", "uint16", 2e-5), (".png", "uint8", 0.0025)]
 )
 def test_an_image_file_keeps_its_metadata(
     tmp_path: Path, lut: Lut, lut_file: Path, suffix: str, kind: str, tolerance: float

@@ -101,7 +101,7 @@ def rigs(data: Path) -> Iterator[tuple[str, Source]]:
 def simulated(_: Path) -> Iterator[tuple[str, Source]]:
     """Styles of simulated cameras on colours that are even in RAW."""
     for camera, style in ((nikon_d5100(), "standard"), (nikon_d5100(), "vivid"), (sigma_sd_merrill(), "standard")):
-        (x, y), unseen = (common.unseen_colours(camera, style, seed, 3_000, drawn=8_000) for seed in (1, 2))
+        (x, y), unseen = (common.unseen_colours(camera, style, seed, 3_000) for seed in (1, 2))
         yield f"{camera.name}, {style}", Source(style_of(x, np.rint(255 * y) / 255), *unseen)
 
 

@@ -185,14 +185,9 @@ def refinished_colours(shots: DemoShots) -> tuple[Array, Array, Array]:
     return raw[inside], before[inside], after[inside]
 
 
-def unseen_colours(
-    camera: SimulatedCamera, style: str, seed: int, count: int, *, drawn: int, even_codes: bool = False
-) -> tuple[Array, Array]:
-    """Balanced RAW and JPEG values (count, 3) in daylight, of so many drawn evenly in RAW or in codes; none clips."""
-    gain, balanced = camera.multipliers("daylight"), np.random.default_rng(seed).random((drawn, 3))
-    if even_codes:
-        balanced = camera.linearize(0.01 + 0.98 * balanced, style, "daylight") * gain
-        balanced = balanced[np.all((balanced > 0) & (balanced < 1), axis=1)]
-    encoded = camera.render(balanced / gain, style, "daylight")
+def unseen_colours(camera: SimulatedCamera, style: str, seed: int, count: int) -> tuple[Array, Array]:
+    """Balanced RAW and JPEG values (count, 3) in daylight, of 8,000 drawn evenly in RAW; none clips."""
+    balanced = np.random.default_rng(seed).random((8_000, 3))
+    encoded = camera.render(balanced / camera.multipliers("daylight"), style, "daylight")
     inside = np.all((encoded > HALF_CODE) & (encoded < 1 - HALF_CODE), axis=1)
     return balanced[inside][:count], encoded[inside][:count]

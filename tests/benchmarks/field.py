@@ -20,7 +20,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -49,7 +49,6 @@ darktable:raw_params="0" darktable:history_end="{}"><darktable:history><rdf:Seq>
 """
 STEP = """<rdf:li darktable:num="{}" darktable:operation="{}" darktable:enabled="1" darktable:modversion="{}"
 darktable:params="{}" darktable:multi_name="" darktable:multi_priority="0"/>"""
-AUTO_MATCHED = "RawTherapee, its default with the auto-matched curve"
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +177,7 @@ def kit(shot: LeftOut, program: str, preset: str = "") -> KitCheck:
 
 METHODS: dict[str, Callable[[LeftOut], KitCheck | float]] = {
     "darktable, its default": darktable_default,
-    AUTO_MATCHED: rawtherapee_default,
+    "RawTherapee, its default with the auto-matched curve": rawtherapee_default,
     "darktable_lut_generator 0.1.5, 9³, in darktable": darktable_lut_generator,
     "camera-match 0.2.0, 17³, on RAW": camera_match,
     "LutForge, its model on RAW": lambda shot: on_raw(shot, look_of(shot.profile(), SETTING).render),
@@ -188,11 +187,10 @@ METHODS: dict[str, Callable[[LeftOut], KitCheck | float]] = {
 }
 
 
-def photographs_table(shots: list[LeftOut]) -> dict[str, list[float]]:
-    """Print and return mean ΔE00 by method and photograph; NaN where a method could not run."""
+def photographs_table(shots: list[LeftOut]) -> None:
+    """Print mean ΔE00 by method and photograph; NaN where a method could not run."""
     names = (shot.raw.stem.partition("_")[2] for shot in shots)
     heading("mean ΔE00 to the camera's JPEG", *names, "mean", "8-bit codes")
-    errors: dict[str, list[float]] = {}
     notes = []
     for name, measure in METHODS.items():
         values, codes = [], []
@@ -204,22 +202,8 @@ def photographs_table(shots: list[LeftOut]) -> dict[str, list[float]]:
                 notes.append(f"{name}, {shot.raw.stem}: {str(error).splitlines()[0]}")
             values.append(check.mean if isinstance(check, KitCheck) else check)
             codes.append(check.codes if isinstance(check, KitCheck) else np.nan)
-        errors[name] = values
         row(name, *values, float(np.mean(values)), float(np.mean(codes)), places=2)
     print("", *notes, sep="\n")
-    return errors
-
-
-def verdicts(errors: dict[str, list[float]]) -> Iterator[str]:
-    """Whether each kit is nearer to the JPEG than RawTherapee's auto-matched curve, and what it adds to the model."""
-    auto_matched, model = (np.array(errors[name]) for name in (AUTO_MATCHED, "LutForge, its model on RAW"))
-    for name, values in errors.items():
-        if "kit" in name:
-            added = np.array(values) - model
-            yield (
-                f"{name}: nearer than the auto-matched curve on {np.sum(values < auto_matched)} of {len(values)} "
-                f"photographs; beside the model on RAW {added.mean():+.2f} on average, {added.max():+.2f} at most"
-            )
 
 
 def way_back_table(samples: lf.SampleSet, keep: Path) -> None:
@@ -276,7 +260,7 @@ def main() -> int:
             LeftOut(files[name], tuple(path for path in files.values() if path.stem != name), others, shot, keep)
             for name, others, shot in common.left_out(samples)
         ]
-        print("", *verdicts(photographs_table(shots)), sep="\n")
+        photographs_table(shots)
         way_back_table(samples, keep)
         refinish_table(keep)
     return 0

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import psutil
-import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from PIL import Image as Pillow
 
 from lutforge.arrays import Pixels
@@ -31,10 +30,9 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.calibration.style import fit_lattices
-from lutforge.luts.bake import bake, bake_forms
+from lutforge.luts.bake import bake_forms
 from lutforge.luts.programs import target_of
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.ocio.config import build_config
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.simulate.camera import nikon_d5100
@@ -43,9 +41,8 @@ from lutforge.simulate.scene import SCENES
 from tests.benchmarks import common
 from tests.benchmarks.common import ROOT, Figure, Figures, Parts
 from tests.cases.pictures import write_cube
-from tests.cases.profiles import plain_profile
 from tests.cases.real_data import read_published_pairs
-from tests.cases.samples import samples_of_settings, style_of
+from tests.cases.samples import style_of
 
 BARE = """
 import os, sys
@@ -89,26 +86,6 @@ def work(file):
     target = oiio.ImageOutput.create(file)
     target.open(str(Path(out, Path(file).name)), spec)
     target.write_image(pixels)
-    target.close()
-""",
-)
-BARE_LIGHT = BARE.format(
-    "import numpy as np, OpenImageIO as oiio, PyOpenColorIO as OCIO",
-    f"""
-oiio.attribute("threads", 1)
-{READ}
-processor = read.getDefaultCPUProcessor()
-def work(file):
-    codes = oiio.ImageInput.open(file).read_image(oiio.UINT8)
-    height, width, _ = codes.shape
-    light = np.zeros((height, width, 4), np.float32)
-    pixels = codes / np.float32(255)
-    apply(processor, pixels, 1 << 16)
-    light[..., :3] = pixels
-    light[..., 3] = ((codes == 0) | (codes == 255)).any(axis=-1)
-    target = oiio.ImageOutput.create("light.exr")
-    target.open(str(Path(out, Path(file).stem + ".exr")), oiio.ImageSpec(width, height, 4, oiio.HALF))
-    target.write_image(light)
     target.close()
 """,
 )
@@ -274,13 +251,10 @@ def jpegs(folder: Path, count: int, height: int, width: int) -> list[Path]:
     return paths
 
 
-def beside_a_bare_script(
-    name: str, code: str, lut: Path, files: list[Path], share: float, words: Sequence[object] = ()
-) -> Figures:
-    """words: those of `lutforge apply` that do the same with a profile."""
+def beside_a_bare_script(name: str, code: str, lut: Path, files: list[Path], share: float) -> Figures:
     place = files[0].parent.parent
     ours, bare = alternating(
-        lambda: lutforge("apply", *(words or [lut]), files[0].parent, "-o", place / "ours"),
+        lambda: lutforge("apply", lut, files[0].parent, "-o", place / "ours"),
         lambda: run(sys.executable, "-c", code, lut, place / "bare", *files),
     )
     yield Figure(f"{name}: speed, of a bare script's", ratio(bare, ours), share, at_least=True, compared=False)
@@ -291,22 +265,6 @@ def jpeg_lines(folder: Path, lut: Path) -> Figures:
     yield from beside_a_bare_script("12 JPEG of 24 Mpixel", BARE_JPEG, lut, jpegs(folder / "l", 12, 4000, 6000), 0.85)
     small = jpegs(folder / "s", 200, 1154, 1732)
     yield from beside_a_bare_script("200 JPEG of 2 Mpixel", BARE_JPEG, lut, small, 0.85)
-
-
-def light_lines(folder: Path) -> Figures:
-    """JPEGs to scene-linear light, in half floats with a channel of what is clipped."""
-    camera, setting, profile, lut = nikon_d5100(), "standard/daylight", folder / "light.npz", folder / "light.clf"
-    calibrate(samples_of_settings(camera, 1, ("standard",), ("daylight",)))[0].save(profile)
-    bake(load_profile(profile).linearize(setting, "acescg"), lut)
-    settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s)
-    first = photograph(camera, SCENES["still-life"](4000, 6000, 0), settings, folder, "lit").jpeg
-    assert first is not None
-    files = [folder / "shots" / f"{number:03d}.jpg" for number in range(12)]
-    files[0].parent.mkdir()
-    for path in files:
-        path.hardlink_to(first)
-    words = [profile, "--space", "acescg", "--exposure", "exif"]
-    yield from beside_a_bare_script("12 JPEG of 24 Mpixel to light", BARE_LIGHT, lut, files, 0.8, words)
 
 
 def float_lines(folder: Path, lut: Path) -> Figures:
@@ -366,7 +324,7 @@ def fit_lines(folder: Path, table: Path, profile: Path) -> Figures:
 
 
 def config_of_many(folder: Path, profile: CameraProfile, cameras: int = 2) -> Figures:
-    """A config of cameras with four styles each, beside two bakes a camera; how long programs wait for a larger one."""
+    """A config of cameras with four styles each, beside two bakes a camera."""
     (style,) = profile.styles.values()
     four = {f"style {number}": style for number in range(4)}
     paths = [folder / f"camera_{number}.npz" for number in range(cameras)]
@@ -379,29 +337,6 @@ def config_of_many(folder: Path, profile: CameraProfile, cameras: int = 2) -> Fi
     )
     name = f"config of {cameras} cameras with 4 styles: bakes' time"
     yield Figure(name, ratio(whole, one), 2.0 * cameras, compared=False)
-    balances = ("daylight", "cloudy", "shade", "flash", "tungsten", "fluorescent", "auto")
-    cells = dict.fromkeys(("standard", "vivid", "neutral", "landscape"), plain_profile("A").styles["standard"])
-    many = [replace(plain_profile(f"Maker Model {number}", balances=balances), styles=cells) for number in range(31)]
-    text, published = build_config(many).serialize(), str(ROOT / "ocio_configs" / "nikon_d40" / "config.ocio")
-
-    def processor() -> object:
-        config = OCIO.Config.CreateFromFile(published)
-        return config.getProcessor("Nikon D40 standard tungsten", "ACEScg").getDefaultCPUProcessor()
-
-    large = "load a config of 31 cameras × 4 styles × 7 white balances"
-    yield loaded(large, 1.5, lambda: OCIO.Config.CreateFromStream(text))
-    yield loaded("load the published config of the D40, with a processor", 0.15, processor)
-
-
-def loaded(name: str, limit: float, action: Callable[[], object]) -> Figure:
-    """The median of the processor's times of an action, with OpenColorIO's caches empty."""
-    seconds = []
-    for _ in range(7):
-        OCIO.ClearAllCaches()
-        began = time.process_time()
-        action()
-        seconds.append(time.process_time() - began)
-    return Figure(name, median(seconds), limit, "s", compared=False)
 
 
 def demo_lines(folder: Path) -> Figures:
@@ -452,7 +387,6 @@ def parts(folder: Path) -> Parts:
         "calibrate config": lambda: fit_lines(folder, table, profile),
         "tasks": task_lines,
         "jpeg": lambda: jpeg_lines(folder, lut),
-        "light": lambda: light_lines(folder),
         "tif exr": lambda: float_lines(folder, lut),
         "raw": lambda: raw_lines(folder, lut),
         "dask": lambda: cluster_lines(folder, lut),

@@ -96,11 +96,7 @@ def test_a_camera_that_adapts_to_the_scene_is_told() -> None:
 
 @pytest.mark.parametrize(
     ("name", "shots", "spacing", "stated_off"),
-    [
-        ("vivid", 7, 2.0, 0.0),
-        ("vivid", 3, 1.0, 0.0),
-        pytest.param("sRGB", 5, 2.0, 0.5, marks=pytest.mark.slow),
-    ],
+    [("vivid", 7, 2.0, 0.0), ("vivid", 3, 1.0, 0.0), pytest.param("sRGB", 5, 2.0, 0.5, marks=pytest.mark.slow)],
 )
 def test_neighbouring_frames_agree(name: str, shots: int, spacing: float, stated_off: float) -> None:
     """Frames from JPEG files, of which the middle one may state a time that is off, in stops."""

@@ -9,13 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.colour.spectra import chart_reflectances, spectrum_of
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
-from lutforge.simulate.camera import (
-    SimulatedCamera,
-    SimulatedGamutMap,
-    ToneResponse,
-    _fit_matrix,
-    invert_increasing,
-)
+from lutforge.simulate.camera import SimulatedCamera, SimulatedGamutMap, ToneResponse, _fit_matrix, invert_increasing
 from tests.cases.samples import chart_140, photograph_patches, surfaces
 
 Array = NDArray[np.float64]

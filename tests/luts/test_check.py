@@ -90,11 +90,7 @@ def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
         ("a.clf", f"<ProcessList {CLF}><LUT3D {DEPTHS}><Array dim='9999 2 2 3'/></LUT3D></ProcessList>", "9999 2 2 3"),
         ("a.clf", f"<ProcessList {CLF}><LUT1D {DEPTHS}><Array dim='2 1'>0</Array></LUT1D></ProcessList>", "found 1"),
         ("a.vlt", "LUT_3D_SIZE 17\n0 0 0.5\n", "4913 rows behind it"),
-        (
-            "a.cube",
-            "\ufeff" + "LUT_3D_SIZE 2\n" + "0 0 0\n" * 8,
-            "mark, which OpenColorIO and ffmpeg refuse",
-        ),
+        ("a.cube", "\ufeff" + "LUT_3D_SIZE 2\n" + "0 0 0\n" * 8, "mark, which OpenColorIO and ffmpeg refuse"),
         ("a.cube", 'TITLE "x"\nLUT_1D_SIZE 2\nLUT_3D_SIZE 2\n' + "0 0 0\n" * 10, "neither TITLE nor DOMAIN lines"),
         # OpenColorIO 2.6 would look for the end of metadata for ever, and take memory with each line.
         ("a.csp", "CSPLUTV100\n3D\n\nBEGIN METADATA\nx\n", "no END METADATA"),

@@ -10,12 +10,7 @@ from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.errors import ProfileError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
-from lutforge.model.published_model import (
-    PublishedModel,
-    export_published,
-    import_published,
-    read_published_model,
-)
+from lutforge.model.published_model import PublishedModel, export_published, import_published, read_published_model
 
 FOLDERS = ("fluorescent", "other_white_balances")
 

@@ -7,15 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lutforge.samples.clipping import clipping, saturation_levels
-from lutforge.samples.tiles import (
-    LEVELS,
-    PER_BIN,
-    PER_BIN_RELAXED,
-    PER_SHOT,
-    cell_size,
-    choose_evenly,
-    flatness,
-)
+from lutforge.samples.tiles import LEVELS, PER_BIN, PER_BIN_RELAXED, PER_SHOT, cell_size, choose_evenly, flatness
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Registration
 
