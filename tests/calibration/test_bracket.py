@@ -9,11 +9,10 @@ from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
 from lutforge.calibration.physical.brightness_transfer import judge
 from lutforge.calibration.physical.response_from_exposures import pairs_of_bracket
 from lutforge.errors import CalibrationError
-from lutforge.images.read import read_image
-from lutforge.images.write import write_image
 from lutforge.model.response import Response
-from lutforge.pipeline.response import open_bracket, response
+from lutforge.pipeline.response import response
 from tests.cases.brackets import CURVES, adapted, bracket, compressed, errors_of
+from tests.cases.pictures import write_picture
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +27,7 @@ def _next_stop(response: Response, codes: np.ndarray) -> np.ndarray:
 
 
 def test_a_real_bracket(window: BracketFit) -> None:
+    """Its curve predicts the next shot better than plain ones; EMoR and the spline say the same of it."""
     assert np.all(np.diff(window.response.inverse, axis=0) >= 0)
     np.testing.assert_allclose(window.white, 251 / 255, atol=1e-6)  # what this camera clips to
     assert all(0.9 < ratio < 1.1 for ratio in window.exposure_error.values())
@@ -36,13 +36,10 @@ def test_a_real_bracket(window: BracketFit) -> None:
     assert window.held_out < 1.6
     assert window.verdict.fixed
     assert median["EMoR"] < 0.25 * median["gamma"] < 0.25 * median["sRGB"]
-
-
-def test_emor_and_the_spline_say_the_same_of_it(window: BracketFit) -> None:
     codes = np.linspace(0.1, 0.6, 50)
     emor, spline = (_next_stop(curve.response, codes) for curve in window.curves[:2])
     assert np.abs(emor - spline).max() < 0.03
-    assert np.abs(emor - emor.mean(axis=1, keepdims=True)).max() < 0.02  # and of its three channels
+    assert np.abs(emor - emor.mean(axis=1, keepdims=True)).max() < 0.02  # and its three channels
 
 
 def test_film_with_a_fog_and_no_neutrals(shared_data: Path) -> None:
@@ -127,19 +124,8 @@ def test_a_bracket_that_no_response_explains_is_refused(kind: str) -> None:
         fit_bracket(pairs_of_bracket([str(place) for place in range(len(times))], images, times))
 
 
-def test_pictures_of_several_cameras_are_refused(shared_data: Path) -> None:
-    files = sorted((shared_data / "chart_jpegs").glob("*.JPG"))
-    with pytest.raises(CalibrationError, match=r"cameras .*: give those of one"), open_bracket(files, [1.0] * 6, ""):
-        pass
-
-
-def test_what_it_cannot_use_it_says(tmp_path: Path, shared_data: Path) -> None:
-    folder = shared_data / "brackets" / "debevec_memorial"
-    with pytest.raises(CalibrationError, match="no exposure time; give those of the bracket"):
-        response(sorted(folder.glob("*.png"))[:3])
-    with pytest.raises(CalibrationError, match="one exposure only"):
-        response(sorted(folder.glob("*.png"))[:2], exposure_s=[1.0, 1.0])
+def test_a_grey_image_is_refused(tmp_path: Path) -> None:
     grey = tmp_path / "grey.png"
-    write_image(grey, np.full((64, 64, 1), 0.5, dtype=np.float32), read_image(folder / "memorial0061.png"))
+    write_picture(grey, (64, 64), channels=1)
     with pytest.raises(CalibrationError, match="grey image"):
         response([grey, grey], exposure_s=[1.0, 2.0])

@@ -51,17 +51,12 @@ def _fitted(samples: SampleSet) -> tuple[Falloff, ...]:
 @pytest.mark.parametrize("power", [1.0, 1.5])
 @pytest.mark.parametrize(("ev", "centre"), [(0.3, (0.0, 0.0)), (1.0, (0.05, -0.06)), (2.0, (0.0, 0.0))])
 def test_falloff_is_recovered(ev: float, centre: tuple[float, float], power: float) -> None:
+    """A power of the distance from the centre, and the fourth power of a cosine."""
     samples = _photographed()
-    stops = lost_stops(samples, ev, centre, power)
-    (falloff,) = _fitted(with_dark_corners(samples, stops))
-    np.testing.assert_allclose(falloff.stops(samples.position), stops, atol=0.05)
-
-
-def test_the_fourth_power_of_a_cosine_is_recovered() -> None:
-    samples = _photographed()
-    stops = 2.0 * np.log2(1.0 + 0.7 * np.sum(samples.position**2, axis=1))
-    (falloff,) = _fitted(with_dark_corners(samples, stops))
-    np.testing.assert_allclose(falloff.stops(samples.position), stops, atol=0.02)
+    fourth = 2.0 * np.log2(1.0 + 0.7 * np.sum(samples.position**2, axis=1))
+    for stops, within in ((lost_stops(samples, ev, centre, power), 0.05), (fourth, 0.02)):
+        (falloff,) = _fitted(with_dark_corners(samples, stops))
+        np.testing.assert_allclose(falloff.stops(samples.position), stops, atol=within)
 
 
 @pytest.mark.slow
@@ -143,15 +138,6 @@ def test_unseen_shots_are_predicted_as_without(tmp_path: Path) -> None:
 def test_numbers_that_no_lens_has_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ProfileError, match="no lens has"):
         replace(Falloff((0.1, 0.2, 0.3), lens="Nikkor", focal_mm=35.0, aperture=4.0), **wrong)
-
-
-def test_gain_is_that_of_the_places_of_pixels() -> None:
-    falloff = Falloff((0.3, 0.4, 0.3), (0.05, -0.02))
-    gain = falloff.gain(20, 30)
-    assert gain.shape == (20, 30)
-    place = np.array([29.5 - 15.0, 0.5 - 10.0]) / np.hypot(15, 10)
-    assert gain[0, 29] == pytest.approx(2.0 ** float(falloff.stops(place)))
-    assert falloff.stops([np.nan, np.nan]) == 0.0
 
 
 # --- RAW files of a lens that loses light towards the corners, which the camera corrects in its JPEGs -----------------

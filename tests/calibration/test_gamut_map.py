@@ -19,19 +19,13 @@ def worst(fit: GamutMap, source: np.ndarray, target: np.ndarray) -> float:
     return float(np.linalg.norm(fit(source) - target, axis=1).max())
 
 
-def test_it_is_scipys_linear_rbf() -> None:
+@pytest.mark.parametrize("smoothing", [0.0, 0.05])
+def test_it_is_scipys_linear_rbf(smoothing: float) -> None:
+    """Its kernel is −r, so its smoothing is our 8Nπρ, with the thesis's sign."""
     x = RNG.uniform(size=(300, 3))
-    y, probe = _curved(x), RNG.uniform(size=(500, 3))
-    expected = RBFInterpolator(x, y, kernel="linear", degree=1)(probe)
-    np.testing.assert_allclose(solve(x, y, 0.0)(probe), expected, atol=3e-6)
-
-
-def test_smoothing_is_scipys_with_the_thesis_sign() -> None:
-    # scipy's linear kernel is −r, so its smoothing is our 8Nπρ.
-    x = RNG.uniform(size=(200, 3))
-    y, probe = _curved(x) + 0.01 * RNG.standard_normal(x.shape), RNG.uniform(size=(300, 3))
-    expected = RBFInterpolator(x, y, kernel="linear", degree=1, smoothing=0.05)(probe)
-    np.testing.assert_allclose(solve(x, y, 0.05)(probe), expected, atol=3e-6)
+    y, probe = _curved(x) + 0.01 * RNG.standard_normal(x.shape), RNG.uniform(size=(500, 3))
+    expected = RBFInterpolator(x, y, kernel="linear", degree=1, smoothing=smoothing)(probe)
+    np.testing.assert_allclose(solve(x, y, smoothing)(probe), expected, atol=3e-6)
 
 
 def test_rho_counts_with_the_number_of_centres() -> None:

@@ -3,19 +3,15 @@
 import numpy as np
 import pytest
 
-from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
+from lutforge.calibration.options import PhysicalOptions
 from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.calibration.physical.kriging import fit_camera_model
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
-from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
 from lutforge.calibration.physical.unsaturated import untouched
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import unclipped
-from lutforge.evaluation.linearization import model_delta
-from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.response import Response
-from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.cases.samples import chart_140, photograph_patches, surfaces
@@ -84,29 +80,3 @@ def test_the_thesis_preset_weighs_all_colours_of_the_gamut_map_alike() -> None:
     for found, (x, y) in zip(maps, ((linear, mapped), (mapped, linear)), strict=True):
         alike = fit_gamut_map(x, y, rho=physical.rho, groups=shot)
         np.testing.assert_array_equal(found(x), alike(x))  # (4.8)
-
-
-@pytest.fixture(scope="module")
-def small() -> tuple[SampleSet, CameraProfile]:
-    samples = photograph_patches(CAMERA, chart_140()[:60], balances=("tungsten", "daylight"), stops=(-2, -1, 0))
-    return samples, calibrate(samples, CalibrationOptions(model="rbf", size=9))
-
-
-def test_calibrate_gives_both_models(small: tuple[SampleSet, CameraProfile]) -> None:
-    samples, profile = small
-    style = profile.styles["standard"]
-    assert style.render is not None and style.linearize is not None and len(style.physical) == 1
-    assert profile.options["model"] == "rbf"
-    assert style.errors["render_mean"] < 0.01
-    inside = samples.select(unclipped(samples, samples.wb) & (samples.white_balance == "daylight"))
-    for model, limit in (("rbf", 0.004), ("lattice", 0.02)):
-        rendered = profile.render("standard/daylight", model=model)(inside.raw)  # type: ignore[arg-type]  # str in a loop
-        assert np.linalg.norm(rendered - inside.srgb, axis=1).mean() < limit
-
-
-def test_delta_of_the_model_is_less_with_the_gamut_map(small: tuple[SampleSet, CameraProfile]) -> None:
-    samples, profile = small
-    inside = samples.select(unclipped(samples, samples.wb))
-    without, with_map = model_delta(pairs_of_samples(inside), profile.styles["standard"].physical[0])
-    assert max(with_map) < max(without)
-    assert max(with_map) < 0.004  # thesis, figure 4.3

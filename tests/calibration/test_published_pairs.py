@@ -5,8 +5,6 @@ Wanted figures: a plain implementation of the thesis reaches 0.0162, 0.0103, 0.0
 0.0088, radial basis functions on the gamut map 0.0034.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,9 +12,6 @@ from scipy.interpolate import RBFInterpolator
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
-from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import Lut, evaluate
-from lutforge.luts.shaper import lattice_ops
 from lutforge.model.lattice import Lattice
 from tests.cases.real_data import PublishedPairs
 from tests.cases.samples import style_of
@@ -122,20 +117,3 @@ def test_warm_highlights_beyond_the_samples_do_not_turn_yellow(d40_pairs: Publis
 def test_tetrahedral_is_as_good(d40_pairs: PublishedPairs) -> None:
     options = CalibrationOptions(size=17, interpolation="tetrahedral")
     assert median_of_means(d40_pairs, options, (1, 2)) <= 0.0036
-
-
-@pytest.mark.parametrize(
-    ("options", "wanted"),
-    [(CalibrationOptions(preset="thesis", size=17), 0.0056), (CalibrationOptions(size=17), 0.0038)],
-)
-def test_through_the_file(
-    d40_pairs: PublishedPairs, options: CalibrationOptions, wanted: float, tmp_path: Path
-) -> None:
-    """The CLF, read back and evaluated by OpenColorIO, makes the same errors on held-out colours."""
-    x, y, held_x, held_y = split(d40_pairs, 1)
-    lattice = fit(x, y, options)
-    path = tmp_path / "d40.clf"
-    Lut(lattice_ops(lattice)).write(path)
-    read = evaluate(file_processor(path, "trilinear"), held_x)
-    np.testing.assert_allclose(read, lattice(held_x), atol=1e-5)
-    assert np.linalg.norm(np.clip(read, 0, 1) - held_y, axis=1).mean() <= wanted

@@ -21,10 +21,10 @@ from tests.cases.samples import chart_140, photograph_patches
 A, B = nikon_d5100(), sigma_sd_merrill()
 
 
-def fit(light: str) -> RawTransfer:
-    surfaces = np.vstack([chart_reflectances(), surface_reflectances()])
-    neutral = 1 / A.multipliers(light)
-    return fit_raw_transfer(A.name, B.name, A.expose(surfaces, light), B.expose(surfaces, light), neutral)[0]
+def fit(light: str, noise: float = 0.0) -> RawTransfer:
+    surfaces, rng = np.vstack([chart_reflectances(), surface_reflectances()]), np.random.default_rng(0)
+    x, y = (camera.expose(surfaces, light) + rng.normal(0, noise, (len(surfaces), 3)) for camera in (A, B))
+    return fit_raw_transfer(A.name, B.name, x, y, 1 / A.multipliers(light))[0]
 
 
 def rendered_error(light: str, raw: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
@@ -34,7 +34,10 @@ def rendered_error(light: str, raw: NDArray[np.float64], truth: NDArray[np.float
 
 
 def test_other_colours_come_out_as_the_other_camera_sees_them() -> None:
-    """Under every light, nearer than by a matrix; one leaves 0.0201 under fluorescent light even if fitted to these."""
+    """Under every light, with noise too, nearer than by a matrix.
+
+    One leaves 0.0201 under fluorescent light even if fitted to these.
+    """
     unseen = palette(600, np.random.default_rng(9))
     for light in A.white_balances:
         x, y = A.expose(unseen, light), B.expose(unseen, light)
@@ -42,6 +45,7 @@ def test_other_colours_come_out_as_the_other_camera_sees_them() -> None:
         fitted = fit(light)
         roots, matrix = (rendered_error(light, values, y) for values in (fitted(x), x @ fitted.matrix.T))
         assert roots <= 0.018 and matrix <= 0.022
+        assert rendered_error(light, fit(light, noise=0.002)(x), y) <= 0.02
         assert roots < 0.97 * 0.92 * matrix < 0.97 * 0.92 * rendered_error(light, matrices, y)
 
 
@@ -57,17 +61,6 @@ def test_a_match_keeps_greys_on_one_line() -> None:
             tint = srgb_to_lab(match(source, setting, target, setting)(greys))[:, 1:]
             assert np.abs(tint).max() <= 0.5, (target.camera, setting)
             assert np.ptp(tint, axis=0).max() <= 0.5, (target.camera, setting)
-
-
-def test_noise_and_another_exposure_do_not_harm_the_root_polynomial() -> None:
-    rng = np.random.default_rng(0)
-    surfaces, unseen = np.vstack([chart_reflectances(), surface_reflectances()]), palette(600, np.random.default_rng(9))
-    for light in A.white_balances:
-        x, y = (camera.expose(surfaces, light) + rng.normal(0, 0.002, (len(surfaces), 3)) for camera in (A, B))
-        transfer, _ = fit_raw_transfer(A.name, B.name, x, y, 1 / A.multipliers(light))
-        raw, truth = A.expose(unseen, light), B.expose(unseen, light)
-        assert rendered_error(light, transfer(raw), truth) <= 0.02
-        np.testing.assert_allclose(transfer(0.1 * raw), 0.1 * transfer(raw), rtol=1e-9, atol=1e-12)
 
 
 def test_a_fit_is_carried_over_to_other_lights() -> None:

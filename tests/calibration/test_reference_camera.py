@@ -12,7 +12,7 @@ from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import CalibrationError, ProfileError
 from lutforge.evaluation.evaluation import evaluate
 from lutforge.evaluation.methods import RBF
-from lutforge.model.camera_profile import match, profile_of_response
+from lutforge.model.camera_profile import profile_of_response
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet, concatenate
@@ -119,20 +119,6 @@ def test_samples_of_another_raw_are_no_measure_of_a_profile(samples: SampleSet) 
     response = profile_of_response(gamma_response(2.2), OWN.name, "standard", "daylight")
     with pytest.raises(CalibrationError, match="holds a response alone"):
         evaluate(response, own)
-
-
-@pytest.mark.slow
-def test_two_cameras_go_through_their_common_reference(samples: SampleSet) -> None:
-    """Tc is the identity between profiles of one RAW (thesis 6.3): nothing is put in between, whatever the light."""
-    profile = calibrate(samples, CalibrationOptions(model="rbf"))
-    other = photograph_patches(REFERENCE, chart_140(), balances=BALANCES, stops=(-3, -2, -1, 0), seed=1)
-    reference = calibrate(other, CalibrationOptions(model="rbf", size=9))
-    raw = REFERENCE.expose(surfaces(300, 4), "daylight") * 0.5
-    own = OWN.render(OWN.expose(surfaces(300, 4), "daylight") * 0.5, "standard", "daylight")
-    wanted = REFERENCE.render(raw, "standard", "daylight")
-    seen = np.all((own > 0.03) & (own < 0.97) & (wanted > 0.03) & (wanted < 0.97), axis=1)
-    matched = match(profile, "standard/daylight", reference, "standard/daylight")(own)
-    assert np.linalg.norm(matched[seen] - wanted[seen], axis=1).mean() < 0.03
 
 
 @pytest.mark.slow

@@ -101,20 +101,13 @@ def test_plain_curves() -> None:
 
 
 def test_what_cannot_be_determined_says_what_to_shoot() -> None:
-    rng = np.random.default_rng(0)
-    red = np.column_stack([rng.uniform(0.3, 0.9, 60), np.full(60, 0.02), np.full(60, 0.03)])
-    with pytest.raises(CalibrationError, match=r"unsaturated colours.*grey card"):
-        check_tones(red, saturation(red) < BETA)
-    grey = np.full((60, 3), 0.5) + 0.01 * rng.standard_normal((60, 3))
+    grey = np.full((60, 3), 0.5) + 0.01 * np.random.default_rng(0).standard_normal((60, 3))
     with pytest.raises(CalibrationError, match="several exposures"):
         check_tones(grey, saturation(grey) < BETA)
     with pytest.raises(CalibrationError, match="one exposure only"):
         pairs_of_bracket(["a", "b"], [np.zeros((64, 64, 3))] * 2, [0.1, 0.1])
     with pytest.raises(CalibrationError, match="share flat, unclipped"):
         pairs_of_bracket(["a", "b"], [np.zeros((64, 64, 3)), np.ones((64, 64, 3))], [0.1, 0.2])
-    one = photograph_patches(CAMERA, chart_140()[:30], balances=("daylight",), stops=(0,))
-    with pytest.raises(CalibrationError, match="several shutter speeds"):
-        pairs_of_samples(one)
 
 
 def test_other_scenes_under_the_same_patch_names_are_no_pairs() -> None:

@@ -1,15 +1,13 @@
-"""Simulated cameras that nothing was made on: each with its own sensor, tone curve, gamut map, lights and chart."""
+"""Simulated cameras that nothing was made on: each with its own sensor, tone curve, gamut map and chart."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lutforge.colour.spectra import chart_reflectances, spectrum_of
-from lutforge.model.white_balance import WhiteBalance
+from lutforge.colour.spectra import chart_reflectances
 from lutforge.samples.sample_set import SampleSet
-from lutforge.simulate.camera import SimulatedCamera, SimulatedGamutMap, ToneResponse, _fit_matrix, invert_increasing
+from lutforge.simulate.camera import SimulatedGamutMap, ToneResponse, _build, _fit_matrix, invert_increasing
 from tests.cases.samples import chart_140, photograph_patches, surfaces
 
 Array = NDArray[np.float64]
@@ -67,19 +65,6 @@ class DistanceMap:
         return np.asarray(top * rest)
 
 
-@dataclass(frozen=True, eq=False)
-class UnseenCamera(SimulatedCamera):
-    """lights: by setting, what it is made for."""
-
-    lights: Mapping[str, Array] = field(default_factory=dict)
-
-    def expose(self, reflectances: ArrayLike, white_balance: str, exposure_s: float | None = None) -> Array:
-        responses = self.lights[white_balance][:, None] * self.sensitivity
-        responses = responses * (0.9 / responses.sum(axis=0).max())
-        times = 1.0 if exposure_s is None else exposure_s / self.nominal_exposure_s
-        return np.asarray(times * (np.asarray(reflectances) @ responses))
-
-
 def random_response(rng: np.random.Generator) -> ToneResponse | Power | Logarithm:
     """A tone curve, a power or a logarithm."""
     kind = rng.integers(3)
@@ -96,33 +81,21 @@ def random_gamut_map(rng: np.random.Generator, sensitivity: Array) -> SimulatedG
     if rng.integers(3) == 0:
         return DistanceMap(rng.uniform(0.4, 0.6), rng.uniform(0.0, 0.7))
     signal = np.array([0.25, 0.5, 0.25]) @ np.linalg.inv(_fit_matrix(sensitivity))
-    return SimulatedGamutMap(
-        tuple(signal),
-        rng.uniform(0.55, 0.75),
-        rng.uniform(0.4, 0.5),
-        rng.uniform(0, 0.9),
-        rng.normal(0, 0.07),
-        rng.uniform(-0.15, 0.15),
-    )
+    knee, onset, boost = rng.uniform(0.55, 0.75), rng.uniform(0.4, 0.5), rng.uniform(0, 0.9)
+    return SimulatedGamutMap(tuple(signal), knee, onset, boost, rng.normal(0, 0.07), rng.uniform(-0.15, 0.15))
 
 
 def photographed_at_random(name: str, sensitivity: Array, seed: int) -> SampleSet:
     """Shots of a camera with measured sensitivities and a rendering drawn at random."""
     rng = np.random.default_rng([seed, 77])
     sensitivity = sensitivity / sensitivity.max(axis=0) * (rng.uniform(0.5, 1), 1.0, rng.uniform(0.5, 1))
-    lights = {"tungsten": "A", "fluorescent": "FL2", "daylight": "5200K", "cloudy": "6000K", "shade": "7500K"}
-    chosen = rng.permutation(list(lights))[: rng.integers(1, 6)].tolist()
+    chosen = rng.permutation(["tungsten", "fluorescent", "daylight", "cloudy", "shade"])[: rng.integers(1, 6)].tolist()
     style = (random_gamut_map(rng, sensitivity), random_response(rng))
-    spectra = {setting: spectrum_of(lights[setting]) for setting in chosen}
-    balances = {}
-    for setting, spectrum in spectra.items():
-        r, g, b = spectrum @ sensitivity
-        balances[setting] = WhiteBalance((g / r, 1.0, g / b), 5000.0)
-    camera = UnseenCamera(
-        "LutForge", name, sensitivity, _fit_matrix(sensitivity), balances,
-        {"standard": style},  # type: ignore[dict-item]  # any h and f that can be called
-        full_well=rng.uniform(15e3, 60e3), lights=spectra,
-    )  # fmt: skip
+    camera = replace(
+        _build(name, sensitivity),
+        styles={"standard": style},  # type: ignore[dict-item]  # any h and f that can be called
+        full_well=rng.uniform(15e3, 60e3),
+    )
     chart = (chart_reflectances(), chart_140(seed), surfaces(200, seed))[rng.integers(3)]
     stops = tuple(np.sort(rng.uniform(-5, 1, rng.integers(3, 7))).tolist())
     return photograph_patches(camera, chart, balances=chosen, stops=stops, seed=seed)

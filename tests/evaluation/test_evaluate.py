@@ -85,6 +85,11 @@ def test_delta_is_of_points_that_no_fit_had_seen(plain: Evaluation) -> None:
         # Of vivid's one bracket each shot lies beyond what the others reach.
         if row.method == "rbf" and row.style == "standard":
             assert max(row.values.values()) < 0.004  # thesis, figure 4.3, on the samples fitted to
+    without, whole = (
+        next(max(row.values.values()) for row in plain.linearization if (row.method, row.style) == (name, "standard"))
+        for name in ("f and T, no h", "rbf")
+    )
+    assert whole < without
 
 
 def test_edits_of_linearized_pictures_are_nearest_by_the_full_model(plain: Evaluation) -> None:

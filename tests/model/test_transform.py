@@ -1,5 +1,7 @@
 """The transforms of a profile: chains against the formulas they stand for, round trips, refinishing and matching."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
@@ -33,6 +35,7 @@ RAW = (
     * np.array([0.5, 1.0, 0.7])
     * (1 + 0.1 * np.random.default_rng(3).uniform(size=(200, 3)))
 )
+NARROW = np.diag([0.8, 1.0, 0.9])
 TRANSFER = np.array([[0.9, 0.1, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]])
 
 
@@ -113,12 +116,12 @@ def test_a_profile_through_a_reference_camera_refinishes_but_has_no_raw() -> Non
 
 
 def test_a_match_through_a_common_reference_joins_both_transfers() -> None:
-    """Tc from one camera without RAW to another is that of both to their reference (thesis 6.3)."""
-    one, other = np.diag([0.8, 1.0, 0.9]), TRANSFER
-    first, second = (_physical_profile(name, MATRIX, raw_transfer=tc) for name, tc in (("A", one), ("B", other)))
-    grey = RAW * [1.6, 0.8, 1.2]
-    matched = match(first, "standard/daylight", second, "standard/daylight")(first.render("standard/daylight")(grey))
-    np.testing.assert_allclose(matched, second.render("standard/daylight")(grey), atol=1e-6)
+    """Tc from one camera without RAW to another is that of both to their reference, whose own is none (thesis 6.3)."""
+    first, second = (_physical_profile(name, MATRIX, raw_transfer=tc) for name, tc in (("A", NARROW), ("B", TRANSFER)))
+    reference, grey = _physical_profile("Reference", 0.9 * MATRIX), RAW * [1.6, 0.8, 1.2]
+    for one, other in permutations((first, second, reference), 2):
+        matched = match(one, "standard/daylight", other, "standard/daylight")(one.render("standard/daylight")(grey))
+        np.testing.assert_allclose(matched, other.render("standard/daylight")(grey), atol=1e-6)
 
 
 def test_bad_profiles_are_refused() -> None:
