@@ -124,7 +124,7 @@ def test_metadata_tables_and_chroma_stay(tmp_path: Path, grade: Grade, whole: bo
     else:  # region by region the thumbnail stays as it is
         assert after.segments[:-1] == before.segments
     assert before.sampling == after.sampling == ((2, 1), (1, 1), (1, 1))
-    assert tags(done.target)[SOFTWARE] == "LutForge"
+    assert tags(done.target)[SOFTWARE] == "LutForge" and after.comments[-1].endswith("graded with look.cube")
     wanted = apply_to_pixels(grade.processor, read_image(source).pixels)
     np.testing.assert_allclose(read_image(done.target).pixels, wanted, atol=6 / 255)
 

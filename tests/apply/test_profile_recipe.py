@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.apply.batch import apply_batch
 from lutforge.apply.profile_recipe import ProfileRecipe, source_selector
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer
+from lutforge.colour.rgb_spaces import from_linear_srgb
+from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import ProfileError, SettingsError, in_common
 from lutforge.images.jpeg import read_header
 from lutforge.images.read import Image, read_image
@@ -26,12 +29,12 @@ from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.grading import Grading
+from lutforge.pipeline.grading import Grading, apply
 from lutforge.settings import parse_selector
 from lutforge.shots.metadata import ShotMetadata, read_picture_settings
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
-from lutforge.simulate.scene import SCENES, palette
+from lutforge.simulate.scene import SCENES, palette, still_life
 from tests.cases.profiles import small_profile
 from tests.cases.samples import SETTINGS, STYLES, samples_of_settings
 
@@ -159,8 +162,10 @@ def test_what_a_picture_does_not_tell_is_refused_with_what_is_known(
     spec.attribute("ImageDescription", "PictureStyle=vivid; WhiteBalance=shade")
     write_image(tmp_path / "other.jpg", pixels, Image(pixels, spec))
     recipe = recipe_of(target="vivid/daylight")
-    with pytest.raises(SettingsError, match=r"does not name its camera.*--from"):
-        recipe.grade(tmp_path / "bare.png")
+    for tells_nothing in (recipe, recipe_of(ev=0.5)):
+        with pytest.raises(SettingsError, match=r"does not name its camera.*--from"):
+            tells_nothing.grade(tmp_path / "bare.png")
+    assert recipe_of("standard/as-shot", ev=0.5).grade(tmp_path / "bare.png").lut is not None  # exposure alone
     with pytest.raises(SettingsError, match=r"does not tell its picture style.*standard, vivid.*--from"):
         recipe.grade(tmp_path / "named.jpg")
     with pytest.raises(SettingsError, match=r"is of LutForge Other.*--from"):
@@ -240,13 +245,6 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(recipe_of: Recipes, sho
     assert white.max() < 0.8
 
 
-def strip_settings(picture: Path) -> None:
-    """Write the picture without metadata."""
-    pixels = read_image(picture).pixels
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint8")
-    write_image(picture, pixels, Image(pixels, spec))
-
-
 @pytest.mark.parametrize("target", [None, "standard/tungsten"])
 def test_a_picture_with_the_settings_wanted_is_copied(
     recipe_of: Recipes, picture: Path, tmp_path: Path, target: str | None
@@ -256,14 +254,6 @@ def test_a_picture_with_the_settings_wanted_is_copied(
     assert any("nothing to change" in note for note in result.done[0].notes)
     other = apply_batch(recipe_of(target=target), [picture], tmp_path / "out", ".png")
     np.testing.assert_array_equal(read_image(other.done[0].target).pixels, read_image(picture).pixels)
-
-
-def test_exposure_alone_needs_no_white_balance(recipe_of: Recipes, picture: Path) -> None:
-    strip_settings(picture)
-    with pytest.raises(SettingsError, match="does not name its camera"):
-        recipe_of(ev=0.5).grade(picture)
-    grade = recipe_of("standard/as-shot", ev=0.5).grade(picture)
-    assert grade.lut is not None
 
 
 def test_photographs_of_two_cameras_come_to_one_look(
@@ -368,8 +358,102 @@ def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do(
         ("a.cube", {"ev": 1.0}, "--ev with a profile"),
         ("config.ocio", {"interpolation": "trilinear"}, "--interpolation goes with a LUT"),
         ("camera.npz", {"interpolation": "trilinear"}, "--interpolation goes with a LUT"),
+        ("camera.npz", {"exposure": "exif"}, "--exposure goes with --space"),
+        ("camera.npz", {"space": "acescg", "exposure": "meter"}, "unknown exposure"),
+        ("camera.npz", {"space": "vlog"}, "pictures become linear light"),
+        ("camera.npz", {"space": "acescg", "target": "vivid/daylight"}, "light has no style"),
+        ("camera.npz", {"space": "acescg", "suffix": ".jpg"}, "linear light is written as .exr"),
+        ("camera.npz", {"space": "acescg", "look": Path("b.npz")}, "--as goes without --space"),
     ],
 )
-def test_options_that_would_do_nothing_are_refused(grade: str, options: dict[str, Any], why: str) -> None:
+@pytest.mark.usefixtures("profile")
+def test_options_that_would_do_nothing_or_do_not_go_together(
+    grade: str, options: dict[str, Any], why: str, folder: Path, picture: Path, tmp_path: Path
+) -> None:
     with pytest.raises(SettingsError, match=why):
-        _ = Grading((Path(grade), Path("a.jpg")), Path("out"), **options).recipe
+        Grading((folder / grade, picture), tmp_path / "out", **options).run()
+    assert not (tmp_path / "out").exists()
+
+
+# --- Pictures to scene-linear light: one scene, photographed with many settings, comes out as one ---------------------
+
+
+BALANCES, EXPOSURES = ("tungsten", "daylight", "shade"), (-2, -1, 0, 1, 2)
+TILE = 8
+
+
+@pytest.fixture(scope="module")
+def bracket(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """One scene in daylight, in every style, white balance and exposure."""
+    folder, camera, scene = tmp_path_factory.mktemp("bracket"), nikon_d5100(), still_life(240, 360, 5)
+    files = []
+    for style in STYLES:
+        for balance in BALANCES:
+            for ev in EXPOSURES:
+                settings = CameraSettings(style, balance, camera.nominal_exposure_s * 2.0**ev, preview_scale=0.25)
+                shot = photograph(camera, scene, settings, folder, f"{style}-{balance}{ev:+d}", light="daylight")
+                assert shot.jpeg is not None
+                files.append(shot.jpeg)
+    return files
+
+
+def tiles(values: Array) -> Array:
+    """Mean of tiles of an image (h, w, c)."""
+    height, width = (side // TILE for side in values.shape[:2])
+    cut = values[: height * TILE, : width * TILE]
+    return np.asarray(cut.reshape(height, TILE, width, TILE, -1).mean(axis=(1, 3)))
+
+
+def departures(pictures: list[Array], clipped: list[Mask]) -> Array:
+    """How far each surface's channels are from their median over the pictures that do not clip it, as shares of it."""
+    means = np.array([tiles(picture) for picture in pictures])
+    whole = np.array([tiles(mask[..., None].astype(np.float64)) == 0 for mask in clipped])[..., 0]
+    means[~whole] = np.nan
+    means = means[:, whole.sum(axis=0) >= 2]
+    shares = np.abs(means / np.nanmedian(means, axis=0) - 1)
+    return np.asarray(shares[np.isfinite(shares)])
+
+
+@pytest.mark.usefixtures("profile")
+def test_pictures_of_one_scene_agree(folder: Path, bracket: list[Path], tmp_path: Path) -> None:
+    result = apply(folder / "camera.npz", bracket, tmp_path, space="acescg", exposure="exif")
+    assert not result.failed and len(result.done) == len(bracket)
+    light = [read_image(done.target).pixels.astype(np.float64) for done in result.done]
+    masks = [picture[..., 3] > 0.5 for picture in light]
+    shares = departures([picture[..., :3] for picture in light], masks)
+    codes = [read_image(path).pixels.astype(np.float64) for path in bracket]
+    times = [2.0 ** float(path.stem[-2:]) for path in bracket]
+    naive = departures([srgb_decode(image) / time for image, time in zip(codes, times, strict=True)], masks)
+    assert np.median(shares) < 0.02 and np.quantile(shares, 0.95) < 0.05
+    assert np.median(shares) < np.median(naive) / 10
+
+
+@pytest.mark.usefixtures("profile")
+def test_light_is_that_of_the_scene(folder: Path, bracket: list[Path], tmp_path: Path) -> None:
+    """In the camera's own white balance, without exposure: 1 is where a neutral surface saturates."""
+    camera, picture = nikon_d5100(), next(path for path in bracket if path.stem == "standard-daylight+0")
+    result = apply(folder / "camera.npz", picture, tmp_path, space="acescg")
+    light = read_image(result.done[0].target).pixels
+    scene = still_life(240, 360, 5).irradiance(camera, "daylight").astype(np.float64) * camera.multipliers("daylight")
+    truth = scene @ (from_linear_srgb("acescg") @ camera.matrix).T
+    side = [(a - b) // 2 for a, b in zip(truth.shape, light.shape, strict=False)][:2]
+    truth = truth[side[0] : side[0] + light.shape[0], side[1] : side[1] + light.shape[1]]
+    sound = tiles(light[..., 3:].astype(np.float64))[..., 0] == 0
+    ratio = tiles(light[..., :3].astype(np.float64))[sound] / tiles(truth)[sound]
+    assert abs(np.median(ratio) - 1) < 0.02
+
+
+@pytest.mark.usefixtures("profile")
+def test_the_file_tells_what_it_holds(folder: Path, bracket: list[Path], tmp_path: Path) -> None:
+    (done,) = apply(folder / "camera.npz", bracket[0], tmp_path, space="acescg", exposure="exif").done
+    file = oiio.ImageInput.open(str(done.target))
+    assert file is not None
+    spec = file.spec()
+    assert (
+        done.target.suffix == ".exr" and spec.channelnames == ("R", "G", "B", "clipped") and str(spec.format) == "half"
+    )
+    assert spec.get_string_attribute("colorInteropID") == "lin_ap1_scene"
+    assert spec.get_string_attribute("Model") == "Simulated D5100" and spec.get_float_attribute("FNumber") == 8.0
+    codes = read_image(bracket[0]).pixels
+    ends = ((codes <= 0.5 / 255) | (codes >= 254.5 / 255)).any(axis=-1)
+    assert np.array_equal(read_image(done.target).pixels[..., 3] > 0.5, ends)
