@@ -138,13 +138,6 @@ def test_illegal_files(tmp_path: Path, content: bytes, why: str) -> None:
     assert str(path) in str(caught.value)
 
 
-def test_missing_file_and_folder(tmp_path: Path) -> None:
-    with pytest.raises(ImageError, match="no such file"):
-        read_raw(tmp_path / "none.NEF")
-    with pytest.raises(ImageError, match="is a folder"):
-        read_raw(tmp_path)
-
-
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.9])
 def test_truncated_files_are_refused(shared_data: Path, tmp_path: Path, share: float) -> None:
     whole = (shared_data / "unusual_raw" / "Nikon_D1_RAW_NIKON_D1.NEF").read_bytes()

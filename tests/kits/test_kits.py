@@ -255,16 +255,6 @@ def test_a_camera_profile_is_a_format_of_bake(profile: CameraProfile, tmp_path: 
     assert lutforge("bake", "camera.npz", "linearize", "--from", SETTING, "-o", "a.dcp", cwd=tmp_path).returncode == 2
 
 
-def test_the_command(profile: CameraProfile, tmp_path: Path, lutforge: CommandLine) -> None:
-    profile.save(tmp_path / "camera.npz")
-    run = lutforge("kit", tmp_path / "camera.npz", "--to", SETTING, "-o", tmp_path / "kit", "--for", "Lightroom")
-    assert run.returncode == 0, run.stderr
-    assert "Canon PowerShot S40 standard.dcp" in run.stdout
-    run = lutforge("kit", tmp_path / "camera.npz", "--to", "sepia/auto", "-o", tmp_path / "other")
-    assert run.returncode == 2
-    assert "unknown style" in run.stderr
-
-
 def test_shots_of_a_shell_s_pattern_are_checked_and_those_of_the_calibration_marked(
     profile: CameraProfile, tmp_path: Path, lutforge: CommandLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -276,7 +266,20 @@ def test_shots_of_a_shell_s_pattern_are_checked_and_those_of_the_calibration_mar
 
     monkeypatch.setattr("lutforge.pipeline.kits.check_kit", checked)
     profile.save(tmp_path / "camera.npz")
-    words = ("kit", "camera.npz", "--to", SETTING, "-o", "kit", "--check", f"{known}.CRW", "b.CRW", "c.CRW")
+    words = (
+        "kit",
+        "camera.npz",
+        "--to",
+        SETTING,
+        "-o",
+        "kit",
+        "--for",
+        "DarkTable",
+        "--check",
+        f"{known}.CRW",
+        "b.CRW",
+        "c.CRW",
+    )
     run = lutforge(*words, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     marked = {line.split()[0]: line.split()[-1] for line in run.stdout.splitlines() if ".CRW " in line}

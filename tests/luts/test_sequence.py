@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from lutforge.errors import ImageError, LutError
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import Lut, evaluate
-from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, node_levels, shaper
+from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, shaper
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from tests.cases.pictures import lut_of_nodes
 
@@ -75,18 +75,6 @@ def test_a_sequence_says_what_it_is() -> None:
     assert lut.size == 33
     with pytest.raises(LutError, match="no operation"):
         Lut(())
-
-
-def test_the_shaper_holds_the_node_levels_exactly() -> None:
-    levels = bunched(33, 3.0)
-    curve = shaper(levels)
-    assert curve.outputs.shape == (SHAPER_SIZE, 3)
-    assert np.all(np.diff(curve.outputs, axis=0) > 0)
-    between = [0.5 * (axis[1:] + axis[:-1]) for axis in levels]
-    at_nodes, half_way = (curve(np.stack(list(axes), axis=1)) for axes in (levels, between))
-    np.testing.assert_allclose(at_nodes, np.repeat(np.arange(33)[:, None] / 32, 3, axis=1), atol=1e-12)
-    np.testing.assert_allclose(half_way, np.repeat((np.arange(32)[:, None] + 0.5) / 32, 3, axis=1), atol=1e-12)
-    np.testing.assert_allclose(node_levels(curve, Cube(np.zeros((33, 33, 33, 3)))), levels, atol=1e-12)
 
 
 def test_a_lattice_off_the_grid_or_of_unequal_sizes_becomes_a_lut() -> None:

@@ -5,11 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.check import verify
+from lutforge.luts.formats.text import DIGITS, EXACT, rows
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.programs import PROGRAMS
 from lutforge.luts.reading import file_processor, read_lut
@@ -19,7 +22,7 @@ from lutforge.model.lattice import grid, snap_levels, uniform_levels
 from lutforge.pipeline.baking import bake
 from tests.cases.pictures import lut_of_nodes
 
-EXACT = 1e-5
+WITHIN = 1e-5
 IDENTITY = Lut((Cube(grid(uniform_levels(5))),))
 
 
@@ -44,7 +47,7 @@ def test_a_bunched_random_lattice_is_exact(tmp_path: Path, name: str, interpolat
     lut = worst_case(interpolation=interpolation)
     path = lut.write(tmp_path / name)
     error = verify(path, lut, lut, display_referred=False)
-    assert error.max < EXACT
+    assert error.max < WITHIN
     assert error.samples > 80_000
     assert error.mean_de00 is None
 
@@ -90,7 +93,7 @@ def test_a_shaper_is_refused_where_only_a_cube_is_held(tmp_path: Path) -> None:
 def test_a_plain_cube_file_says_what_it_is(tmp_path: Path) -> None:
     lut = Lut((Cube(np.random.default_rng(0).random((17, 17, 17, 3))),), "Canon “S40”", ("größte Genauigkeit",))
     for name in ("a.cube", "b.cube", "c.clf"):
-        assert verify(lut.write(tmp_path / name), lut, lut, display_referred=False).max < EXACT
+        assert verify(lut.write(tmp_path / name), lut, lut, display_referred=False).max < WITHIN
     lines = (tmp_path / "a.cube").read_text("ascii").splitlines()
     assert lines[:2] == ['TITLE "Canon ?S40?"', "# grote Genauigkeit"] or lines[1].startswith("# gro")
     assert lines[2:5] == ["LUT_3D_SIZE 17", "DOMAIN_MIN 0.0 0.0 0.0", "DOMAIN_MAX 1.0 1.0 1.0"]
@@ -114,10 +117,10 @@ def test_the_same_lut_is_the_same_file(tmp_path: Path, name: str) -> None:
 def test_writing_again_is_seen_by_verify(tmp_path: Path) -> None:
     """OpenColorIO caches files by path; a stale read would compare the old file."""
     lut, path = worst_case(size=5), tmp_path / "a.clf"
-    assert verify(lut.write(path), lut, lut, display_referred=False).max < EXACT
+    assert verify(lut.write(path), lut, lut, display_referred=False).max < WITHIN
     assert lut.cube is not None
     other = replace(lut, ops=(*lut.ops[:-1], Cube(1 - lut.cube.values)))
-    assert verify(other.write(path), other, other, display_referred=False).max < EXACT
+    assert verify(other.write(path), other, other, display_referred=False).max < WITHIN
     assert verify(path, lut, lut, display_referred=False).max > 0.5
 
 
@@ -145,7 +148,7 @@ def test_clear_refusals(tmp_path: Path) -> None:
 def test_paths_with_variables_of_opencolorio(tmp_path: Path) -> None:
     lut = worst_case(size=5)
     path = lut.write(tmp_path / "100% $HOME ü" / "a$b.clf")
-    assert verify(path, lut, lut, display_referred=False).max < EXACT
+    assert verify(path, lut, lut, display_referred=False).max < WITHIN
     assert read_lut(path).summary == lut.summary
 
 
@@ -155,7 +158,7 @@ def test_the_interpolation_asked_for_is_used(tmp_path: Path) -> None:
     assert lut.cube is not None
     for method in INTERPOLATIONS:
         wanted = replace(lut, ops=(*lut.ops[:-1], replace(lut.cube, interpolation=method)))
-        assert verify(path, wanted, wanted, display_referred=False).max < EXACT
+        assert verify(path, wanted, wanted, display_referred=False).max < WITHIN
     assert verify(path, lut, lut, interpolation="trilinear", display_referred=False).max > 0.01
 
 
@@ -175,3 +178,53 @@ def test_every_program_gets_a_readable_cube(tmp_path: Path, program: str) -> Non
     assert file_processor(path) is not None
     assert ("LUT_1D_SIZE" in path.read_text()) == PROGRAMS[program].shaper
     assert path.suffix in FORMATS
+
+
+# --- The format that OpenColorIO does not read, .vlt, by its description; and the numbers of texts --------------------
+
+
+def look(x: ArrayLike) -> NDArray[np.float64]:
+    """A steep look."""
+    y = np.asarray(x, dtype=np.float64) ** 0.4
+    return np.asarray(np.clip(y @ np.array([[1.1, -0.1, 0.0], [0.05, 0.9, 0.05], [0.0, -0.2, 1.2]]).T, 0.0, 1.0))
+
+
+def parsed(path: Path) -> np.ndarray:
+    """(17, 17, 17, 3), red index first: three header lines, a blank one, then codes of 12 bits, red fastest."""
+    data = path.read_bytes()
+    assert b"\r" not in data
+    lines = data.decode("ascii").split("\n")
+    assert lines[:4] == ["# panasonic vlt file version 1.0", '# source vlt file ""', "LUT_3D_SIZE 17", ""]
+    codes = np.array([line.split() for line in lines[4:-1]], dtype=np.int64)
+    assert codes.shape == (17**3, 3)
+    assert codes.min() >= 0
+    assert codes.max() <= 4095
+    return codes.reshape(17, 17, 17, 3).transpose(2, 1, 0, 3) / 4095
+
+
+def test_a_vlt_is_written_as_published(tmp_path: Path) -> None:
+    lut = bake(look, tmp_path / "look.vlt")
+    assert lut.cube is not None
+    assert np.abs(parsed(tmp_path / "look.vlt") - np.clip(lut.cube.values, 0, 1)).max() <= 0.5 / 4095 + 1e-12
+    again = read_lut(tmp_path / "look.vlt")
+    assert again.cube is not None
+    assert np.array_equal(again.cube.values, parsed(tmp_path / "look.vlt"))
+
+
+@pytest.mark.parametrize(("line", "text"), [(2, "LUT_3D_SIZE 33"), (4, "0 0 5000"), (4, "0 0 0.5"), (4, "0 0")])
+def test_other_numbers_in_a_vlt_are_refused(tmp_path: Path, line: int, text: str) -> None:
+    path = tmp_path / "look.vlt"
+    bake(look, path)
+    lines = path.read_text().split("\n")
+    lines[line] = text
+    path.write_text("\n".join(lines))
+    with pytest.raises(LutError, match=r"look\.vlt"):
+        read_lut(path)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.tuples(*[st.floats(-2 * EXACT, 2 * EXACT)] * 3), max_size=4))
+def test_numbers_are_written_as_python_does(numbers: list[tuple[float, float, float]]) -> None:
+    numbers += [(0.0, -0.0, -1e-12), (1.0, 0.5, -123.25)]
+    rounded = np.round(np.array(numbers), DIGITS) + 0.0
+    assert rows(numbers) == "".join(f"{r:.10f} {g:.10f} {b:.10f}\n" for r, g, b in rounded.tolist())

@@ -32,7 +32,7 @@ from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config
 from lutforge.ocio.renderings import compact_text
 from tests.cases.profiles import MATRIX, plain_profile, small_profile
-from tests.conftest import CommandLine
+from tests.conftest import CommandLine, Refused
 
 GAINS = {"daylight": (2.0, 1.0, 1.4), "tungsten": (1.2, 1.0, 2.4)}
 KELVIN = {"daylight": 5200.0, "tungsten": 3200.0}
@@ -238,8 +238,8 @@ def test_equality_groups_hold_what_is_equal() -> None:
     balance = profile.white_balances["daylight"]
     both = CameraProfile("X", MATRIX, {"daylight": balance, "flash": balance}, profile.styles)
     config = build_config([both])
-    groups = {name: config.getColorSpace(f"X {name}").getEqualityGroup() for name in
-              ("RAW daylight", "RAW flash", "RAW", "standard daylight", "standard flash")}  # fmt: skip
+    names = ("RAW daylight", "RAW flash", "RAW", "standard daylight", "standard flash")
+    groups = {name: config.getColorSpace(f"X {name}").getEqualityGroup() for name in names}
     assert groups["RAW daylight"] == groups["RAW flash"] != groups["RAW"]
     assert groups["standard daylight"] == groups["standard flash"] != groups["RAW daylight"]
 
@@ -303,13 +303,16 @@ def ociocheck(path: Path) -> str:
     return run.stdout + run.stderr
 
 
+def is_clean(said: str) -> bool:
+    """Whether the checker has neither warned nor found an error."""
+    return not re.search("warning|error", said, re.IGNORECASE)
+
+
 @pytest.mark.parametrize("form", ["cameras.ocioz", "cameras"])
 def test_ociocheck_passes_without_warnings(tmp_path: Path, form: str) -> None:
     profiles = [plain_profile("Nikon D40", balances=("daylight", "shade")), plain_profile("Canon EOS/5D, é", "vivid")]
     path = write_config(profiles, tmp_path / form)
-    said = ociocheck(path)
-    assert "warning" not in said.lower()
-    assert "error" not in said.lower()
+    assert is_clean(ociocheck(path))
     config = load_config(path)
     assert (config.getMajorVersion(), config.getMinorVersion()) == (2, 1)
     assert check_config(config) == []
@@ -353,10 +356,8 @@ def test_a_folder_in_use_is_not_written_into(tmp_path: Path) -> None:
         write_config([plain_profile("B")], tmp_path / "ocio")
     (tmp_path / "ocio" / "notes.txt").write_text("mine")
     write_config([plain_profile("B")], tmp_path / "ocio", replace=True)
-    assert {file.name for file in (tmp_path / "ocio" / "luts").iterdir()} == {
-        "b_standard_render.clf",
-        "b_standard_linearize.clf",
-    }
+    luts = {file.name for file in (tmp_path / "ocio" / "luts").iterdir()}
+    assert luts == {"b_standard_render.clf", "b_standard_linearize.clf"}
     assert check_config(load_config(path)) == []
     assert (tmp_path / "ocio" / "notes.txt").read_text() == "mine"
     with pytest.raises(ConfigError, match="is a file"):
@@ -378,27 +379,21 @@ def test_spaces_of_a_camera_without_raw_are_of_the_light_of_its_jpegs() -> None:
 
 
 @pytest.mark.slow
-def test_merging_and_folders_in_use(tmp_path: Path, lutforge: CommandLine) -> None:
+def test_merging_and_folders_in_use(tmp_path: Path, lutforge: CommandLine, refused: Refused) -> None:
     profile = tmp_path / "camera.npz"
     plain_profile("Nikon D40").save(profile)
     made = lutforge("config", profile, "-o", tmp_path / "ocio")
     assert made.returncode == 0, made.stderr
     assert "profile version 2.1, checked: " in made.stdout and "input colour spaces" in made.stdout
     assert len(made.stdout.splitlines()) == 1  # counts: names of a hundred spaces would hide the notes
-    again = lutforge("config", profile, "-o", tmp_path / "ocio")
-    assert again.returncode == 2
-    assert len(again.stderr.strip().splitlines()) == 1
-    assert "--replace" in again.stderr
     assert lutforge("config", profile, "-o", tmp_path / "ocio", "--replace").returncode == 0
     merged = lutforge("config", profile, "-o", tmp_path / "all.ocioz", "--merge", tmp_path / "ocio" / "config.ocio")
     assert merged.returncode == 0, merged.stderr
     spaces = load_config(tmp_path / "all.ocioz").getColorSpaceNames()
     assert any("Nikon D40 2 standard daylight" in name for name in spaces)
-    for wrong in (("--merge", "nothing.ocio"), (profile,)):
-        failed = lutforge("config", profile, "-o", tmp_path / "other", *wrong)
-        assert failed.returncode == 2, wrong
-        assert len(failed.stderr.strip().splitlines()) == 1, failed.stderr
-        assert not (tmp_path / "other").exists()
+    for says, *wrong in (("--replace",), ("nothing.ocio", "--merge", "nothing.ocio"), ("given twice", profile)):
+        target = tmp_path / ("other" if wrong else "ocio")
+        assert says in refused(tmp_path, "config", profile, "-o", target, *wrong)
 
 
 # --- The compact text of a config's LUT files is what OpenColorIO would write ----------------------------------------
@@ -406,16 +401,9 @@ def test_merging_and_folders_in_use(tmp_path: Path, lutforge: CommandLine) -> No
 
 def lut(size: int = 5) -> Lut:
     """A sequence with every kind of array: of one curve and of three, of matrices with and without offsets, a cube."""
-    even, rng = np.linspace(0.0, 1.0, 4096)[:, None].repeat(3, axis=1), np.random.default_rng(1)
-    bent = Curve(even ** [2.0, 1.5, 1.0], -0.5, 2.0)
-    ops = (
-        Matrix(2.0 * np.eye(3)),
-        Range(),
-        Curve(even**2),
-        bent,
-        Matrix(np.eye(3)),
-        Cube(rng.random((size,) * 3 + (3,))),
-    )
+    even = np.linspace(0.0, 1.0, 4096)[:, None].repeat(3, axis=1)
+    bent, cube = Curve(even ** [2.0, 1.5, 1.0], -0.5, 2.0), np.random.default_rng(1).random((size,) * 3 + (3,))
+    ops = (Matrix(2.0 * np.eye(3)), Range(), Curve(even**2), bent, Matrix(np.eye(3)), Cube(cube))
     return Lut(ops, "of all kinds", ("told",))
 
 

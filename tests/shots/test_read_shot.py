@@ -16,7 +16,6 @@ from lutforge.pipeline.sampling import file_notes, gather_samples
 from lutforge.shots.discover import discover
 from lutforge.shots.read import EMBEDDED, read_shot
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import paint_wall, still_life
 from tests.conftest import CommandLine
@@ -114,14 +113,6 @@ def test_discover(folder: Path, tmp_path: Path) -> None:
         discover([folder / "nothing.CR2"])
     with pytest.raises(ShotError, match="holds no RAW files"):
         discover([tmp_path])
-
-
-def test_a_raw_without_preview_is_one_clear_line(tmp_path: Path) -> None:
-    path = tmp_path / "bare.dng"
-    write_dng(path, np.full((64, 64), 500, dtype=np.uint16), black=64, white=4095)
-    with pytest.raises(ShotError, match=r"bare.dng: no camera JPEG to pair it with: ") as caught:
-        read_shot(path)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

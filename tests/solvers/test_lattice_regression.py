@@ -115,33 +115,12 @@ def test_prior_weights_and_mixed_differences(method: Interpolation) -> None:
         np.testing.assert_allclose(found.value[..., c].ravel(), wanted, atol=1e-8)
 
 
-def test_a_linear_function_is_found_exactly_and_continued() -> None:
-    """Second differences vanish on it, so that samples in one corner say all of it."""
-    rng = np.random.default_rng(2)
-    levels = random_levels(rng, (17, 17, 17))
-    matrix, offset = rng.normal(size=(3, 3)), rng.normal(size=3)
-    x = rng.random((500, 3)) * 0.3
-    terms = Regularization(smoothness=1e-3, mixed=1e-3)
-    fit = fit_lattice(x, x @ matrix.T + offset, levels, terms, tolerance=1e-12)
-    np.testing.assert_allclose(interpolate(x, levels, fit.value), x @ matrix.T + offset, atol=1e-7)
-    np.testing.assert_allclose(fit.value, grid(levels) @ matrix.T + offset, atol=1e-3)
-
-
 def test_without_samples_the_prior_is_the_result() -> None:
     values = np.random.default_rng(3).random((9, 9, 9, 3))
     prior = Prior(values, np.full_like(values, 1e-3))
     terms = Regularization(0.01, 0.01)
     fit = fit_lattice(np.empty((0, 3)), np.empty((0, 3)), uniform_levels(9), terms, prior=prior)
     np.testing.assert_allclose(fit.value, values, atol=1e-12)
-
-
-def test_doubling_the_samples_is_doubling_their_weight() -> None:
-    rng = np.random.default_rng(4)
-    levels = random_levels(rng, (9, 9, 9))
-    x, y = rng.random((300, 3)), rng.random((300, 3))
-    twice = fit_lattice(np.tile(x, (2, 1)), np.tile(y, (2, 1)), levels, THESIS, tolerance=1e-12)
-    heavy = fit_lattice(x, y, levels, THESIS, weight=np.full(300, 2.0), tolerance=1e-12)
-    np.testing.assert_allclose(twice.value, heavy.value, atol=1e-9)
 
 
 def test_a_warm_start_changes_the_time_only() -> None:
@@ -251,19 +230,3 @@ def test_thin_plate_is_the_integral_of_all_squared_second_derivatives() -> None:
             total += np.einsum("a,b,c,dabc->d", wr, wg, wb, derivative**2)
     plate = thin_plate(size)
     np.testing.assert_allclose(np.einsum("dijk,dijk->d", b, plate(b)), total, rtol=1e-10)
-
-
-def test_thin_plate_is_symmetric_and_positive_and_vanishes_on_linear_functions() -> None:
-    size = (4, 3, 5)
-    plate = thin_plate(size)
-    count = int(np.prod(size))
-    dense = plate(np.eye(count).reshape(count, *size)).reshape(count, count)
-    np.testing.assert_allclose(dense, dense.T, atol=1e-12)
-    np.testing.assert_allclose(plate.diagonal().ravel(), np.diag(dense), atol=1e-12)
-    values = np.linalg.eigvalsh(dense)
-    assert values[0] > -1e-12
-    assert np.sum(values < 1e-9) == 4  # 1, r, g, b and nothing else
-    r, g, b = np.meshgrid(*(np.arange(n, dtype=float) for n in size), indexing="ij")
-    flat = np.stack([np.ones(size), r, g, b, 1 + 2 * r - 3 * g + b])
-    np.testing.assert_allclose(plate(flat), 0, atol=1e-11)
-    assert np.abs(plate(r * g)).max() > 0.01

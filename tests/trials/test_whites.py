@@ -1,24 +1,25 @@
 """Grey ramps and near-clipped tints rise to white, end neutral, and are alike by every way to the same picture."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
-from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.apply.baked_grades import BakedGrades, SettingChange
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.style import style_data
 from lutforge.inverse.linearization import SIZE
 from lutforge.luts.bake import bake_steps
 from lutforge.luts.programs import target_of
 from lutforge.luts.sequence import Lut
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.camera_profile import CameraProfile, ModelName
+from lutforge.model.highlights import clipped, white_as_grey
+from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.transform import Transform
 from lutforge.ocio.cameras import name_cameras
 from lutforge.ocio.check import load_config
@@ -26,10 +27,8 @@ from lutforge.ocio.config import write_config
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from tests.cases.profiles import small_profile
+from tests.cases.profiles import GAMMA, MATRIX, small_profile
 from tests.cases.samples import samples_of_settings
-
-Array = NDArray[np.float64]
 
 TINTS = ((254, 254, 254), (254, 250, 245), (245, 250, 254), (250, 254, 250), (254, 248, 254))
 STOPS = (0.0, -1.0, 0.0, 1.0, -2.0, 2.0)
@@ -176,12 +175,80 @@ def test_white_of_real_photographs_is_grey_when_exposed_down(s40_samples: Sample
             assert np.ptp(white) <= 2.0, (target, ev, white)
 
 
-def test_more_light_makes_no_channel_darker(s40_samples: SampleSet) -> None:
-    """Each half stop more light on a colour; where RAW clips, one channel of a colour may stop before the others."""
-    style = style_data(s40_samples, s40_samples.wb)[0]["standard"]
-    light = 2.0 ** np.arange(-3.0, 3.1, 0.5)[:, None] * style.balanced[::12, None]
-    codes = 255 * np.clip(style.model.render(np.minimum(light, 1.0)), 0.0, 1.0)
-    falls = (np.maximum.accumulate(codes, axis=1) - codes).max(axis=2)
-    assert falls.max() <= 10.0
-    whole = np.where(light.max(axis=2) < 1.0, falls, 0.0).max(axis=1)
-    assert (whole > 3.0).mean() <= 0.08
+# --- The stage that whitens: one code of the source decides nothing, and what is far from white stays -----------------
+
+
+BRIGHT_TINTS = ((0, 0, 0), (0, 0, -1), (0, -4, -9), (-9, -4, 0), (-4, 0, -4), (0, -6, 0), (0, -20, -40), (-40, -20, 0))
+
+
+def fine_profile() -> lf.CameraProfile:
+    """The small profile with lattices fine enough for its matrix and response."""
+    profile = small_profile()
+    levels, even = (np.linspace(0.0, 1.0, 25) ** 2,) * 3, uniform_levels(25)
+    render = Lattice(levels, np.clip(grid(levels) @ MATRIX.T, 0.0, 1.0) ** (1 / GAMMA))
+    linearize = Lattice(even, (grid(even) ** GAMMA) @ np.linalg.inv(MATRIX).T, "tetrahedral")
+    style = replace(profile.styles["standard"], render=render, linearize=linearize, coverage={})
+    return replace(profile, styles={"standard": style})
+
+
+def bright_ramps() -> list[Array]:
+    """Greys and tints from code 200 to 255 in steps of one code, each (56, 3)."""
+    return [np.clip(np.arange(200, 256)[:, None] + np.array(tint), 0, 255) / 255 for tint in BRIGHT_TINTS]
+
+
+def codes(function: Callable[[Array], Array], colours: Array) -> Array:
+    """What a function makes of colours, in codes."""
+    return np.asarray(255 * np.clip(function(colours), 0.0, 1.0))
+
+
+def largest_step(values: Array) -> float:
+    """The largest change of a channel from one colour to the next."""
+    return float(np.abs(np.diff(values, axis=0)).max())
+
+
+@pytest.mark.parametrize("ev", [-1.0, 0.0, 0.7])
+@pytest.mark.parametrize("model", ["lattice", "rbf"])
+def test_one_code_of_the_source_moves_no_channel_by_more_than_eight(ev: float, model: ModelName) -> None:
+    profile = fine_profile()
+    for source, target in permutations(("standard/daylight", "standard/tungsten", "standard/auto"), 2):
+        refinish = profile.refinish(source, target, ev, model)
+        bare = profile.refinish(source, target, ev, model, neutral_highlights=False)
+        for ramp in bright_ramps():
+            made, without = codes(refinish, ramp), codes(bare, ramp)
+            bound = max(8.0, largest_step(without))  # the rendering itself may be steeper
+            assert largest_step(made) <= bound, (source, target, ramp[-1])
+            if model == "rbf":  # whose matrix and response are the rendering, exactly
+                assert (without - made).max() <= 1.0  # no channel is darker
+        assert np.ptp(codes(refinish, np.ones((1, 3)))) <= 2.0, (source, target)
+
+
+def test_what_is_far_from_white_is_what_the_model_says() -> None:
+    profile = small_profile()
+    refinish = profile.refinish("standard/tungsten", "standard/daylight", 0.7)
+    bare = profile.refinish("standard/tungsten", "standard/daylight", 0.7, neutral_highlights=False)
+    colours = np.random.default_rng(0).uniform(0.02, 0.95, (500, 3))
+    colours[:, 1] = np.minimum(colours[:, 1], 0.6)
+    np.testing.assert_allclose(refinish(colours), bare(colours), atol=1e-12)
+    assert np.ptp(codes(bare, np.ones((1, 3)))) > 10.0
+
+
+def test_a_code_at_either_end_is_clipped() -> None:
+    ends = np.array([[255, 40, 40], [254, 40, 40], [0, 10, 20], [1, 254, 128], [3, 255, 3]]) / 255
+    np.testing.assert_array_equal(clipped(ends), [True, False, True, False, True])
+
+
+def test_white_exposed_down_is_what_the_camera_renders_grey() -> None:
+    """A camera whose own white balance is off its multipliers', behind a matrix and a curve."""
+    matrix = np.array([[1.5, -0.4, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.5, 1.5]]) @ np.diag([0.95, 1.0, 1.03])
+
+    def render(light: Array) -> Array:
+        return np.asarray(np.clip(light @ matrix.T, 0.0, 1.0) ** (1 / 2.2))
+
+    bare = np.array([0.55, 0.4, 0.3])
+    for least in (0.02, 0.2, 0.5):
+        light = white_as_grey(render, least * bare, least, np.eye(3))
+        assert 255 * np.ptp(render(light)) < 0.1
+        assert np.all(render(light) >= max(render(np.full(3, least)).max(), render(least * bare).max()) - 1e-3)
+    np.testing.assert_array_equal(white_as_grey(render, bare, 1.7, np.eye(3)), 1.7)
+    toned = white_as_grey(lambda light: render(light) * [1.0, 0.9, 0.7], bare, 0.5, np.eye(3))
+    assert np.all(np.abs(np.log(toned / 0.55)) < 0.3)
