@@ -14,11 +14,9 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlparse
 
-import numpy as np
 import pytest
 
 from tests.cases.charts import photograph_chart
@@ -330,30 +328,6 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.step("Shots")
     visit.open("filtered.workspace", f"filtered.workspace: {len(samples):,} samples of 18 shots")
     expect(visit.page.get_by_role("tab", name="Model: done")).to_be_visible(timeout=MOST_MS)
-
-
-@pytest.mark.slow
-def test_settings_with_a_gain_are_fitted_as_the_package_fits_them(visit: Visit, folder: Path) -> None:
-    """The camera brings RAW up by 2 % on one setting; a tint changes neither that nor what is exported."""
-    samples = chart_samples(patches=30)
-    brighter = np.where(samples.white_balance == "tungsten", 1.02, 1.0)
-    write_samples(folder / "gains.csv", replace(samples, raw=samples.raw / brighter[:, None]))
-    visit.open("gains.csv", f"gains.csv: {len(samples):,} samples")
-    visit.fit(9)
-    visit.look_at("picture.jpg", "standard", "daylight")
-    visit.choose("Wanted: white balance", "tungsten")
-    visit.slide("Wanted: tint", 5)
-    visit.reads("From standard/daylight to standard/tungsten+5")
-    visit.export("gains_page", Save_profile="profile: written", Bake_LUT="LUT, refinish: written")
-    profile = calibrate([folder / "gains.csv"], CalibrationOptions(size=9))
-    assert profile.white_balances["tungsten"].gain == pytest.approx(1.02, abs=0.004)
-    profile.save(folder / "gains_package.npz")
-    assert (folder / "gains_page.npz").read_bytes() == (folder / "gains_package.npz").read_bytes()
-    setting = ["--from", "standard/daylight", "--to", "standard/tungsten+5"]
-    command = ["bake", "gains_package.npz", "refinish", "-o", "gains_package.clf", *setting]
-    run = subprocess.run([sys.executable, "-m", "lutforge", *command], cwd=folder, capture_output=True, check=False)
-    assert run.returncode == 0, run.stderr
-    assert (folder / "gains_page_refinish.clf").read_bytes() == (folder / "gains_package.clf").read_bytes()
 
 
 @pytest.mark.slow

@@ -14,8 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
 from typer.testing import CliRunner
 
+from lutforge.cli.main import command_line
+from lutforge.colour.spectra import chart_reflectances
+from lutforge.progress import silent
+from lutforge.samples.chart_kinds import chart_kind
+from lutforge.simulate.camera import nikon_d5100
+from tests.cases.brackets import bracket
+from tests.cases.charts import photograph_chart
 from tests.cases.pictures import apply_to_pixels
 from tests.studio.job_functions import broken, doubled, endless, killed, wrong
 from tests.studio.shots_for_the_studio import chart_samples, photograph
@@ -30,7 +38,6 @@ from tornado.httputil import HTTPHeaders, HTTPServerRequest, RequestStartLine
 from lutforge.apply.batch import apply_batch
 from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
-from lutforge.cli.main import command_line
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
@@ -41,7 +48,7 @@ from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
 from lutforge.studio.jobs import Job
 from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
-from lutforge.studio.opening import FolderError, Folders, Opened, read_small
+from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in, read_small
 from lutforge.studio.page import STEPS, ContentSecurityPolicy, Page, origins, states_of
 from lutforge.studio.session import ChosenLook, Session
 from lutforge.studio.workspace import FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
@@ -527,3 +534,109 @@ def test_ctrl_c_ends_the_studio_without_a_traceback(tmp_path: Path) -> None:
             os.killpg(server.pid, signal.SIGINT)  # as a terminal does: to every process of the group
             assert server.wait(60) in (0, 130)
         assert "Traceback" not in (tmp_path / "log").read_text()
+
+
+# --- A bracket of a camera without RAW: what it says, and exports that equal the command line's -----------------------
+
+
+@pytest.fixture(scope="module")
+def bracket_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a bracket in it, whose files state their exposure times."""
+    folder = tmp_path_factory.mktemp("studio") / "bracket"
+    folder.mkdir()
+    times, _, images = bracket(lambda light: light ** (1 / 1.8))
+    for index, (seconds, image) in enumerate(zip(times, images, strict=True)):
+        exif = Image.Exif()
+        exif[0x0110] = "Drone 7"
+        exif.get_ifd(0x8769)[0x829A] = IFDRational(float(seconds))
+        picture = Image.fromarray(np.rint(255 * image).astype(np.uint8))
+        picture.save(folder / f"{index}.jpg", quality=97, exif=exif)
+    return folder
+
+
+def opened_bracket(folder: Path) -> Page:
+    """The page of a visit that has opened the folder of a bracket."""
+    page = Page(Folders([folder.parent]), ())
+    page.session.open((folder,))
+    return page
+
+
+def test_what_is_a_bracket(bracket_folder: Path, tmp_path: Path) -> None:
+    opened = bracket_in([bracket_folder], silent)
+    assert opened is not None and "pictures of Drone 7 without RAW: a bracket of" in str(opened.bracket)
+    assert bracket_in([bracket_folder / "0.jpg"], silent) is None  # a picture alone
+    assert bracket_in([tmp_path], silent) is None
+    for name in ("a.jpg", "b.jpg"):
+        Image.new("RGB", (8, 8)).save(tmp_path / name)
+    opened = bracket_in([tmp_path], silent)
+    assert opened is not None and "do not state their exposures" in str(opened.bracket)
+    (tmp_path / "a.dng").write_bytes(b"")
+    assert bracket_in([tmp_path], silent) is None
+    assert "bracket" in Folders([bracket_folder.parent]).with_shots()
+
+
+@pytest.mark.slow
+def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(
+    bracket_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = opened_bracket(bracket_folder)
+    session, shots = page.session, page.pages["Shots"]
+    assert "a bracket of" in session.status.object and "press Fit response" in states_of(session)["Shots"][1]
+    assert shots.bracket.visible and not shots.response.visible
+    workspace = session.require_workspace()
+    assert len(workspace.samples) > 100 and not workspace.has_raw and workspace.pairs is not None
+    page.show("Samples")
+    assert len(page.pages["Samples"].left.source.data["x"]) > 100
+    page.show("Shots")
+    shots.papers["1.jpg"][0].value = False
+    shots._fit()
+    assert session.response is not None
+    assert [file.name for file in session.response[0].files][:2] == ["0.jpg", "2.jpg"]
+    assert "is a fixed property of this camera" in shots.findings.object and shots.response.visible
+    assert any("true / stated" in card[1].object for card in shots.grid)
+    assert session.require_workspace().response is not None  # whose brightness transfer functions the samples lie on
+    for step in STEPS:
+        page.show(step)
+    assert page.pages["Model"].views["Fit"].figures.layout[0]  # a profile shows its response, without RAW
+    view = page.pages["Export"]
+    assert (view.kind.value, view.space.value) == ("linearize", "raw")
+    view.name.value = "drone"
+    view._save_profile()
+    commands = [session.written["profile"].command]
+    root = bracket_folder.parent
+    for suffix in (".cube", ".clf", ".csp"):
+        view.suffix.value = suffix
+        view._bake()
+        assert suffix != ".cube" or "LUT_1D_SIZE" in (root / "drone_linearize.cube").read_text()
+        commands.append(session.written["LUT, linearize"].command)
+    view._config()
+    commands.append(session.written["config"].command)
+    monkeypatch.chdir(root)
+    made = [path for path in root.iterdir() if path.name.startswith("drone")]
+    assert len(made) >= 5
+    for command in commands:
+        words = [word.replace("drone", "theirs") for word in shlex.split(command)[1:]]
+        assert CliRunner().invoke(command_line(), words).exit_code == 0, command
+    for path in made:
+        theirs = root / path.name.replace("drone", "theirs")
+        assert theirs.read_bytes().replace(b"theirs", b"drone") == path.read_bytes(), path
+
+
+@pytest.mark.slow
+def test_a_chart_gives_an_input_transform(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "chart"
+    folder.mkdir()
+    photograph_chart(nikon_d5100(), chart_kind("classic"), chart_reflectances(), folder, (-3.0, -2.0, -1.0, 0.0, 1.0))
+    page = opened_bracket(folder)
+    view = page.pages["Shots"]
+    view.chart.value, view.light.value = "classic", "5200K"
+    view._fit()
+    assert any("chart found here" in card[1].object for card in view.grid)
+    page.show("Export")
+    export = page.pages["Export"]
+    assert (export.kind.value, export.space.value) == ("linearize", "aces2065-1")
+    export._save_profile()
+    monkeypatch.chdir(tmp_path)
+    words = shlex.split(page.session.written["profile"].command)[1:]
+    assert CliRunner().invoke(command_line(), [*words[:-1], "theirs.npz"]).exit_code == 0
+    assert (tmp_path / "theirs.npz").read_bytes() == (tmp_path / "camera.npz").read_bytes()
