@@ -3,8 +3,8 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 import pytest
 
@@ -13,17 +13,10 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from tests.cases.real_data import CHARTS, S40, PublishedPairs, read_published_pairs
 
-
-class CommandLine(Protocol):
-    """What the fixture `lutforge` gives."""
-
-    def __call__(self, *words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]: ...
-
-
-class Refused(Protocol):
-    """What the fixture `refused` gives."""
-
-    def __call__(self, folder: Path, *words: object) -> str: ...
+CommandLine = Callable[..., subprocess.CompletedProcess[str]]
+"""What the fixture `lutforge` gives: `lutforge(*words, cwd=folder)`."""
+Refused = Callable[..., str]
+"""What the fixture `refused` gives: `refused(folder, *words)`."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups

@@ -1,11 +1,9 @@
-"""LutForge beside what else brings a camera's look into a RAW developer, and beside plain models of the way back.
+"""LutForge beside what else brings a camera's look into a RAW developer.
 
     python -m tests.benchmarks.field [--keep DIR]
 
-Prints three tables. First, real photographs of a Canon PowerShot S40, each left out in turn: mean ΔE00 of flat tiles
-between the camera's JPEG and what a program or a model makes of the RAW file. Then the way from JPEG to RAW, of these
-photographs and of the simulated camera. Last, a refinish on the simulated camera, beside a polynomial of 11 terms that
-is fitted to the answer itself: no method that maps a picture by one such polynomial can do better in the mean square.
+Prints a table of real photographs of a Canon PowerShot S40, each left out in turn: mean ΔE00 of flat tiles between the
+camera's JPEG and what a program or a model makes of the RAW file.
 
 darktable and RawTherapee run as they are installed, with their defaults; camera-match and darktable_lut_generator are
 those of `pip install -e .[bench]`. What is missing is left out, with a line that says so. `--keep DIR` keeps samples,
@@ -28,12 +26,9 @@ from pathlib import Path
 import numpy as np
 
 import lutforge as lf
-from lutforge.calibration.physical.white_balance import complete_multipliers
-from lutforge.calibration.style import style_data
 from lutforge.child_processes import run_command
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError
-from lutforge.evaluation.methods import LATTICE, fit_baselines
 from lutforge.images.raw import read_raw
 from lutforge.kits.darktable import NEUTRAL
 from lutforge.kits.kit import look_of
@@ -206,47 +201,8 @@ def photographs_table(shots: list[LeftOut]) -> None:
     print("", *notes, sep="\n")
 
 
-def way_back_table(samples: lf.SampleSet, keep: Path) -> None:
-    """Print the error of JPEG → RAW behind white balance, by method."""
-    rows = lf.evaluate(lf.calibrate(samples), samples).rows
-    real = {row.method: row.figures for row in rows if row.shot == "all" and row.direction == "linearize"}
-    shots, simulated = common.demo(keep)
-    raw, jpeg, _ = common.refinished_colours(shots)
-    gain = simulated.multipliers(shots.source)
-    calibration = lf.sample(shots.calibration)
-    data = style_data(calibration, complete_multipliers(calibration)[0])[0][shots.source.split("/")[0]]
-    linearize = simulated.linearize(shots.source)
-    baselines = {name: fit.linearize for name, fit in fit_baselines(data).items()}
-    heading("JPEG → RAW, mean error (max)", "S40, each shot left out", "simulated camera")
-    for name, method in {LATTICE: lambda x: linearize(x) * gain, **baselines}.items():
-        error, figures = np.linalg.norm(method(jpeg) - raw * gain, axis=1), real[name]
-        texts = [f"{figures.mean:.4f} ({figures.maximum:.3f})", f"{error.mean():.4f} ({error.max():.3f})"]
-        row("LutForge" if name == LATTICE else name, *texts)
-
-
-def refinish_table(keep: Path) -> None:
-    """Print the error of the demo's refinish, beside the polynomial that is fitted to the answer.
-
-    Its terms are 1, r, g, b, rg, rb, gb, r², g², b², rgb (Hong, Luo and Rhodes 2001,
-    https://doi.org/10.1002/1520-6378(200102)26:1%3C76::AID-COL8%3E3.0.CO;2-3).
-    """
-    shots, simulated = common.demo(keep)
-    _, x, y = common.refinished_colours(shots)
-    r, g, b = x.T
-    design = np.stack([np.ones(len(x)), r, g, b, r * g, r * b, g * b, r * r, g * g, b * b, r * g * b], axis=1)
-    made = {
-        "11-term polynomial, fitted to the answer": design @ np.linalg.lstsq(design, y, rcond=None)[0],
-        "LutForge, which has not seen it": simulated.refinish(shots.source, shots.target, shots.ev)(x),
-    }
-    heading(f"refinish {shots.source} → {shots.target}, {shots.ev:+.1f} EV", "RMSE", "mean ΔE00", "max ΔE00")
-    for name, colours in made.items():
-        shown = np.clip(colours, 0.0, 1.0)
-        difference = delta_e_2000(shown, y)
-        row(name, float(np.sqrt(np.mean((shown - y) ** 2))), float(difference.mean()), float(difference.max()))
-
-
 def main() -> int:
-    """Print the tables."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--keep", type=Path, help="where samples, default pictures and peers' cubes are kept")
     data = common.real_data()
@@ -261,8 +217,6 @@ def main() -> int:
             for name, others, shot in common.left_out(samples)
         ]
         photographs_table(shots)
-        way_back_table(samples, keep)
-        refinish_table(keep)
     return 0
 
 

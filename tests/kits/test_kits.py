@@ -266,21 +266,8 @@ def test_shots_of_a_shell_s_pattern_are_checked_and_those_of_the_calibration_mar
 
     monkeypatch.setattr("lutforge.pipeline.kits.check_kit", checked)
     profile.save(tmp_path / "camera.npz")
-    words = (
-        "kit",
-        "camera.npz",
-        "--to",
-        SETTING,
-        "-o",
-        "kit",
-        "--for",
-        "DarkTable",
-        "--check",
-        f"{known}.CRW",
-        "b.CRW",
-        "c.CRW",
-    )
-    run = lutforge(*words, cwd=tmp_path)
+    words = ("kit", "camera.npz", "--to", SETTING, "-o", "kit", "--for", "DarkTable")
+    run = lutforge(*words, "--check", f"{known}.CRW", "b.CRW", "c.CRW", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     marked = {line.split()[0]: line.split()[-1] for line in run.stdout.splitlines() if ".CRW " in line}
     assert marked == {f"{known}.CRW": "yes", "b.CRW": "no", "c.CRW": "no"}

@@ -1,6 +1,5 @@
 """Photographs: the sensor measures the truth plus its noise, and the JPEG is the rendering of the RAW."""
 
-import struct
 from pathlib import Path
 
 import exifread
@@ -18,10 +17,8 @@ from lutforge.simulate.photograph import (
     BORDER,
     CameraSettings,
     capture,
-    demosaic,
     develop,
     develop_again,
-    filtered,
     normalized,
     photograph,
     write_jpeg,
@@ -59,16 +56,6 @@ def test_scenes_are_deterministic_and_valid(name: str) -> None:
     irradiance = first.irradiance(nikon_d5100(), "daylight")
     np.testing.assert_array_equal(irradiance, again.irradiance(nikon_d5100(), "daylight"))
     assert np.abs(irradiance - other.irradiance(nikon_d5100(), "daylight")).max() > 0.1
-
-
-@pytest.mark.parametrize("cfa", ["RGGB", "BGGR", "GRBG", "GBRG"])
-def test_demosaicking_keeps_flat_colours_and_gradients(cfa: str) -> None:
-    y, x = np.mgrid[0:32, 0:40].astype(np.float32)
-    image = np.stack([0.1 + 0.01 * x, 0.3 + 0.01 * y, 0.9 - 0.01 * x], axis=-1).astype(np.float32)
-    restored = demosaic(filtered(image, cfa), cfa)
-    np.testing.assert_allclose(restored[2:-2, 2:-2], image[2:-2, 2:-2], atol=0.0051)
-    flat = np.broadcast_to(np.array([0.2, 0.5, 0.7], dtype=np.float32), (16, 16, 3))
-    np.testing.assert_allclose(demosaic(filtered(flat, cfa), cfa), flat, atol=1e-6)
 
 
 def test_the_sensor_measures_the_truth_within_its_noise() -> None:
@@ -247,25 +234,6 @@ def test_exif_says_the_settings(tmp_path: Path, mosaic: NDArray[np.uint16], prev
         "Image Tag 0xC6F8": "vivid",
     }  # fmt: skip
     assert {name: tags[name] for name in told} == told
-
-
-def test_directories_obey_tiff(tmp_path: Path, mosaic: NDArray[np.uint16], preview: bytes) -> None:
-    """TIFF 6.0, section 2: tags rise within a directory, directories and values begin on even offsets."""
-    path = tmp_path / "a.dng"
-    write_dng(path, mosaic, preview_jpeg=preview, make="Odd")
-    content = path.read_bytes()
-    magic, number, offset = struct.unpack_from("<2sHI", content)
-    assert (magic, number) == (b"II", 42)
-    (count,) = struct.unpack_from("<H", content, offset)
-    entries = [struct.unpack_from("<HHII", content, offset + 2 + 12 * i) for i in range(count)]
-    tags = [entry[0] for entry in entries]
-    assert offset % 2 == 0
-    assert tags == sorted(set(tags))
-    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 7: 1, 10: 8}
-    for _, kind, values, at in entries:
-        if sizes[kind] * values > 4:
-            assert at % 2 == 0
-            assert at + sizes[kind] * values <= len(content)
 
 
 # --- The camera's stages have the properties that the thesis assumes, and render inverts exactly ----------------------
