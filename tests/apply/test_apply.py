@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -115,7 +116,8 @@ def grade(tmp_path: Path) -> Grade:
 def test_regions_give_the_whole(
     tmp_path: Path, grade: Grade, name: str, target: str, kind: str, tile: int, channels: int, workers: int
 ) -> None:
-    write_picture(tmp_path / name, (150, 90), kind, tile, channels, Orientation=6)
+    orientation = 1 if name == "a.dpx" else 6  # which has no place for it
+    write_picture(tmp_path / name, (150, 90), kind, tile, channels, Orientation=orientation)
     seen: list[tuple[int, float]] = []
     progress, samples = (lambda pixels, share: seen.append((pixels, share))), 90 * 20 * channels
     done = apply_image(grade, tmp_path / name, tmp_path / target, workers, region_samples=samples, progress=progress)
@@ -126,7 +128,7 @@ def test_regions_give_the_whole(
     tolerance = 0.51 / step if step else 1e-3 if after.spec.format == "half" else 0
     np.testing.assert_allclose(after.pixels, wanted, atol=tolerance)
     assert (done.width, done.height) == (90, 150)
-    assert name == "a.dpx" or after.spec.get_int_attribute("Orientation") == 6  # which DPX has no place for
+    assert after.spec.get_int_attribute("Orientation", 1) == orientation
     assert len(seen) > 3
     assert sum(pixels for pixels, _ in seen) == 150 * 90
     assert sum(share for _, share in seen) == pytest.approx(1)
@@ -154,10 +156,11 @@ def test_a_truncated_file_is_noticed_and_leaves_nothing(tmp_path: Path, grade: G
     source = tmp_path / f"a{suffix}"
     write_picture(source, (200, 100), "half" if suffix == ".exr" else "uint8", DateTime="2020:01:01 00:00:00")
     source.write_bytes(source.read_bytes()[: source.stat().st_size * 2 // 3])
-    for read in (lambda: apply_image(grade, source, tmp_path / "out" / source.name, 2, region_samples=10_000),
-                 lambda: read_image(source)):  # fmt: skip
-        with pytest.raises(ImageError, match="damaged or cut short"):
-            read()
+    refused = partial(pytest.raises, ImageError, match="damaged or cut short|copy it again")
+    with refused():
+        read_image(source)
+    with refused():
+        apply_image(grade, source, tmp_path / "out" / source.name, 2, region_samples=10_000)
     assert list(tmp_path.glob("out/*")) == []
 
 

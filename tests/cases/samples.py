@@ -60,19 +60,14 @@ def photograph_patches(
                 noise = np.sqrt(raw / camera.full_well + (camera.read_noise / camera.full_well) ** 2)
                 pixels = raw[:, None] + noise[:, None] * rng.standard_normal((count, PIXELS, 3))
                 jpeg = np.rint(255 * camera.render(pixels, style, balance)).mean(axis=1) / 255
+                wb = camera.multipliers(balance) if known else np.nan
                 parts.append(
                     SampleSet.from_arrays(
-                        np.clip(pixels, 0.0, 1.0).mean(axis=1),
-                        jpeg,
-                        camera=camera.name,
-                        style=style,
-                        white_balance=balance,
-                        shot=f"{style} {balance} {stop:+g}",
-                        patch=[f"{place:04d}" for place in range(count)],
-                        exposure_s=time,
-                        wb=camera.multipliers(balance) if known else np.nan,
+                        np.clip(pixels, 0.0, 1.0).mean(axis=1), jpeg, camera=camera.name, style=style,
+                        white_balance=balance, shot=f"{style} {balance} {stop:+g}",
+                        patch=[f"{place:04d}" for place in range(count)], exposure_s=time, wb=wb,
                     )
-                )
+                )  # fmt: skip
     return concatenate(parts)
 
 
@@ -82,16 +77,9 @@ def made_samples(
     """Random colours of a made camera, whose rendering is a white balance and a power, dealt out to shots."""
     raw, gain = np.random.default_rng(4).uniform(0.02, 0.5, (count, 3)), np.array([1.8, 1.0, 1.5])
     return SampleSet.from_arrays(
-        raw / gain,
-        raw**0.45,
-        camera="Test Cam",
-        style=style,
-        white_balance=balance,
-        shot=np.resize(shots, count),
-        patch=np.arange(count).astype(np.str_),
-        exposure_s=0.01,
-        wb=gain,
-    )
+        raw / gain, raw**0.45, camera="Test Cam", style=style, white_balance=balance, shot=np.resize(shots, count),
+        patch=np.arange(count).astype(np.str_), exposure_s=0.01, wb=gain,
+    )  # fmt: skip
 
 
 def samples_of_settings(
@@ -110,17 +98,12 @@ def samples_of_settings(
                 jpeg = camera.render(raw[:, None] + rng.normal(0, 0.002, (len(raw), 16, 3)), style, balance)
                 parts.append(
                     SampleSet.from_arrays(
-                        raw,
-                        np.rint(255 * jpeg).mean(axis=1) / 255,
-                        camera=camera.name,
-                        style=style,
-                        white_balance=balance,
-                        shot=np.resize([f"{style} 0", f"{style} 1"], len(raw)),
-                        patch=[f"{len(parts)}-{row}" for row in range(len(raw))],
-                        exposure_s=1 / 60,
+                        raw, np.rint(255 * jpeg).mean(axis=1) / 255, camera=camera.name, style=style,
+                        white_balance=balance, shot=np.resize([f"{style} 0", f"{style} 1"], len(raw)),
+                        patch=[f"{len(parts)}-{row}" for row in range(len(raw))], exposure_s=1 / 60,
                         wb=camera.white_balances[balance].multipliers,
                     )
-                )
+                )  # fmt: skip
     return concatenate(parts)
 
 

@@ -25,15 +25,8 @@ def synthetic_shot(raw: NDArray[np.float64], jpeg: NDArray[np.uint8] | None = No
     if jpeg is None:
         jpeg = np.rint(render(raw)).astype(np.uint8)
     image = RawImage(
-        pixels=pixels,
-        pixel_size=2.0,
-        flip=0,
-        multipliers=MULTIPLIERS,
-        preview=None,
-        preview_note="",
-        exposure_s=0.01,
-        iso=100.0,
-        clip_level=np.ones(3),
-    )
+        pixels=pixels, pixel_size=2.0, flip=0, multipliers=MULTIPLIERS, preview=None, preview_note="",
+        exposure_s=0.01, iso=100.0, clip_level=np.ones(3),
+    )  # fmt: skip
     metadata = ShotMetadata("Test Camera", "standard", "daylight", MULTIPLIERS, 0.01)
     return Shot(name, Path(f"{name}.dng"), image, jpeg, "embedded preview", metadata, Registration(2, 0.5, 0.5, 1))

@@ -28,15 +28,10 @@ def d40(seed: int) -> SampleSet:
     setting, shot = np.arange(count) % len(pairs.multipliers), rng.integers(0, 10, count)
     wb = np.array(list(pairs.multipliers.values()))[setting]
     samples = SampleSet.from_arrays(
-        pairs.balanced / wb,
-        pairs.encoded,
-        camera="Nikon D40",
-        white_balance=np.array(list(pairs.multipliers))[setting],
-        shot=np.char.add("S", shot.astype(str)),
-        patch=np.arange(count).astype(str),
-        exposure_s=0.01,
-        wb=wb,
-    )
+        pairs.balanced / wb, pairs.encoded, camera="Nikon D40",
+        white_balance=np.array(list(pairs.multipliers))[setting], shot=np.char.add("S", shot.astype(str)),
+        patch=np.arange(count).astype(str), exposure_s=0.01, wb=wb,
+    )  # fmt: skip
     return samples.select(np.argsort(shot, kind="stable"))
 
 

@@ -27,14 +27,11 @@ def chart_samples(table: Path) -> SampleSet:
             found.setdefault(key, {})[line["kind"]] = [float(line[channel]) / 255 for channel in "RGB"]
     keys = sorted(found)
     samples = SampleSet.from_arrays(
-        [found[key]["raw"] for key in keys],
-        [found[key]["jpg"] for key in keys],
-        camera="several",
-        white_balance="wb1",
-        shot=[f"light{light}-exposure{exposure}" for _, light, exposure, _ in keys],
+        [found[key]["raw"] for key in keys], [found[key]["jpg"] for key in keys], camera="several",
+        white_balance="wb1", shot=[f"light{light}-exposure{exposure}" for _, light, exposure, _ in keys],
         patch=[f"{light}-{int(patch):02d}" for _, light, _, patch in keys],
         exposure_s=[2.0 ** int(exposure) / 60 for _, _, exposure, _ in keys],
-    )
+    )  # fmt: skip
     camera = np.array([key[0] for key in keys])
     return replace(samples, camera=camera, raw_camera=camera)
 
@@ -45,14 +42,11 @@ def main() -> None:
     chart_samples(source / "middlebury_charts" / "patch_means.csv").save(CHARTS)
     published = read_published_model(source / "nus_nikon_d40" / "other_white_balances")
     np.savez_compressed(
-        D40,
-        balanced=published.balanced.astype(np.float32),
-        encoded=published.encoded.astype(np.float32),
-        matrix=published.model.matrix,
-        inverse_response=published.model.response.inverse,
+        D40, balanced=published.balanced.astype(np.float32), encoded=published.encoded.astype(np.float32),
+        matrix=published.model.matrix, inverse_response=published.model.response.inverse,
         white_balances=np.array(list(published.white_balances)),
         multipliers=np.array([balance.multipliers for balance in published.white_balances.values()]),
-    )
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

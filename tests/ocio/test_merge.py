@@ -95,7 +95,6 @@ def test_cameras_added_to_cameras(tmp_path: Path) -> None:
 
 def test_a_base_with_another_reference(tmp_path: Path) -> None:
     """The merger puts the change of reference between: the camera's colours are the same in any base."""
-    base = OCIO.Config.CreateFromBuiltinConfig("cg-config-v1.0.0_aces-v1.3_ocio-v2.1")
     linear = OCIO.Config()
     linear.setVersion(2, 1)
     for name in ("ACEScg", "ACES2065-1"):
@@ -119,7 +118,6 @@ def test_a_base_with_another_reference(tmp_path: Path) -> None:
         shot = convert(config, "Nikon D40 standard (as shot)", "ACEScg")
         np.testing.assert_allclose(shot, convert(config, "Nikon D40 standard daylight", "ACEScg"), atol=2e-5)
         assert check_config(config) == []
-    assert base.getColorSpace("ACEScg") is not None
 
 
 def write_base(folder: Path, change: str = "") -> Path:
