@@ -62,7 +62,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """`lutforge demo` as a user runs it, with small lattices: the folder that it filled, and what it printed."""
     folder = tmp_path_factory.mktemp("demo")
     command = [sys.executable, "-m", "lutforge", "demo", "-o", str(folder), "--size", "17"]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=540, check=False)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=540)
     assert run.returncode == 0, run.stderr
     return folder, run.stdout
 

@@ -64,12 +64,10 @@ def test_what_a_killed_run_left_is_removed_and_nothing_else(tmp_path: Path) -> N
 
 
 def test_a_scratch_folder_removes_those_of_killed_runs_alone(tmp_path: Path) -> None:
-    ended = subprocess.run(
-        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True
-    )
+    ended = subprocess.check_output([sys.executable, "-c", "import os; print(os.getpid())"], text=True)
     mine = f".lutforge-{platform.node()}-"
     left, others, alive = (
-        tmp_path / f"{mine}{ended.stdout.strip()}-abcdefgh",
+        tmp_path / f"{mine}{ended.strip()}-abcdefgh",
         tmp_path / ".lutforge-another.machine-1-abcdefgh",
         tmp_path / f"{mine}{os.getpid()}-abcdefgh",
     )

@@ -46,7 +46,7 @@ def run(environment: dict[str, str], *words: object) -> subprocess.CompletedProc
     kept = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
     kept["PYTHONPATH"] = str(Path(__file__).parents[1])
     command = [sys.executable, *map(str, words)]
-    return subprocess.run(command, env=kept | environment, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(command, env=kept | environment, capture_output=True, text=True, timeout=300)
 
 
 @pytest.fixture
@@ -189,7 +189,7 @@ main()
 def python(*words: object, **settings: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, *map(str, words)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "dumb", **settings}
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=environment)
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
 
 
 def test_every_module_imports_where_windows_has_less() -> None:
@@ -210,9 +210,7 @@ def test_a_wheel_in_an_environment_of_its_own_calibrates_and_bakes(tmp_path: Pat
     def run(*words: object) -> str:
         environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         command = [str(tools / str(words[0])), *map(str, words[1:])]
-        ran = subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=900, check=False
-        )
+        ran = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=900)
         assert ran.returncode == 0, ran.stderr
         return ran.stdout
 

@@ -23,7 +23,7 @@ def test_example(example: Path, tmp_path: Path, request: pytest.FixtureRequest) 
     command = [sys.executable, "-W", "error", str(example), str(tmp_path / "out")]
     if example.stem in INPUTS:
         command.append(str(request.getfixturevalue("shared_data") / INPUTS[example.stem]))
-    run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stderr
     assert run.stdout
 
@@ -31,6 +31,6 @@ def test_example(example: Path, tmp_path: Path, request: pytest.FixtureRequest) 
 @pytest.mark.parametrize("name", INPUTS)
 def test_an_example_without_its_photographs_says_so(name: str, tmp_path: Path) -> None:
     command = [sys.executable, str(EXAMPLES[0].with_name(f"{name}.py")), str(tmp_path / "out")]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert run.returncode != 0
     assert "the folder that holds the" in run.stderr and len(run.stderr.splitlines()) == 1

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +30,7 @@ def frames(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("pattern", ["f.####.exr", "f.#.exr", "f.@@@@.exr", "f.%04d.exr"])
 def test_a_sequence_is_what_is_on_the_disk(frames: Path, pattern: str) -> None:
     found = find_inputs([frames / pattern])
-    assert [image.path.name for image in found.images] == [
-        f"f.{n}.exr" for n in ("0001", "0002", "0005", "0009", "10000")
-    ]
+    assert [one.path.name for one in found.images] == [f"f.{n}.exr" for n in ("0001", "0002", "0005", "0009", "10000")]
     assert found.notes == (f"{frames / pattern}: not there: frame 3-4, 6-8, 10-9999",)
     assert found.missing == ()
 
@@ -178,7 +177,7 @@ def test_killed_runs_end_with_the_same_files(tmp_path: Path) -> None:
             for path in rng.sample(sorted(out.iterdir()), 6):  # something is left to do for the next
                 path.unlink()
     assert killed >= MOMENTS // 2
-    last = subprocess.run(words, capture_output=True, text=True, check=False)
+    last = subprocess.run(words, capture_output=True, text=True)
     assert last.returncode == 0, last.stderr
     assert contents(out) == contents(tmp_path / "undisturbed")
 
@@ -206,17 +205,10 @@ def test_a_killed_worker_changes_nothing(tmp_path: Path) -> None:
                 killed.append(victim)
                 os.kill(victim, signal.SIGKILL)
 
-        there = apply_batch(
-            LutRecipe(cube),
-            [*pictures, tmp_path / "zero.png"],
-            tmp_path / "there",
-            progress=watch,
-            scheduler=cluster.scheduler_address,
-        )
+        batch = partial(apply_batch, LutRecipe(cube), folder=tmp_path / "there", scheduler=cluster.scheduler_address)
+        there = batch([*pictures, tmp_path / "zero.png"], progress=watch)
         assert killed
-        again = apply_batch(
-            LutRecipe(cube), pictures, tmp_path / "there", scheduler=cluster.scheduler_address, resume=True
-        )
+        again = batch(pictures, resume=True)
     assert [failure.reason for failure in there.failed] == [f"{tmp_path / 'zero.png'}: the file is empty"]
     assert [done.source for done in there.done] == [done.source for done in here.done] == pictures
     assert contents(tmp_path / "there") == contents(tmp_path / "here")

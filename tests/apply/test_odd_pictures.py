@@ -164,9 +164,7 @@ def test_scene_linear_light_in_eight_bits_is_told(tmp_path: Path) -> None:
     sources = [tmp_path / "a.jpg", tmp_path / "a.tif"]
 
     def told(kind: str, suffix: str | None = None) -> list[bool]:
-        result = apply_batch(
-            LutRecipe(tmp_path / f"{kind}.clf"), sources[: 1 if suffix else 2], tmp_path / kind, suffix
-        )
+        result = apply_batch(LutRecipe(tmp_path / f"{kind}.clf"), sources[: 2 - bool(suffix)], tmp_path / kind, suffix)
         assert not result.failed
         return [any("scene-linear" in note for note in done.notes) for done in result.done]
 
@@ -303,9 +301,7 @@ def test_a_full_disk(folder: Path) -> None:
             result = apply_batch(LutRecipe(Path("look.cube")), ["large.png", "none.png"], "out", suffix)
             print(suffix, len(result.done), *(failure.reason for failure in result.failed), sep="|")
         """
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=100, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert len(lines) == 12

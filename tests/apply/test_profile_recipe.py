@@ -106,9 +106,8 @@ def test_every_pair_of_settings_on_a_scene_that_was_held_out(
                 recipe = recipe_of("/".join(source), "/".join(target))
                 given, wanted = (profile.selector("/".join(setting)) for setting in (source, target))
                 chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, wanted))
-                assert (
-                    sum(isinstance(op, Cube) for op in chain.ops) == 3
-                )  # one of highlights between those of the model
+                # One of highlights between those of the model.
+                assert sum(isinstance(op, Cube) for op in chain.ops) == 3
                 after = evaluate(chain.processor(), pictures[source])
                 errors[source, target] = error(pictures[source], after, pictures[target])
     # One draw. Over six draws of the samples and two scenes the median is 0.0032 and the worst pair of a scene
@@ -149,9 +148,7 @@ def test_as_shot_keeps_either(recipe_of: Recipes, picture: Path) -> None:
         assert grade.history.endswith(f"-> {nikon_d5100().name}: {told}")
 
 
-def test_what_a_picture_does_not_tell_is_refused_with_what_is_known(
-    recipe_of: Recipes, folder: Path, tmp_path: Path
-) -> None:
+def test_what_a_picture_does_not_tell_is_refused_with_advice(recipe_of: Recipes, folder: Path, tmp_path: Path) -> None:
     pixels = np.full((8, 8, 3), 0.4, dtype=np.float32)
     spec = oiio.ImageSpec(8, 8, 3, "uint8")
     write_image(tmp_path / "bare.png", pixels, Image(pixels, spec))
@@ -331,9 +328,7 @@ def test_multipliers_of_the_file_count_as_what_it_says() -> None:
 
 
 def test_notes_that_files_share_are_one_line() -> None:
-    notes = [
-        (f"IMG_{n}.CRW", f"passed over: shots/IMG_{n}.JPG: does not match, by {n}.5 pixels") for n in range(10, 14)
-    ]
+    notes = [(f"IMG_{n}.CRW", f"passed over: shots/IMG_{n}.JPG: no match, by {n}.5 pixels") for n in range(10, 14)]
     assert list(in_common([*notes, ("IMG_10.CRW", "D-Lighting was on"), notes[0]], "shots")) == [
         f"4 shots, such as IMG_10.CRW: {notes[0][1]}",
         "IMG_10.CRW: D-Lighting was on",
@@ -449,9 +444,8 @@ def test_the_file_tells_what_it_holds(folder: Path, bracket: list[Path], tmp_pat
     file = oiio.ImageInput.open(str(done.target))
     assert file is not None
     spec = file.spec()
-    assert (
-        done.target.suffix == ".exr" and spec.channelnames == ("R", "G", "B", "clipped") and str(spec.format) == "half"
-    )
+    assert done.target.suffix == ".exr" and str(spec.format) == "half"
+    assert spec.channelnames == ("R", "G", "B", "clipped")
     assert spec.get_string_attribute("colorInteropID") == "lin_ap1_scene"
     assert spec.get_string_attribute("Model") == "Simulated D5100" and spec.get_float_attribute("FNumber") == 8.0
     codes = read_image(bracket[0]).pixels

@@ -25,6 +25,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical import kriging
 from lutforge.calibration.physical.curve_basis import CurveBasis
@@ -37,7 +38,7 @@ from lutforge.model.gamut_map import from_even, to_even
 from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.benchmarks import common
-from tests.benchmarks.common import HALF_CODE, Array, heading, row
+from tests.benchmarks.common import HALF_CODE, heading, row
 from tests.cases.real_data import read_published_pairs, sensors, spectral_data
 from tests.cases.samples import style_of
 

@@ -30,6 +30,7 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 import lutforge as lf
+from lutforge.arrays import Array
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer
 from lutforge.calibration.physical.white_balance import complete_multipliers
@@ -50,7 +51,7 @@ from lutforge.simulate.demo import HELD_OUT, DemoShots
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, palette
 from tests.benchmarks import common, lattices
-from tests.benchmarks.common import ROOT, Array, Figure, Figures, Parts
+from tests.benchmarks.common import ROOT, Figure, Figures, Parts
 from tests.cases import input_transforms
 from tests.cases.real_data import CHARTS
 
@@ -95,7 +96,7 @@ def simulated(keep: Path) -> Figures:
     linear = profile.linearize(shots.source)(before)
     yield from _figures(f"simulated, linearize {shots.source}", linear, raw, display=False)
     yield from _figures("simulated, refinish", refinish(before), after)
-    yield from _beside_plain_methods(shots, profile, raw, before, after)
+    yield from _plain_methods(shots, profile, raw, before, after)
     assert shots.held_out.jpeg is not None
     jpeg, wanted = (read_image(path).pixels[..., :3].astype(np.float64) for path in (shots.held_out.jpeg, shots.wanted))
     graded = np.rint(255 * np.clip(refinish(jpeg), 0, 1)) / 255
@@ -109,9 +110,7 @@ def simulated(keep: Path) -> Figures:
     yield Figure("simulated, blue ball of the graded picture: ΔE00", delta_e_2000(graded[ball], wanted[ball]).mean())
 
 
-def _beside_plain_methods(
-    shots: DemoShots, profile: lf.CameraProfile, raw: Array, before: Array, after: Array
-) -> Figures:
+def _plain_methods(shots: DemoShots, profile: lf.CameraProfile, raw: Array, before: Array, after: Array) -> Figures:
     """What the guide has beside LutForge: three models of the way back, and a polynomial that has seen the answer.
 
     No method that maps a picture by one polynomial of these 11 terms can do better in the mean square (Hong, Luo and

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lutforge as lf
+from lutforge.arrays import Array
 from lutforge.simulate.camera import SimulatedCamera
 from lutforge.simulate.demo import DemoShots, demo_shots
-
-Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[2]
 WORSE = 1.03

@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import lutforge as lf
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.preparation import prepare
 from lutforge.calibration.style import style_data
@@ -23,7 +24,7 @@ from lutforge.evaluation.methods import fit_baselines, fits_of_profile
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.simulate.demo import demo_shots
-from tests.benchmarks.common import Array, heading, row
+from tests.benchmarks.common import heading, row
 from tests.cases.real_data import CHARTS, S40
 
 AT_MOST = 1.02

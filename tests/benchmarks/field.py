@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 
 import lutforge as lf
+from lutforge.arrays import Array
 from lutforge.child_processes import run_command
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError
@@ -34,7 +35,7 @@ from lutforge.kits.darktable import NEUTRAL
 from lutforge.kits.kit import look_of
 from lutforge.pipeline.kits import KitCheck, compare_with_jpeg, write_kit
 from tests.benchmarks import common, lattices
-from tests.benchmarks.common import Array, heading, row
+from tests.benchmarks.common import heading, row
 
 SETTING = "standard/auto"
 SIDECAR = """<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">

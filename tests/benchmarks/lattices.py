@@ -20,12 +20,13 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import RBFInterpolator
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut, evaluate
 from lutforge.luts.shaper import lattice_ops
-from tests.benchmarks.common import Array, heading, row, split
+from tests.benchmarks.common import heading, row, split
 from tests.cases.real_data import read_published_pairs
 from tests.cases.samples import style_of
 

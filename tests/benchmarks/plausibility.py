@@ -48,9 +48,7 @@ def main() -> None:
         cells = []
         for name, sets in drawn.items():
             rng = np.random.default_rng(1)
-            named = [
-                any(words in cause for cause in diagnosed(spoil(each, rng))) for each in sets if applies(case, name)
-            ]
+            named = [any(words in cause for cause in diagnosed(spoil(one, rng))) for one in sets if applies(case, name)]
             cells.append(f"{np.mean(named):.0%}" if named else "–")
         row(case, *cells)
     accused, count, seconds = [], 0, 0.0

@@ -56,9 +56,7 @@ def test_a_camera_without_raw_takes_given_stages(samples: SampleSet) -> None:
         assert 8 <= len(after.gamut_map.centres) <= 50
 
 
-def test_the_studio_s_lines_of_python_make_the_same_profile(
-    samples: SampleSet, inliers: SampleSet, tmp_path: Path
-) -> None:
+def test_the_studio_s_lines_of_python_make_the_profile(samples: SampleSet, inliers: SampleSet, tmp_path: Path) -> None:
     write_samples(tmp_path / "all.npz", samples)
     write_samples(tmp_path / "inliers.npz", inliers)
     options = CalibrationOptions(size=5, physical=PhysicalOptions(beta=0.25))

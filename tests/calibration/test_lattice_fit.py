@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # it has no type information
 
 from lutforge import threads as shared
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.bake import node_coverage, with_rising_axis
 from lutforge.calibration.lattice.node_levels import BINS, EVEN, equidistributed_levels, error_histogram
 from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
-from lutforge.calibration.lattice.thesis import blended_levels, fit_thesis, fit_uniform
+from lutforge.calibration.lattice.thesis import blended_levels
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
 from lutforge.colour.srgb import delta_e_2000
@@ -24,7 +24,6 @@ from lutforge.simulate.camera import nikon_d5100
 from lutforge.solvers import normal_equations
 from tests.cases.samples import style_of
 
-Array = NDArray[np.float64]
 CAMERA = nikon_d5100()
 GAIN = CAMERA.multipliers("daylight")
 AXIS = np.linspace(0.0, 1.0, 513)[:, None].repeat(3, axis=1)
@@ -161,7 +160,7 @@ def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
 FINE_AXIS = np.linspace(0.0, 1.0, 2049)[:, None].repeat(3, axis=1)
 
 
-def fall(axis: NDArray[np.float64]) -> float:
+def fall(axis: Array) -> float:
     return float((np.maximum.accumulate(axis, axis=0) - axis).max())
 
 
@@ -343,9 +342,7 @@ def test_a_share_of_the_levels_lies_where_it_is_wanted_whatever_the_errors() -> 
     """Errors of bright samples draw the levels away from the darks, but for those that stay there."""
     x = np.random.default_rng(0).uniform(0.5, 1.0, (2000, 3))
     wanted = EVEN + 0.2 * np.where(np.arange(BINS) < BINS // 10, 10.0 / BINS, 0.0)
-    drawn, kept = (
-        equidistributed_levels(x, np.ones(len(x)), uniform_levels(33), floor=floor) for floor in (EVEN, wanted)
-    )
+    drawn, kept = (equidistributed_levels(x, np.ones(len(x)), uniform_levels(33), floor=one) for one in (EVEN, wanted))
     for few, more in zip(drawn, kept, strict=True):
         assert np.count_nonzero(few < 0.1) <= 3
         assert np.count_nonzero(more < 0.1) >= 7
@@ -353,17 +350,6 @@ def test_a_share_of_the_levels_lies_where_it_is_wanted_whatever_the_errors() -> 
 
 
 # --- The thesis's lattices: its uniform baseline without smoothness ---------------------------------------------------
-
-
-def test_the_uniform_baseline_fits_and_smoothness_helps_it_where_samples_are_few() -> None:
-    rng = np.random.default_rng(1)
-    x, unseen = rng.random((2000, 3)) ** 2, rng.random((2000, 3)) ** 2
-    options = CalibrationOptions(size=9, preset="thesis", nonuniform=False)
-    errors = []
-    for fitted in (fit_uniform(x, np.sqrt(x), options), fit_thesis(x, np.sqrt(x), options, clips=True)):
-        assert np.all(np.isfinite(fitted.values))
-        errors.append(float(np.linalg.norm(fitted(unseen) - np.sqrt(unseen), axis=1).mean()))
-    assert errors[1] < errors[0] < 0.1
 
 
 def test_errors_at_the_ends_are_not_lost() -> None:

@@ -6,10 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions, Preset
-from lutforge.calibration.physical.curve_basis import gamma_response, srgb_response
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.physical_model import KNOWN, fit_matrix
 from lutforge.calibration.physical.response_from_exposures import (
@@ -29,8 +28,6 @@ from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merr
 from lutforge.solvers.solution import Status
 from tests.cases.real_data import CHARTS, S40, middlebury_table, read_published_pairs
 from tests.cases.samples import BALANCES, chart_140, photograph_patches, style_of, surfaces
-
-Array = NDArray[np.float64]
 
 MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.6, 1.6]])
 
@@ -172,40 +169,11 @@ def test_f_from_exposure_times_that_are_off_by_three_percent() -> None:
     assert fit.response.inverse[-1] == pytest.approx([1.0, 1.0, 1.0])
 
 
-def test_each_shots_exposure_error_is_found() -> None:
-    samples = _samples("standard")
-    blind = replace(samples, raw=np.zeros_like(samples.raw))
-    fit = fit_response_to_exposures(pairs_of_samples(blind))
-    first, second = "standard daylight -2", "standard daylight -1"
-    one, other = samples.select(samples.shot == first), samples.select(samples.shot == second)
-    _, a, b = np.intersect1d(one.patch, other.patch, return_indices=True)
-    bright = one.raw[a].min(axis=1) > 0.01
-    truth = float(np.median(other.raw[b][bright] / one.raw[a][bright])) / 2.0
-    assert abs(truth - 1.0) > 0.005  # or there is nothing to find
-    assert np.exp(fit.shot_error[second] - fit.shot_error[first]) == pytest.approx(truth, abs=0.006)
-
-
 def test_f_from_exposure_pairs_whose_ratio_raw_tells() -> None:
     samples = _samples("standard")
     for preset in ("lutforge", "thesis"):
         fit = fit_response_to_exposures(pairs_of_samples(samples), preset)
         assert _worst(fit.response, "standard", np.clip(samples.srgb, 0.03, 0.97), scaled=True) < 0.005
-
-
-def test_the_fitted_curve_always_rises() -> None:
-    rng = np.random.default_rng(3)
-    x = rng.uniform(0.02, 0.9, (80, 1)) * np.ones((1, 3))
-    noisy = np.clip(x ** (1 / 2.2) + 0.03 * rng.standard_normal((80, 3)), 0.01, 0.99)
-    fit = fit_matrix_and_response(x * (1 + 0.02 * rng.standard_normal((80, 3))), noisy)
-    assert np.all(np.diff(fit.response.inverse, axis=0) >= 0)
-
-
-def test_plain_curves() -> None:
-    v = np.array([[0.0, 0.2, 1.0]])
-    np.testing.assert_allclose(srgb_response().linearize(v)[0], [0.0, 0.0331048, 1.0], atol=1e-5)
-    np.testing.assert_allclose(gamma_response(2.0).linearize(v)[0], [0.0, 0.04, 1.0], atol=1e-5)
-    with pytest.raises(CalibrationError, match="gamma"):
-        gamma_response(0.0)
 
 
 def test_what_cannot_be_determined_says_what_to_shoot() -> None:

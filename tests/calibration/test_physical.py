@@ -49,9 +49,7 @@ def test_ground_truth_of_a_sensor_whose_channels_overlap(style: str, patches: in
         return
     balanced = samples.raw * stages.multipliers
     model = fit_camera_model(MatrixAndResponse(stages.matrix, response), balanced, samples.srgb, balances)
-    others = photograph_patches(
-        camera, surfaces(300, 99), styles=(style,), balances=balances, exposure_error=0.0, seed=5
-    )
+    others = photograph_patches(camera, surfaces(300, 99), styles=(style,), balances=balances, exposure_error=0, seed=5)
     others = others.select(unclipped(others, others.wb))
     assert np.linalg.norm(model.render(others.raw * others.wb) - others.srgb, axis=1).mean() <= 0.003
     back = model.linearize(others.srgb) / others.wb - others.raw

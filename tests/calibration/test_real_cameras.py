@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
 from lutforge.model.lattice import Lattice
@@ -22,8 +22,6 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.real_data import PublishedPairs, middlebury_table
 from tests.cases.samples import style_of
-
-Array = NDArray[np.float64]
 
 SEEDS = (1, 2, 3, 4, 5)
 
@@ -153,7 +151,7 @@ def test_the_full_model_beats_the_baselines_on_nine_of_ten_either_way() -> None:
 @pytest.mark.slow
 def test_the_transfer_functions_are_what_is_printed(tmp_path: Path) -> None:
     command = [sys.executable, str(EXAMPLES / "middlebury_transfer_functions.py"), str(tmp_path)]
-    run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stderr
     stored = (EXAMPLES / "middlebury_transfer_functions.md").read_text()
     for one, other in zip(run.stdout.splitlines(), stored.splitlines(), strict=True):

@@ -3,14 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedGamutMap, ToneResponse, _build, _fit_matrix, invert_increasing
 from tests.cases.samples import chart_140, photograph_patches, surfaces
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

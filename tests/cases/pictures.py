@@ -8,6 +8,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from numpy.typing import NDArray
 
 from lutforge.apply.blocks import grade_floats, threads_of
+from lutforge.arrays import Array
 from lutforge.interpolation import Interpolation, Levels
 from lutforge.luts.bake import joined
 from lutforge.luts.ops import Cube, Matrix, Range
@@ -53,9 +54,6 @@ def write_picture(
     assert target.write_image(pixels), target.geterror()
     assert target.close(), target.geterror()
     return pixels
-
-
-Array = NDArray[np.float64]
 
 
 def lut_of_nodes(

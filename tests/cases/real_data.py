@@ -8,9 +8,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
+from lutforge.arrays import Array
 from lutforge.colour.spectra import WAVELENGTHS
 from lutforge.model.response import Response
 
@@ -18,8 +18,6 @@ FOLDER = Path(__file__).parents[1] / "data"
 S40 = FOLDER / "canon_powershot_s40.npz"
 D40 = FOLDER / "nikon_d40_pairs.npz"
 CHARTS = FOLDER / "middlebury_charts.npz"
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.style import StyleData
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import SimulatedCamera
 from lutforge.simulate.scene import palette
-
-Array = NDArray[np.float64]
 
 STYLES, SETTINGS = ("standard", "vivid"), ("tungsten", "fluorescent", "daylight", "flash", "cloudy", "shade")
 BALANCES = ("tungsten", "fluorescent", "daylight", "cloudy", "shade")

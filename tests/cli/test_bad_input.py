@@ -102,7 +102,7 @@ def test_settings_outputs_and_profiles(profile: Path, refused: Refused) -> None:
         (("report", "none.npz", "-o", "report.pdf"), ".html"),
         (("import-nus", "folder", "-o", "camera.json"), ".npz"),
         (("config", "camera.npz", "-o", "x.zip"), "a config is a folder that holds config.ocio, or an archive"),
-        (("config", "camera.npz", "-o", "x.ocio"), "a config is a folder that holds config.ocio, or an archive"),
+        (("config", "camera.npz", "-o", "ocio/config.ocio"), "a config is a folder that holds config.ocio"),
         # One that is not named replaces no file.
         (("calibrate", "samples.csv"), "-o camera.npz to replace it"),
         (("response", "a.jpg"), "-o camera.npz to replace it"),
@@ -135,7 +135,7 @@ def test_half_of_a_lut_is_refused(lutforge: CommandLine, refused: Refused, profi
 def test_a_terminal_without_unicode_shows_question_marks() -> None:
     """As Windows' cp1252: the help holds arrows that it cannot show."""
     command, ascii_only = [sys.executable, "-m", "lutforge", "--help"], {**os.environ, "PYTHONIOENCODING": "ascii"}
-    result = subprocess.run(command, env=ascii_only, capture_output=True, check=False)
+    result = subprocess.run(command, env=ascii_only, capture_output=True)
     assert result.returncode == 0, result.stderr
     assert b"?" in result.stdout
 
@@ -240,9 +240,7 @@ def test_a_terminal_gets_no_control_characters_of_a_file(lutforge: CommandLine, 
 
 
 @pytest.mark.parametrize("name", ["look.json", "samples.tsv", "samples.xlsx"])
-def test_files_that_hold_neither_samples_nor_raw_are_told_what_does(
-    refused: Refused, tmp_path: Path, name: str
-) -> None:
+def test_files_with_neither_samples_nor_raw_are_told_what_does(refused: Refused, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("camera\tstyle\n" * 20)
     for command in ("calibrate", "sample"):
         said = refused(tmp_path, command, name)

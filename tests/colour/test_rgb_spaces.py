@@ -94,9 +94,8 @@ def letters(name: str) -> str:
     return "".join(sign for sign in SPELT.get(name, name).removeprefix("linear-").lower() if sign.isalnum())
 
 
-@pytest.mark.parametrize(
-    "name", sorted(set(CHROMATICITIES) - {"linear-fgamut-c", "linear-apple-wide-gamut"})
-)  # not in there
+# It has no F-Gamut C and no Apple Wide Gamut.
+@pytest.mark.parametrize("name", sorted(set(CHROMATICITIES) - {"linear-fgamut-c", "linear-apple-wide-gamut"}))
 def test_matrices_are_those_of_colour_sciences_chromaticities(name: str) -> None:
     theirs = min((each for each in colour.RGB_COLOURSPACES if letters(name) in letters(each)), key=len)
     first, second = (colour.RGB_COLOURSPACES[each].copy() for each in ("sRGB", theirs))

@@ -58,9 +58,7 @@ def source(kind: str = "uint8", channels: int = 3, orientation: int = 1) -> Imag
         (".dpx", "uint16", "uint16", 0.5 / 65535),
     ],
 )
-def test_bit_depth_is_kept_where_the_format_has_it(
-    tmp_path: Path, suffix: str, kind: str, expected: str, tolerance: float
-) -> None:
+def test_bit_depth_is_kept_if_possible(tmp_path: Path, suffix: str, kind: str, expected: str, tolerance: float) -> None:
     path = tmp_path / f"a{suffix}"
     write_image(path, ramp(), source(kind))
     image = read_image(path)

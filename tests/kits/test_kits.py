@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.colors import hsv_to_rgb, rgb_to_hsv
-from numpy.typing import NDArray
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 from scipy.ndimage import map_coordinates
 
+from lutforge.arrays import Array
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
@@ -97,9 +97,7 @@ def test_multipliers_on_top_of_a_programs_balance_are_told(developed_profile: Ca
 
 
 @pytest.mark.parametrize("space", ["davinci-intermediate", "acescg"])
-def test_a_look_within_a_space_is_the_cameras(
-    space: str, developed_profile: CameraProfile, s40_samples: SampleSet
-) -> None:
+def test_a_look_in_a_space_is_the_cameras(space: str, developed_profile: CameraProfile, s40_samples: SampleSet) -> None:
     look = look_of(developed_profile, SETTING)
     x = np.random.default_rng(4).uniform(0.02, 0.6, (300, 3))
     linear = rgb_space(space).linear.name
@@ -170,16 +168,14 @@ def test_a_script_that_cannot_be_run_is_one_line(profile: CameraProfile, shared_
 def test_scripts_say_what_is_missing(profile: CameraProfile, tmp_path: Path) -> None:
     folder = write_kit(profile, SETTING, tmp_path / "kit", "rawtherapee")
     script = str(folder / "develop.sh")
-    usage = subprocess.run([script], capture_output=True, text=True, check=False)
+    usage = subprocess.run([script], capture_output=True, text=True)
     assert usage.returncode == 2
     assert len(usage.stderr.splitlines()) == 1
     env = stand_in(tmp_path / "bin", "rawtherapee-cli", "", "picture")
     command = [script, str(tmp_path / "none.CRW"), str(tmp_path / "out.tif")]
-    unreadable = subprocess.run(command, capture_output=True, text=True, check=False, env=env)
+    unreadable = subprocess.run(command, capture_output=True, text=True, env=env)
     assert (unreadable.returncode, unreadable.stderr) == (2, f"{tmp_path}/none.CRW: cannot be read\n")
-    missing = subprocess.run(
-        ["/bin/sh", script, "a", "b"], capture_output=True, text=True, check=False, env={"PATH": "/nowhere"}
-    )
+    missing = subprocess.run(["/bin/sh", script, "a", "b"], capture_output=True, text=True, env={"PATH": "/nowhere"})
     assert missing.returncode == 2
     assert missing.stderr == "rawtherapee-cli is not installed\n"
 
@@ -225,7 +221,7 @@ def test_darktable_is_believed_only_where_it_used_the_profile_alone(
     folder = write_kit(profile, SETTING, tmp_path / "kit", "darktable")
     (tmp_path / "a.CRW").write_bytes(b"raw")
     run = subprocess.run(
-        [str(folder / "develop.sh"), "a.CRW", "out.tif"], capture_output=True, text=True, check=False, cwd=tmp_path,
+        [str(folder / "develop.sh"), "a.CRW", "out.tif"], capture_output=True, text=True, cwd=tmp_path,
         env=stand_in(tmp_path / "bin", "darktable-cli", says, makes),
     )  # fmt: skip
     assert run.returncode == code, run.stderr
@@ -285,9 +281,6 @@ def test_a_kit_that_cannot_be_written_names_its_folder(profile: CameraProfile, t
 
 
 # --- A second reader of .dcp, by the DNG specification ---------------------------------------------------------------
-
-
-Array = NDArray[np.float64]
 
 
 def dcp_tags(path: Path) -> dict[int, Any]:

@@ -122,9 +122,7 @@ def test_of_several_pictures_of_one_name_the_tiff_is_taken(folders: tuple[Path, 
 
 
 @pytest.mark.slow
-def test_a_picture_of_any_size_or_turn_is_paired_and_a_cropped_one_is_one_line(
-    shared_data: Path, tmp_path: Path
-) -> None:
+def test_a_picture_of_any_size_or_turn_is_paired_and_a_crop_is_one_line(shared_data: Path, tmp_path: Path) -> None:
     raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
     with rawpy.imread(str(raw)) as opened:
         whole = opened.postprocess(output_bps=16, use_camera_wb=True, no_auto_bright=True, user_flip=0) / 65535

@@ -61,9 +61,7 @@ def test_what_a_program_cannot_read_is_one_line(program: str, profile: CameraPro
 
 
 @pytest.mark.parametrize("program", sorted(PROGRAMS))
-def test_a_kit_with_a_damaged_profile_is_one_line(
-    program: str, profile: CameraProfile, shared_data: Path, tmp_path: Path
-) -> None:
+def test_a_damaged_kit_is_one_line(program: str, profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
     """The programs show their own colours with it, without a word."""
     need(PROGRAMS[program])
     kit = write_kit(profile, "standard/auto", tmp_path / "kit", program)
@@ -75,7 +73,7 @@ def test_a_kit_with_a_damaged_profile_is_one_line(
         damaged.unlink(missing_ok=True)
         if spoilt is not None:
             damaged.write_bytes(spoilt)
-        run = subprocess.run([str(kit / "develop.sh"), raw, str(output)], capture_output=True, text=True, check=False)
+        run = subprocess.run([str(kit / "develop.sh"), raw, str(output)], capture_output=True, text=True)
         assert run.returncode == 1
         assert "a camera profile of the kit is damaged" in run.stderr
         assert damaged.name in run.stderr
@@ -83,9 +81,7 @@ def test_a_kit_with_a_damaged_profile_is_one_line(
         assert not output.exists()
 
 
-def test_a_darktable_that_cannot_use_the_kit_is_one_line(
-    profile: CameraProfile, shared_data: Path, tmp_path: Path
-) -> None:
+def test_a_darktable_that_cannot_use_the_kit_is_told(profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
     """Parameters that this darktable does not know: it would show its own colours."""
     need("darktable-cli")
     kit = write_kit(profile, "standard/auto", tmp_path / "kit", "darktable")
@@ -93,7 +89,7 @@ def test_a_darktable_that_cannot_use_the_kit_is_one_line(
         sidecar.write_text(sidecar.read_text(encoding="utf-8").replace('modversion="7"', 'modversion="99"'))
     raw = str(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
     command = [str(kit / "develop.sh"), raw, str(tmp_path / "out.tif")]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode == 1
     assert "did not use the profile" in run.stderr
     assert not (tmp_path / "out.tif").exists()
@@ -122,9 +118,7 @@ def test_the_style_is_the_sidecar(profile: CameraProfile, shared_data: Path, tmp
 
 
 @pytest.mark.parametrize("preset", ["", " icc", " colours"])
-def test_a_processing_profile_works_by_hand(
-    preset: str, profile: CameraProfile, shared_data: Path, tmp_path: Path
-) -> None:
+def test_processing_profiles_by_hand(preset: str, profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
     """Loaded from the kit's folder, as its page says."""
     need("rawtherapee-cli")
     kit = write_kit(profile, "standard/auto", tmp_path / "kit", "rawtherapee")
@@ -154,7 +148,7 @@ def test_blender_renders_with_the_config(profile: CameraProfile, tmp_path: Path)
     )
     command = [str(folder / "blender.sh"), "--background", "--factory-startup", "--python-exit-code", "3"]
     run = subprocess.run(
-        [*command, "--python-expr", script], capture_output=True, text=True, check=False, timeout=300,
+        [*command, "--python-expr", script], capture_output=True, text=True, timeout=300,
         env={**os.environ, "HOME": str(tmp_path)},
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
@@ -210,9 +204,7 @@ def test_the_lines_of_a_page_run(page: str, camera: Path, shared_data: Path, tmp
     prepare(tmp_path, camera, shared_data, "\n".join(lines))
     environment = {**os.environ, "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}", "HOME": str(tmp_path)}
     for line in lines:
-        run = subprocess.run(
-            ["/bin/sh", "-ec", line], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-        )
+        run = subprocess.run(["/bin/sh", "-ec", line], cwd=tmp_path, env=environment, capture_output=True, text=True)
         assert run.returncode == 0, f"{line}\n{run.stdout[-500:]}{run.stderr[-1500:]}"
         for tiles, mean in re.findall(r"^IMG_0117\.CRW +(\d+) +(\d+\.\d+)", run.stdout, flags=re.MULTILINE):
             assert int(tiles) > 100

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError, SettingsError
@@ -25,8 +26,6 @@ from lutforge.model.published_model import import_published
 from lutforge.model.response import Response
 from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Stage, Transform
 from lutforge.pipeline.baking import bake
-
-Array = NDArray[np.float64]
 
 MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.5, 1.5]])
 GAIN = np.array([2.0, 1.0, 1.5])

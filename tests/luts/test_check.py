@@ -133,10 +133,8 @@ def test_houdini_cdls_and_parametric_operations_are_read_as_opencolorio_applies_
         "<ColorCorrection id='a'><SOPNode><Slope>1.1 1 0.9</Slope><Offset>0.02 0 -0.02</Offset><Power>1.2 1 0.8</Power>"
         "</SOPNode><SatNode><Saturation>1.3</Saturation></SatNode></ColorCorrection>"
     )
-    operations = (
-        f"<Log style='log2' {DEPTHS}/><Exponent style='basicMirrorFwd' {DEPTHS}><ExponentParams exponent='1.5'/>"
-    )
-    (tmp_path / "a.clf").write_text(f"<ProcessList {CLF}>{operations}</Exponent></ProcessList>")
+    ops = f"<Log style='log2' {DEPTHS}/><Exponent style='basicMirrorFwd' {DEPTHS}><ExponentParams exponent='1.5'/>"
+    (tmp_path / "a.clf").write_text(f"<ProcessList {CLF}>{ops}</Exponent></ProcessList>")
     (tmp_path / "a.lut").write_text(
         "Version 3\nFormat any\nType 3D+1D\nFrom 0 1\nTo 0 1\nBlack 0\nWhite 1\nLength 2 3\n"
         "LUT:\nPre {\n0\n.3\n1\n}\n3D {\n"
@@ -203,7 +201,7 @@ def through_ffmpeg(path: Path) -> tuple[Array, Array] | None:
     PIL.Image.fromarray(codes).save(path.with_name("in.png"))
     command = ["ffmpeg", "-v", "error", "-y", "-i", "in.png", "-vf"]
     command += [f"format=gbrp,lut3d={path.name}:interp=tetrahedral", "-pix_fmt", "rgb24", "out.png"]
-    if subprocess.run(command, cwd=path.parent, capture_output=True, check=False).returncode != 0:
+    if subprocess.run(command, cwd=path.parent, capture_output=True).returncode != 0:
         return None
     return codes[0] / 255.0, np.asarray(PIL.Image.open(path.with_name("out.png")))[0] / 255.0
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
@@ -21,8 +22,6 @@ from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import evaluate
 from lutforge.pipeline.baking import bake
 from tests.cases.pictures import write_picture
-
-Array = NDArray[np.float64]
 
 
 def look(x: ArrayLike) -> Array:
@@ -33,7 +32,7 @@ def look(x: ArrayLike) -> Array:
     return np.asarray(np.clip(1.05 * mapped / (mapped + 0.18) * 1.12, 0.0, 1.0) ** (1 / 1.6))
 
 
-def second_reading(path: Path, x: NDArray[np.float64], method: Interpolation) -> NDArray[np.float64]:
+def second_reading(path: Path, x: Array, method: Interpolation) -> Array:
     interpolator = getattr(colour.algebra, f"table_interpolation_{method}")
     dialects = {"a.cube": "Iridas Cube", "a.resolve.cube": "Resolve Cube"}
     sequence = colour.read_LUT(str(path), method=dialects.get(path.name))

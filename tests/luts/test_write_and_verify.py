@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.errors import ImageError, LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.check import verify
@@ -34,7 +35,7 @@ def worst_case(
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0),
     interpolation: Interpolation = "tetrahedral",
     size: int = 33,
-    matrix: NDArray[np.float64] | None = None,
+    matrix: Array | None = None,
 ) -> Lut:
     """Random node values, so that a misplaced node shows at full scale; node levels bunched near black."""
     axis = snap_levels(np.linspace(0, 1, size) ** 3, SHAPER_SIZE)
@@ -187,7 +188,7 @@ def test_every_program_gets_a_readable_cube(tmp_path: Path, program: str) -> Non
 # --- The format that OpenColorIO does not read, .vlt, by its description; and the numbers of texts --------------------
 
 
-def look(x: ArrayLike) -> NDArray[np.float64]:
+def look(x: ArrayLike) -> Array:
     """A steep look."""
     y = np.asarray(x, dtype=np.float64) ** 0.4
     return np.asarray(np.clip(y @ np.array([[1.1, -0.1, 0.0], [0.05, 0.9, 0.05], [0.0, -0.2, 1.2]]).T, 0.0, 1.0))
@@ -275,9 +276,7 @@ def test_no_dialect_takes_the_place_of_another() -> None:
 
 
 @pytest.mark.slow
-def test_a_program_without_a_name_and_one_file_named_twice(
-    tmp_path: Path, profile: Path, lutforge: CommandLine
-) -> None:
+def test_a_program_without_a_name_and_a_file_named_twice(tmp_path: Path, profile: Path, lutforge: CommandLine) -> None:
     bake = partial(lutforge, "bake", profile, cwd=tmp_path)
     wanted = ("refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--size", "5")
     run = bake(*wanted, "--for", "resolve")
@@ -290,9 +289,7 @@ def test_a_program_without_a_name_and_one_file_named_twice(
 
 
 @pytest.mark.slow
-def test_steps_of_lattices_are_the_model_and_files_say_what_goes_in(
-    tmp_path: Path, profile: Path, lutforge: CommandLine
-) -> None:
+def test_steps_are_the_model_and_files_say_what_goes_in(tmp_path: Path, profile: Path, lutforge: CommandLine) -> None:
     bake = partial(lutforge, "bake", profile, cwd=tmp_path)
     run = bake(
         "refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--ev", "-1", "-o", "a.clf"
@@ -317,7 +314,6 @@ def test_steps_of_lattices_are_the_model_and_files_say_what_goes_in(
 # --- The operations, the sequence of them, and the shaper: what they accept, compute and print ------------------------
 
 
-Array = NDArray[np.float64]
 MATRIX = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.5, 1.5]])
 
 

@@ -127,16 +127,6 @@ def test_a_match_through_a_common_reference_joins_both_transfers() -> None:
         np.testing.assert_allclose(matched, other.render("standard/daylight")(grey), atol=1e-6)
 
 
-def test_bad_profiles_are_refused() -> None:
-    styles, balances = {"standard": PictureStyle()}, {"daylight": WhiteBalance((1.0, 1.0, 1.0))}
-    with pytest.raises(ProfileError, match="at least one"):
-        CameraProfile("X", np.eye(3), balances, {})
-    with pytest.raises(ProfileError, match="3 × 3"):
-        CameraProfile("X", np.full((3, 3), np.nan), balances, styles)
-    with pytest.raises(ProfileError, match="inverted"):
-        CameraProfile("X", np.ones((3, 3)), balances, styles)
-
-
 def test_what_is_not_colours_on_0_to_1_is_refused() -> None:
     transform = small_profile().render("standard/daylight")
     with pytest.raises(ImageError, match="uint8"):
@@ -150,14 +140,6 @@ def test_what_is_not_colours_on_0_to_1_is_refused() -> None:
     broken = transform(np.array([[0.2, np.nan, 0.3], [0.2, 0.2, 0.3]]))
     np.testing.assert_array_equal(np.isnan(broken).any(axis=1), [True, False])
     np.testing.assert_allclose(transform([0, 0, 0]), transform(np.zeros(3)))
-
-
-def test_a_coverage_belongs_to_its_lattice() -> None:
-    style = small_profile().styles["standard"]
-    with pytest.raises(ProfileError, match="coverage of shape"):
-        PictureStyle(style.render, style.linearize, coverage={"render": np.ones((3, 3, 3))})
-    with pytest.raises(ProfileError, match="negative"):
-        PictureStyle(style.render, style.linearize, coverage={"render": np.full((5, 5, 5), -1.0)})
 
 
 @pytest.mark.parametrize("colours", [[[128, 128, 128]], [np.array([1, 2, 3], np.uint8)], [["0.1", "0.2", "0.3"]]])

@@ -300,7 +300,7 @@ def ociocheck(path: Path) -> str:
     tool = shutil.which("ociocheck", path=str(Path(sys.executable).parent))
     if tool is None:
         pytest.skip("ociocheck is not in this environment")
-    run = subprocess.run([tool, "--iconfig", str(path)], capture_output=True, text=True, check=False)
+    run = subprocess.run([tool, "--iconfig", str(path)], capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr
     assert "Validation: passed" in run.stdout
     return run.stdout + run.stderr

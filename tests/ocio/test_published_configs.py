@@ -36,7 +36,7 @@ def made_again(folder: Path, data: Path, work: Path) -> Path:
     for _, *words in commands:
         found = [str(next(data.rglob(word), word)) if "." in word[-5:] or "/" in word else word for word in words]
         command = [sys.executable, "-m", "lutforge", *found]
-        run = subprocess.run(command, cwd=work, capture_output=True, text=True, timeout=280, check=False)
+        run = subprocess.run(command, cwd=work, capture_output=True, text=True, timeout=280)
         assert run.returncode == 0, run.stderr
     return work / folder.name / "config.ocio"
 
@@ -91,9 +91,7 @@ def test_the_d40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> N
 def test_the_s40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> None:
     """Calibrated anew: the same names, and colours within the held-out error."""
     folder = CONFIGS / "canon_powershot_s40"
-    published, again = (
-        load_config(path) for path in (folder / "config.ocio", made_again(folder, shared_data, tmp_path))
-    )
+    published, again = (load_config(at) for at in (folder / "config.ocio", made_again(folder, shared_data, tmp_path)))
     assert list(again.getColorSpaceNames()) == list(published.getColorSpaceNames())
     space = "Canon PowerShot S40 standard auto"
     jpeg = convert(published, "ACEScg", space)
@@ -118,7 +116,7 @@ def oiiotool(folder: Path, pixels: NDArray[Any], *actions: str, **variables: str
     source, target = folder / "in.exr", folder / "out.exr"
     oiio.ImageBuf(pixels.astype(np.float32)[None]).write(str(source), oiio.FLOAT)
     command = [tool, "--colorconfig", str(CONFIG), str(source), *actions, "-d", "float", "-o", str(target)]
-    run = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | variables)
+    run = subprocess.run(command, capture_output=True, text=True, env=os.environ | variables)
     assert run.returncode == 0, run.stdout + run.stderr
     values: NDArray[np.float32] = np.asarray(oiio.ImageBuf(str(target)).get_pixels(oiio.FLOAT), dtype=np.float32)
     return values.reshape(-1, 3)

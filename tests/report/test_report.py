@@ -133,9 +133,7 @@ def test_page_stands_alone_and_names_are_only_text(hostile: tuple[CameraProfile,
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
-def test_it_prints_on_a4_with_the_answers_on_the_first_page(
-    hostile: tuple[CameraProfile, SampleSet], tmp_path: Path
-) -> None:
+def test_it_prints_on_a4_with_the_answers_on_page_one(hostile: tuple[CameraProfile, SampleSet], tmp_path: Path) -> None:
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
     write_page(build_report(*hostile), tmp_path / "report.html")
     with sync_api.sync_playwright() as playwright:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.samples.clipping import clipping, saturation_levels
 from lutforge.samples.extract import extract
 from lutforge.samples.tiles import LEVELS, PER_BIN, PER_BIN_RELAXED, PER_SHOT, cell_size, choose_evenly, flatness
@@ -19,7 +20,7 @@ from lutforge.shots.shot import Shot
 from tests.cases.shots import MULTIPLIERS, render, synthetic_shot
 
 
-def squares(side: int, count: int, seed: int) -> NDArray[np.float64]:
+def squares(side: int, count: int, seed: int) -> Array:
     """(320, 480, 3) plain squares of colours that neither clip nor vanish."""
     rng = np.random.default_rng(seed)
     colours = rng.uniform(0.02, 0.9, (320 // side, 480 // side, 3)) / MULTIPLIERS
@@ -141,7 +142,7 @@ def test_real_shots(name: str, shared_data: Path) -> None:
     assert 255 * np.median(np.abs(residual)) < 3
 
 
-def noisy_shot(raw: NDArray[np.float64], hot: float = 0.0) -> Shot:
+def noisy_shot(raw: Array, hot: float = 0.0) -> Shot:
     """A shot whose JPEG is rendered from the noisy RAW, with a share of hot pixels in both."""
     rng = np.random.default_rng(12)
     strewn = np.where(rng.random((*raw.shape[:2], 1)) < hot, rng.uniform(0.5, 1, raw.shape), raw)
@@ -169,7 +170,6 @@ def test_hot_pixels_are_left_out() -> None:
 # --- Flat tiles: structure in JPEG, RAW or around a cell counts, noise does not; and an even choice of them -----------
 
 
-Array = NDArray[np.float64]
 CELL = 8
 
 

@@ -8,14 +8,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lutforge.arrays import Array
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots import align
 from lutforge.shots.align import register_rotated
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.read import read_shot
-
-Array = NDArray[np.float64]
 
 
 def register(raw: RawImage, jpeg: NDArray[np.uint8]) -> Registration:

@@ -70,9 +70,7 @@ def test_passes_over_a_jpeg_of_another_scene(folder: Path) -> None:
     )
 
 
-def test_commands_tell_a_note_once_for_all_shots_that_share_it(
-    folder: Path, tmp_path: Path, lutforge: CommandLine
-) -> None:
+def test_commands_tell_a_note_once_for_all_that_share_it(folder: Path, tmp_path: Path, lutforge: CommandLine) -> None:
     for name in ("one", "two"):
         for kind in ("dng", "jpeg"):
             (tmp_path / f"{name}.{kind}").write_bytes((folder / f"wrong.{kind}").read_bytes())

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from lutforge import threads
+from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interpolate
 from lutforge.model.lattice import grid, uniform_levels
@@ -49,9 +49,6 @@ def test_other_matrices_are_refused(place: tuple[int, int], number: float) -> No
 
 
 # --- Damped Gauss-Newton against minima that are known, many problems at once -----------------------------------------
-
-
-Array = NDArray[np.float64]
 
 
 def rosenbrock(x: Array, which: Index) -> tuple[Array, Array]:

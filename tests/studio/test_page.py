@@ -264,7 +264,7 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.reads("read back, against the model")
     visit.picture("export")
     command = ["calibrate", "mine_samples.npz", "--size", "9", "-o", "theirs.npz"]
-    run = subprocess.run([sys.executable, "-m", "lutforge", *command], cwd=folder, capture_output=True, check=False)
+    run = subprocess.run([sys.executable, "-m", "lutforge", *command], cwd=folder, capture_output=True)
     assert run.returncode == 0, run.stderr
     assert (folder / "mine.npz").read_bytes() == (folder / "theirs.npz").read_bytes()
     assert (folder / "mine_rawtherapee_kit" / "README.md").is_file()
@@ -332,9 +332,7 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
 
 @pytest.mark.slow
 def test_a_dropped_bracket_gives_a_linearization(visit: Visit, folder: Path, tmp_path: Path) -> None:
-    files = photograph_chart(
-        nikon_d5100(), chart_kind("classic"), chart_reflectances(), tmp_path, (-3.0, -2.0, -1.0, 0.0, 1.0)
-    )
+    files = photograph_chart(nikon_d5100(), chart_kind("classic"), chart_reflectances(), tmp_path, (-3, -2, -1, 0, 1))
     visit.page.locator("input[type=file]").set_input_files(files)
     visit.reads("5 pictures without RAW: a bracket of 5 exposures over 4.0 stops")
     visit.press("Fit response")
@@ -429,7 +427,7 @@ def axe() -> str:
         if shutil.which("npm") is None:
             pytest.skip("axe-core needs npm")
         install = ["npm", "install", "--prefix", str(home), "--no-audit", "--no-fund", "axe-core@4"]
-        done = subprocess.run(install, capture_output=True, text=True, timeout=120, check=False)
+        done = subprocess.run(install, capture_output=True, text=True, timeout=120)
         if done.returncode:
             pytest.skip("axe-core cannot be fetched here")
     return script.read_text(encoding="utf-8")

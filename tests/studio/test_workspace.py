@@ -260,9 +260,8 @@ def test_pairs_show_one_patch_at_two_exposures(workspace: Workspace) -> None:
     for channel in range(3):
         shown = points(workspace, "srgb_btf", channel)
         srgb, patch = workspace.samples.srgb, workspace.samples.patch
-        assert np.array_equal(shown.x, srgb[shown.row, channel]) and np.array_equal(
-            shown.y, srgb[shown.partner, channel]
-        )
+        assert np.array_equal(shown.x, srgb[shown.row, channel])
+        assert np.array_equal(shown.y, srgb[shown.partner, channel])
         assert np.array_equal(patch[shown.row], patch[shown.partner])
         assert np.all(workspace.samples.exposure_s[shown.row] < workspace.samples.exposure_s[shown.partner])
     raw = points(workspace, "raw_btf", 1)

@@ -49,7 +49,7 @@ def run(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     for word in line.split()[1:]:
         words.extend(sorted(path.name for path in folder.glob(word)) if "*" in word else [word])
     command = [sys.executable, "-m", "lutforge", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
 
 
 def test_the_readme_has_the_commands_that_are_tried() -> None:
@@ -78,7 +78,7 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     kind = chart_kind("classic")
     for file in photograph_chart(camera, kind, reflectances(kind.spectra), there / "chart"):
         shutil.copy(file, there / "bracket")
-    frames = photograph_chart(camera, kind, reflectances(kind.spectra), there, (-3.0, -2.0, -1.0, 0.0, 1.0))
+    frames = photograph_chart(camera, kind, reflectances(kind.spectra), there, (-3, -2, -1, 0, 1))
     for number, file in enumerate(frames):
         Image.open(file).save(there / f"frame_{number}.png")
         file.unlink()

@@ -58,8 +58,7 @@ def folder(profile: Path, tmp_path: Path) -> Path:
     shaped = Lut((curve, Cube(grid(uniform_levels(5)))), "a title").write(tmp_path / "x.resolve.cube")
     shaped.write_text(shaped.read_text().replace("LUT_3D_SIZE 5", "LUT_3D_SIZE 6"))
     (tmp_path / "look.cube").write_text("LUT_3D_SIZE 2\n" + "0.5 0.5 0.5\n" * 8)
-    for number in ("nan", "inf"):
-        (tmp_path / f"{number}.cube").write_text("LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + f"1 {number} 1\n")
+    (tmp_path / "nan.cube").write_text("LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + "1 nan 1\n")
     (tmp_path / "mac.cube").write_bytes(b"LUT_3D_SIZE 2\r" + b"0.5 0.5 0.5\r" * 8)
     (tmp_path / "look.dcp").write_bytes(b"IIRC\x08\0\0\0" + bytes(100))
     (tmp_path / "cut.webp").write_bytes(b"RIFF\x00\x01\x00\x00WEBPVP8 " + bytes(40))
@@ -82,44 +81,29 @@ REFUSALS: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "an empty RAW file": (("apply", "camera.npz", "IMG_1.CR2", "-o", "out"), ("the file is empty",)),
     "a damaged shaper": (("apply", "x.resolve.cube", "a.jpg", "-o", "out"), ("189 of 280 colours",)),
     "an empty table": (("studio", "empty.csv", "--no-browser"), ("the file is empty",)),
-    "exposure of a render": (
-        ("bake", "camera.npz", "render", "--to", "standard/daylight", "--ev", 1, "-o", "a.clf"), ("--space",)
-    ),
     "no name of a camera": (("import-nus", "Vis/fluorescent", "-o", "b.npz"), ('--camera "Nikon D40"', "Vis")),
     "a folder of models": (
         ("import-nus", "Nikon D40", "-o", "b.npz"),
         (str(Path("Nikon D40/fluorescent")), str(Path("Nikon D40/sunny"))),
     ),
-    "a folder into itself": (
-        ("apply", "camera.npz", "in", "--from", "standard/daylight", "-o", "in"), ("choose another output folder",)
-    ),
     "a link to itself": (("apply", "camera.npz", "link.jpg", *TO_TUNGSTEN), ("link.jpg",)),
-    "a picture first": (
-        ("apply", "a.jpg", "camera.npz", "-o", "out"), ("a picture; name the LUT, profile or config first",)
-    ),
+    "a picture first": (("apply", "a.jpg", "camera.npz", "-o", "out"), ("a picture; name the LUT, profile or config",)),
     "a profile for samples": (("calibrate", "camera.npz", "-o", "b.npz"), ("a camera profile; name sample tables",)),
     "an unknown white balance": (
         ("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "standard/candle", "-o", "out.cube"),
         ("multipliers of red, green and blue, such as 2.1,1,1.4",),
     ),
-    "a config as a file": (("config", "camera.npz", "-o", "ocio/config.ocio"), ("a config is a folder",)),
     "line ends of old": (("apply", "mac.cube", "a.jpg", "-o", "out"), ("save it with line feeds",)),
     "a damaged profile": (
         ("apply", "look.dcp", "a.jpg", "-o", "out"), ("`lutforge check` shows which programs do",)
     ),
     "no number in a LUT": (("apply", "nan.cube", "a.jpg", "-o", "out"), ("not finite",)),
-    "infinity in a LUT": (("apply", "inf.cube", "a.jpg", "-o", "out"), ("not finite",)),
     "a device": (("apply", "look.cube", "a.jpg", "-o", "/dev/full"), ("/dev/full", "folder")),
     "a file for a folder": (("apply", "look.cube", "a.jpg", "-o", "bad.jpg"), ("bad.jpg", "folder")),
     "no place": (("apply", "look.cube", "a.jpg", "-o", "/proc/none"), ("/proc/none", "folder")),
     "no threads": (("apply", "look.cube", "a.jpg", "-o", "out", "--workers", "-3"), ("at least one thread",)),
-    "no frames": (("apply", "look.cube", "a.#.jpg", "-o", "out", "--frames", "9-1"), ("frames are written as",)),
-    "no cluster": (
-        ("apply", "look.cube", "a.jpg", "-o", "out", "--scheduler", "x"), ("not the address of a Dask scheduler",)
-    ),
-    "a damaged picture": (
-        ("apply", "look.cube", "cut.webp", "-o", "out"), ("cannot be read as an image", "convert it to TIFF")
-    ),
+    "no cluster": (("apply", "look.cube", "a.jpg", "-o", "out", "--scheduler", "x"), ("not the address of a Dask",)),
+    "a damaged picture": (("apply", "look.cube", "cut.webp", "-o", "out"), ("cannot be read", "convert it to TIFF")),
 }  # fmt: skip
 
 
@@ -160,9 +144,7 @@ def test_plots_print_nothing_where_there_is_no_home(tmp_path: Path) -> None:
     assert run.stderr == ""
 
 
-def test_a_picture_in_another_space_is_converted_for_what_is_for_srgb(
-    lutforge: CommandLine, profile: Path, tmp_path: Path
-) -> None:
+def test_a_picture_in_another_space_is_converted_to_srgb(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
     wide, deep = tmp_path / "wide.jpg", tmp_path / "deep.png"
     codes = np.full((8, 8, 3), (60, 140, 90), np.uint8)
     PIL.Image.fromarray(codes).save(wide, icc_profile=adobe_rgb_profile(), quality=95)
@@ -190,9 +172,9 @@ def test_a_picture_in_another_space_is_converted_for_what_is_for_srgb(
 
 def test_closed_streams_are_no_fault(profile: Path) -> None:
     words = f'"{sys.executable}" -m lutforge inspect "{profile}"'
-    quiet = subprocess.run(f"{words} >&-", shell=True, capture_output=True, text=True, check=False)
+    quiet = subprocess.run(f"{words} >&-", shell=True, capture_output=True, text=True)
     assert (quiet.returncode, quiet.stderr) == (0, "")
-    assert subprocess.run(f"{words} >&- 2>&-", shell=True, check=False).returncode == 0
+    assert subprocess.run(f"{words} >&- 2>&-", shell=True).returncode == 0
 
 
 def test_a_picture_of_scene_linear_light_is_told_where_encoded_ones_are_graded(
@@ -274,9 +256,7 @@ def test_whole_files_are_read(sound: dict[str, bytes], kind: str, tmp_path: Path
     assert path.read_bytes() == sound[kind]
 
 
-@pytest.mark.parametrize(
-    "kind", [kind if kind in LUTS else pytest.param(kind, marks=pytest.mark.slow) for kind in READERS]
-)
+@pytest.mark.parametrize("kind", [end if end in LUTS else pytest.param(end, marks=pytest.mark.slow) for end in READERS])
 def test_damaged_files_are_one_line(sound: dict[str, bytes], kind: str, tmp_path: Path) -> None:
     rng, path = np.random.default_rng(7), tmp_path / f"a{kind}"
     faults = {}
