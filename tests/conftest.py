@@ -14,7 +14,7 @@ from lutforge.samples.table import read_samples
 from tests.cases.real_data import CHARTS, S40, PublishedPairs, read_published_pairs
 
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]
-"""What the fixture `lutforge` gives: `lutforge(*words, cwd=folder)`."""
+"""What the fixture `lutforge` gives: `lutforge(*words, cwd=folder, status=0)`; status: what it must end with."""
 Refused = Callable[..., str]
 """What the fixture `refused` gives: `refused(folder, *words)`."""
 
@@ -69,9 +69,9 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 @pytest.fixture
 def lutforge(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> CommandLine:
-    """The command line in this process, which saves the second that a new one takes to start: `lutforge(words…)`."""
+    """The command line in this process, which saves the second that a new one takes to start."""
 
-    def run(*words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    def run(*words: object, cwd: Path | None = None, status: int = 0) -> subprocess.CompletedProcess[str]:
         if cwd is not None:
             monkeypatch.chdir(cwd)
         arguments = ["lutforge", *map(str, words)]
@@ -80,8 +80,8 @@ def lutforge(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str])
         with pytest.raises(SystemExit) as ended:
             main()
         printed = capfd.readouterr()
-        assert isinstance(ended.value.code, int)
-        return subprocess.CompletedProcess(arguments, ended.value.code, printed.out, printed.err)
+        assert ended.value.code == status, printed
+        return subprocess.CompletedProcess(arguments, status, printed.out, printed.err)
 
     return run
 
@@ -92,8 +92,7 @@ def refused(lutforge: CommandLine) -> Refused:
 
     def run(folder: Path, *words: object) -> str:
         before = sorted(folder.rglob("*"))
-        result = lutforge(*words, cwd=folder)
-        assert result.returncode == 2, (result.returncode, result.stdout, result.stderr)
+        result = lutforge(*words, cwd=folder, status=2)
         lines = result.stderr.strip().splitlines()
         assert len(lines) == 1, result.stderr
         assert lines[0].startswith("lutforge: ")

@@ -57,8 +57,7 @@ def small_table(path: Path) -> None:
 def profile(lutforge: CommandLine, tmp_path: Path) -> Path:
     """A folder with samples and the profile made of them."""
     small_table(tmp_path / "samples.csv")
-    made = lutforge("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", "--preset", "thesis", cwd=tmp_path)
-    assert made.returncode == 0, made.stderr
+    lutforge("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", "--preset", "thesis", cwd=tmp_path)
     return tmp_path
 
 
@@ -126,7 +125,6 @@ def test_settings_outputs_and_profiles(profile: Path, refused: Refused) -> None:
 
 def test_half_of_a_lut_is_refused(lutforge: CommandLine, refused: Refused, profile: Path) -> None:
     made = lutforge(*RENDER, "-o", "look.spi3d", cwd=profile)
-    assert made.returncode == 0, made.stderr
     error = float(re.findall(r"read back, against the model: mean ([0-9.e-]+)", made.stdout)[0])
     assert error < 1e-3  # of the shaper and the cube together
     assert "look.spi1d" in refused(profile, "apply", "look.spi3d", "a.jpg", "-o", "out")
@@ -163,7 +161,6 @@ def test_a_cube_of_footage_tells_how_bright_its_worst_light_is(lutforge: Command
 
 def test_the_command_alone_prints_its_help(lutforge: CommandLine) -> None:
     alone = lutforge()
-    assert alone.returncode == 0
     assert "calibrate" in alone.stdout
     assert alone.stderr == ""
 
@@ -180,27 +177,23 @@ def test_the_shell_completes_commands(monkeypatch: pytest.MonkeyPatch, capsys: p
 
 def test_inspect_takes_folders_tables_profiles_luts_and_pictures(lutforge: CommandLine, profile: Path) -> None:
     write_picture(profile / "picture.jpg", (8, 8))
-    baked = lutforge("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "look.cube", cwd=profile)
-    assert baked.returncode == 0, baked.stderr
+    lutforge("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "look.cube", cwd=profile)
     whole = lutforge("inspect", ".", cwd=profile)
-    assert whole.returncode == 0, whole.stderr
     for words in ("60 samples", "Test Cam", "bake, config", "a finished picture"):
         assert words in whole.stdout
     assert "cube" in lutforge("inspect", "look.cube", cwd=profile).stdout
     (profile / "empty").mkdir()
-    assert "in this folder" in lutforge("inspect", "empty", cwd=profile).stderr
+    assert "in this folder" in lutforge("inspect", "empty", cwd=profile, status=2).stderr
 
 
 def test_programs_are_listed_and_named_in_any_case(lutforge: CommandLine, profile: Path) -> None:
     assert list(PROGRAMS) == LISTED.split(", ")
     baked = lutforge("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "Standard/Daylight",
                      "--for", "Resolve", "--size", "5", cwd=profile)  # fmt: skip
-    assert baked.returncode == 0, baked.stderr
     files = [line.partition(":")[0] for line in baked.stdout.splitlines() if not line.startswith(" ")]
     assert f"load {files[0]} in resolve" in baked.stderr
-    linear = lutforge("bake", "camera.npz", "linearize", "--from", "standard/daylight", "--space", "ACEScg",
-                      "-o", "linear.clf", cwd=profile)  # fmt: skip
-    assert linear.returncode == 0, linear.stderr
+    words = ("linearize", "--from", "standard/daylight", "--space", "ACEScg", "-o", "linear.clf")
+    lutforge("bake", "camera.npz", *words, cwd=profile)
 
 
 def test_inspect_shows_what_a_camera_did_to_shots(lutforge: CommandLine, tmp_path: Path) -> None:
@@ -210,13 +203,12 @@ def test_inspect_shows_what_a_camera_did_to_shots(lutforge: CommandLine, tmp_pat
     again = replace(with_gamma(samples, [name], 0.85), shot=np.char.add(samples.shot, " again"))
     write_samples(tmp_path / "again.csv", again)
     shown = lutforge("inspect", "--scene", "camera.npz", "again.csv", cwd=tmp_path)
-    assert shown.returncode == 0, shown.stderr
     lines = {line.split(" again")[0].strip(): line for line in shown.stdout.splitlines() if " again" in line}
     assert len(lines) == 15
     assert [shot for shot, line in lines.items() if "±" in line] == [name]
     write_samples(tmp_path / "other.csv", replace(again, style=np.full(len(again), "sepia")))
-    refusal = lutforge("inspect", "--scene", "camera.npz", "other.csv", cwd=tmp_path)
-    assert refusal.returncode == 2 and "not in the profile" in refusal.stderr
+    refusal = lutforge("inspect", "--scene", "camera.npz", "other.csv", cwd=tmp_path, status=2)
+    assert "not in the profile" in refusal.stderr
 
 
 def test_help_lists_every_program() -> None:
@@ -235,7 +227,7 @@ def test_a_terminal_gets_no_control_characters_of_a_file(lutforge: CommandLine, 
     shown = lutforge("inspect", "samples.csv", cwd=tmp_path)
     assert "Cam?]0;x??2J" in shown.stdout
     for words in (("samples.csv",), ("sam\x1b[2Jples.csv",), ("sam\x1b[2Jples.csv", "samples.csv")):
-        told = lutforge("inspect", *words, cwd=tmp_path)
+        told = lutforge("inspect", *words, cwd=tmp_path, status=2 * (words != ("samples.csv",)))
         assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]", told.stdout + told.stderr), words
 
 

@@ -234,25 +234,21 @@ def test_a_camera_profile_is_a_format_of_bake(profile: CameraProfile, tmp_path: 
     profile.save(tmp_path / "camera.npz")
     words = ("bake", "camera.npz", "render", "--to", SETTING, "-o", "look.dcp")
     run = lutforge(*words, "-o", "look.cube", "--size", "17", cwd=tmp_path)
-    assert run.returncode == 0, run.stderr
     assert re.search(r"look.dcp.*\n.*ΔE00 mean 0\.[0-3]", run.stdout)
-    assert lutforge(*words, "--for", "rawtherapee", cwd=tmp_path).returncode == 0
+    lutforge(*words, "--for", "rawtherapee", cwd=tmp_path)
     x = np.random.default_rng(3).random((500, 3))
     mine, other = read_dcp(tmp_path / "look.dcp")(x), developed_by_dcp(dcp_tags(tmp_path / "look.dcp"), x)
     assert np.abs(mine - other).max() < 2e-3  # another implementation of the specification
     for command in ("check", "inspect"):
         shown = lutforge(command, "look.dcp", cwd=tmp_path)
-        assert shown.returncode == 0, shown.stderr
         assert "Canon PowerShot S40 standard" in shown.stdout
         assert "look table 90 × 30 × 30" in shown.stdout
     for more, why in (
         (("--for", "darktable"), "darktable does not read .dcp"),
         (("--space", "acescg"), "a camera profile renders RAW"),
     ):
-        run = lutforge(*words, *more, cwd=tmp_path)
-        assert run.returncode == 2
-        assert why in run.stderr
-    assert lutforge("bake", "camera.npz", "linearize", "--from", SETTING, "-o", "a.dcp", cwd=tmp_path).returncode == 2
+        assert why in lutforge(*words, *more, cwd=tmp_path, status=2).stderr
+    lutforge("bake", "camera.npz", "linearize", "--from", SETTING, "-o", "a.dcp", cwd=tmp_path, status=2)
 
 
 def test_shots_of_a_shell_s_pattern_are_checked_and_those_of_the_calibration_marked(
@@ -268,7 +264,6 @@ def test_shots_of_a_shell_s_pattern_are_checked_and_those_of_the_calibration_mar
     profile.save(tmp_path / "camera.npz")
     words = ("kit", "camera.npz", "--to", SETTING, "-o", "kit", "--for", "DarkTable")
     run = lutforge(*words, "--check", f"{known}.CRW", "b.CRW", "c.CRW", cwd=tmp_path)
-    assert run.returncode == 0, run.stderr
     marked = {line.split()[0]: line.split()[-1] for line in run.stdout.splitlines() if ".CRW " in line}
     assert marked == {f"{known}.CRW": "yes", "b.CRW": "no", "c.CRW": "no"}
     assert "flatter" in run.stderr and "check others" in run.stderr
@@ -423,7 +418,6 @@ def test_an_icc_profile_is_a_format_of_bake(profile: CameraProfile, tmp_path: Pa
     words = ("bake", "camera.npz", "render", "--to", "standard")
     for more in ((), ("--colours",), ("--for", "darktable")):
         run = lutforge(*words, "-o", "look.icc", *more, cwd=tmp_path)
-        assert run.returncode == 0, run.stderr
         assert "ΔE00 mean 0.0" in run.stdout
     for command in ("check", "inspect"):
         assert "Canon PowerShot S40 standard" in lutforge(command, "look.icc", cwd=tmp_path).stdout
@@ -432,16 +426,13 @@ def test_an_icc_profile_is_a_format_of_bake(profile: CameraProfile, tmp_path: Pa
         ("-o", "look.dcp", "--colours"): "--colours goes with an ICC profile",
     }
     for options, why in refused.items():
-        run = lutforge(*words, *options, cwd=tmp_path)
-        assert run.returncode == 2
-        assert why in run.stderr
+        assert why in lutforge(*words, *options, cwd=tmp_path, status=2).stderr
 
 
 @pytest.mark.parametrize("program", ["darktable", "rawtherapee", "blender"])
 def test_all_styles_in_one_folder(program: str, demo: tuple[Path, str], tmp_path: Path, lutforge: CommandLine) -> None:
     camera = next(demo[0].rglob("*.npz"))
-    run = lutforge("kit", camera, "--to", "all", "--for", program, "-o", tmp_path / "kit")
-    assert run.returncode == 0, run.stderr
+    lutforge("kit", camera, "--to", "all", "--for", program, "-o", tmp_path / "kit")
     styles = json.loads((tmp_path / "kit" / "kit.json").read_text(encoding="utf-8"))["styles"]
     assert len(styles) > 1
     if program == "blender":
