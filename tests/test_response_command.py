@@ -76,10 +76,8 @@ def test_pictures_become_a_profile_luts_and_a_config(frames: Path, tmp_path: Pat
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
 def test_a_film_of_an_exposure_ramp_is_a_bracket(frames: Path, tmp_path: Path) -> None:
     film = tmp_path / "ramp.mkv"
-    lossless = ["-vf", "fps=10", "-c:v", "ffv1", "-pix_fmt", "bgr0"]
-    subprocess.run(
-        ["ffmpeg", "-v", "error", "-framerate", "1", "-i", str(frames / "%d.png"), *lossless, str(film)], check=True
-    )
+    lossless = ["-vf", "fps=10", "-c:v", "ffv1", "-pix_fmt", "bgr0", str(film)]
+    subprocess.run(["ffmpeg", "-v", "error", "-framerate", "1", "-i", str(frames / "%d.png"), *lossless], check=True)
     fitted = lf.response([film], tmp_path / "camera.npz", TIMES)
     assert _power(fitted.profile) == pytest.approx(GAMMA, rel=0.02)
     with pytest.raises(LutForgeError, match="a film states no exposures"):

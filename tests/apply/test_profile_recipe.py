@@ -243,7 +243,7 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(recipe_of: Recipes, sho
 
 
 @pytest.mark.parametrize("target", [None, "standard/tungsten"])
-def test_a_picture_with_the_settings_wanted_is_copied(
+def test_a_picture_as_it_is_wanted_is_copied(
     recipe_of: Recipes, picture: Path, tmp_path: Path, target: str | None
 ) -> None:
     result = apply_batch(recipe_of(target=target), [picture], tmp_path / "out")
@@ -270,21 +270,15 @@ def test_photographs_of_two_cameras_come_to_one_look(
     transfer.save(tmp_path / "t.json")
     errors = []
     for transfers in ((), (tmp_path / "t.json",)):
-        recipe = ProfileRecipe(
-            (folder / "camera.npz", tmp_path / "other.npz"),
-            target="standard/as-shot",
-            look=folder / "camera.npz",
-            transfers=transfers,
-        )
+        profiles = (folder / "camera.npz", tmp_path / "other.npz")
+        recipe = ProfileRecipe(profiles, target="standard/as-shot", look=profiles[0], transfers=transfers)
         recipe.check()
         again: ProfileRecipe = pickle.loads(pickle.dumps(replace(recipe)))  # as it goes to a cluster
         assert again.key == recipe.key
         grade = recipe.grade(theirs.jpeg)
         assert grade.history.endswith(f"{other.name}: vivid/daylight -> {nikon_d5100().name}: standard/daylight")
         before = read_image(theirs.jpeg).pixels
-        mine = photograph(
-            nikon_d5100(), scene, CameraSettings("standard", "daylight", settings.exposure_s), tmp_path, "mine"
-        )
+        mine = photograph(nikon_d5100(), scene, replace(settings, style="standard"), tmp_path, "mine")
         assert mine.jpeg is not None
         errors.append(error(before, evaluate(grade.processor, before), read_image(mine.jpeg).pixels))
         own = recipe.grade(picture)

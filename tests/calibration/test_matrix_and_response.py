@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -214,10 +215,9 @@ Fitted = tuple[Array, Array, Array, Array]
 
 
 def simulated(camera: SimulatedCamera, style: str) -> Iterator[Fitted]:
-    fitted = photograph_patches(camera, chart_reflectances(), styles=(style,), balances=("daylight",), stops=DARK_STOPS)
-    seen = photograph_patches(
-        camera, surfaces(300, 5), styles=(style,), balances=("daylight",), stops=(-4, -3, -2, -1, 0), seed=9
-    )
+    settings: dict[str, Any] = {"styles": (style,), "balances": ("daylight",)}
+    fitted = photograph_patches(camera, chart_reflectances(), stops=DARK_STOPS, **settings)
+    seen = photograph_patches(camera, surfaces(300, 5), stops=(-4, -3, -2, -1, 0), seed=9, **settings)
     sets = [(samples.raw * samples.wb, samples.srgb) for samples in (fitted, seen)]
     clear = [np.all((x < 0.999) & (y > 0.5 / 255) & (y < 1 - 0.5 / 255), axis=1) for x, y in sets]
     yield sets[0][0][clear[0]], sets[0][1][clear[0]], sets[1][0][clear[1]], sets[1][1][clear[1]]
@@ -283,9 +283,8 @@ def test_many_saturated_colours_do_not_outvote_few_grey_ones(camera: SimulatedCa
 def test_two_bright_samples_tell_the_light_of_white(camera: SimulatedCamera) -> None:
     """f⁻¹(255) over f⁻¹ of middle grey within a sixth, where two unsaturated colours are above code 225."""
     for style in ("standard", "vivid"):
-        taken = photograph_patches(
-            camera, surfaces(150, 1), styles=(style,), balances=("daylight",), stops=(-4, -3, -2, -1, -0.5, 0)
-        )
+        light, stops = ("daylight",), (-4, -3, -2, -1, -0.5, 0)
+        taken = photograph_patches(camera, surfaces(150, 1), styles=(style,), balances=light, stops=stops)
         x, encoded = taken.raw * taken.wb, taken.srgb
         clear = np.all((x < 0.999) & (encoded > 0.5 / 255) & (encoded < 1 - 0.5 / 255), axis=1)
         bright = clear & (encoded.max(axis=1) > 225 / 255) & (saturation(encoded) < 0.3)

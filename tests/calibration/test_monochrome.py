@@ -68,9 +68,8 @@ def test_colour_and_greys_alone_are_no_monochrome_style() -> None:
     samples = _samples()
     assert _monochrome(_without_colour(samples))
     assert not _monochrome(samples)
-    greys = photograph_patches(
-        CAMERA, np.tile(chart_140()[20:24], (5, 1)), balances=("daylight",), stops=(-6, -3, -1, 0)
-    )
+    chart = np.tile(chart_140()[20:24], (5, 1))
+    greys = photograph_patches(CAMERA, chart, balances=("daylight",), stops=(-6, -3, -1, 0))
     assert not _monochrome(greys)
     assert not _monochrome(_without_colour(greys))
 

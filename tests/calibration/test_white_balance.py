@@ -102,9 +102,8 @@ def test_calibration_fills_them_in(model: str) -> None:
     options = CalibrationOptions(model=model, size=5, nonuniform=False)  # type: ignore[arg-type]  # str of the parameters
     profile = calibrate(renamed, options)
     for name in ("tungsten", "shade"):
-        assert profile.white_balances[f"my {name}"].kelvin == pytest.approx(
-            camera.white_balances[name].kelvin, rel=0.04
-        )
+        found, wanted = profile.white_balances[f"my {name}"].kelvin, camera.white_balances[name].kelvin
+        assert found == pytest.approx(wanted, rel=0.04)
 
 
 def test_a_nikon_d40(d40_pairs: PublishedPairs) -> None:

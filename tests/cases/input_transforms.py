@@ -52,9 +52,8 @@ def errors(camera: SimulatedCamera, setting: str, white_balance: str, folder: Pa
 def _error(method: Method, camera: SimulatedCamera, surfaces: Array, setting: str, white_balance: str) -> float:
     true = linear_srgb_under(surfaces, light(LIGHT_OF_WHITE_BALANCE[setting])) @ matrix_between("linear-srgb", SPACE).T
     exposures = camera.nominal_exposure_s * 2.0**OTHER_STOPS
-    encoded = np.stack(
-        [camera.render(camera.expose(surfaces, setting, time), "standard", white_balance) for time in exposures]
-    )
+    raw = [camera.expose(surfaces, setting, time) for time in exposures]
+    encoded = np.stack([camera.render(each, "standard", white_balance) for each in raw])
     inside = np.all((encoded > 2 / 255) & (encoded < 253 / 255), axis=-1)
     found = method(np.rint(255 * encoded) / 255) / exposures[:, None, None]
     ratio = np.where(inside, found[..., 1] / true[:, 1], np.nan)

@@ -32,26 +32,18 @@ def small_profile(camera: str = "Test One") -> CameraProfile:
     linearize = Lattice(levels, (grid(levels) ** GAMMA) @ np.linalg.inv(MATRIX).T, "tetrahedral")
     rng = np.random.default_rng(5)
     wavy = GamutMap(rng.uniform(size=(7, 3)), rng.normal(size=(7, 3)) / 50, identity_map().polynomial)
-    physical = PhysicalModel(
-        ("daylight", "tungsten"), MATRIX, gamma_response(), replace(identity_map(), offset=0.01), wavy
-    )
+    even = replace(identity_map(), offset=0.01)
+    physical = PhysicalModel(("daylight", "tungsten"), MATRIX, gamma_response(), even, wavy)
     coverage = {direction: rng.uniform(size=(5, 5, 5)) for direction in DIRECTIONS}
-    return CameraProfile(
-        camera=camera,
-        matrix=MATRIX,
-        white_balances={
-            "daylight": WhiteBalance((2.0, 1.0, 1.5), 5200.0),
-            "tungsten": WhiteBalance((1.3, 1.0, 2.6), 3200.0),
-            "auto": WhiteBalance((1.9, 1.0, 1.6), None, 0.1),
-        },
-        styles={
-            "standard": PictureStyle(render, linearize, (physical,), {"render_mean": 0.01}, coverage),
-            "vivid": PictureStyle(render, linearize),
-        },
-        shots=("a", "b"),
-        options={"model": "lattice", "size": 5},
-        notes=("a note with ü and 中",),
-    )
+    balances = {
+        "daylight": WhiteBalance((2.0, 1.0, 1.5), 5200.0),
+        "tungsten": WhiteBalance((1.3, 1.0, 2.6), 3200.0),
+        "auto": WhiteBalance((1.9, 1.0, 1.6), None, 0.1),
+    }
+    standard = PictureStyle(render, linearize, (physical,), {"render_mean": 0.01}, coverage)
+    styles, options = {"standard": standard, "vivid": PictureStyle(render, linearize)}, {"model": "lattice", "size": 5}
+    notes = ("a note with ü and 中",)
+    return CameraProfile(camera, MATRIX, balances, styles, shots=("a", "b"), options=options, notes=notes)
 
 
 def plain_profile(camera: str, style: str = "standard", balances: tuple[str, ...] = ("daylight",)) -> CameraProfile:

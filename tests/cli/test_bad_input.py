@@ -219,11 +219,10 @@ def test_help_lists_every_program() -> None:
 
 
 def test_a_terminal_gets_no_control_characters_of_a_file(lutforge: CommandLine, tmp_path: Path) -> None:
-    small_table(tmp_path / "samples.csv")
-    text = (
-        (tmp_path / "samples.csv").read_text().replace("Test Cam", "Cam\x1b]0;x\x07\x9b2J").replace(",a,", ",\x1b[2Ja,")
-    )
-    (tmp_path / "samples.csv").write_text(text, encoding="utf-8")
+    table = tmp_path / "samples.csv"
+    small_table(table)
+    text = table.read_text().replace("Test Cam", "Cam\x1b]0;x\x07\x9b2J").replace(",a,", ",\x1b[2Ja,")
+    table.write_text(text, encoding="utf-8")
     shown = lutforge("inspect", "samples.csv", cwd=tmp_path)
     assert "Cam?]0;x??2J" in shown.stdout
     for words in (("samples.csv",), ("sam\x1b[2Jples.csv",), ("sam\x1b[2Jples.csv", "samples.csv")):

@@ -81,9 +81,7 @@ def test_a_jpeg_in_a_log_space_is_as_near_to_the_truth_as_in_linear_light(
 
 @pytest.mark.parametrize("space", LOGS)
 @pytest.mark.parametrize("suffix", [".clf", ".cube"])
-def test_log_footage_is_rendered_as_near_to_the_truth_as_linear_light(
-    suffix: str, space: str, truth: Truth, tmp_path: Path
-) -> None:
+def test_log_footage_is_rendered_as_well_as_linear_light(suffix: str, space: str, truth: Truth, tmp_path: Path) -> None:
     errors = {}
     for name, end in ((rgb_space(space).linear.name, ".clf"), (space, suffix)):  # no .cube takes linear light beyond 1
         path = tmp_path / f"{name}{end}"

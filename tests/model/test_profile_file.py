@@ -276,7 +276,7 @@ def test_they_render_their_own_centres_and_linearize_them(models: list[Published
         assert np.linalg.norm(back - published.linear, axis=1).mean() < 1e-3
 
 
-def test_what_is_exported_is_imported_as_the_same_model(
+def test_what_is_exported_is_imported_again(
     models: list[PublishedModel], profile: CameraProfile, tmp_path: Path
 ) -> None:
     folders = export_published(profile, "standard", tmp_path / "nus_nikon_d40")

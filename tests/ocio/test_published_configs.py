@@ -1,16 +1,11 @@
 """The configs in ocio_configs/: sound, small, fast to load, and what their commands make."""
 
-import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
-from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.colour.rgb_spaces import from_linear_srgb
@@ -98,39 +93,3 @@ def test_the_s40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> N
     assert np.linalg.norm(convert(again, "ACEScg", space) - jpeg, axis=1).mean() < 0.014
     there = [convert(config, space, "ACEScg", pixels=jpeg) for config in (published, again)]
     assert np.linalg.norm(there[0] - there[1], axis=1).mean() < 0.014
-
-
-# --- Looks of the published config, as oiiotool runs them -------------------------------------------------------------
-
-
-CONFIG = CONFIGS / "nikon_d40" / "config.ocio"
-ROUNDING = 2e-5
-"""Float32 through a matrix and back."""
-
-
-def oiiotool(folder: Path, pixels: NDArray[Any], *actions: str, **variables: str) -> NDArray[np.float32]:
-    """Pixels (n, 3) through oiiotool with the config, by files of floats."""
-    tool = shutil.which("oiiotool", path=str(Path(sys.executable).parent))
-    if tool is None:
-        pytest.skip("oiiotool is not in this environment")
-    source, target = folder / "in.exr", folder / "out.exr"
-    oiio.ImageBuf(pixels.astype(np.float32)[None]).write(str(source), oiio.FLOAT)
-    command = [tool, "--colorconfig", str(CONFIG), str(source), *actions, "-d", "float", "-o", str(target)]
-    run = subprocess.run(command, capture_output=True, text=True, env=os.environ | variables)
-    assert run.returncode == 0, run.stdout + run.stderr
-    values: NDArray[np.float32] = np.asarray(oiio.ImageBuf(str(target)).get_pixels(oiio.FLOAT), dtype=np.float32)
-    return values.reshape(-1, 3)
-
-
-def test_ociolook_refinishes_as_the_conversion_does(tmp_path: Path) -> None:
-    """The look of a pair, the look of the context variables, and the conversion between the spaces are one."""
-    source, target = "Nikon D40 standard tungsten", "Nikon D40 standard daylight"
-    jpeg = np.random.default_rng(6).random((4096, 3))
-    wanted = oiiotool(tmp_path, jpeg, "--colorconvert", source, target)
-    pair = oiiotool(tmp_path, jpeg, "--iscolorspace", source, "--ociolook", "Nikon D40 tungsten to daylight")
-    np.testing.assert_allclose(pair, wanted, atol=ROUNDING)
-    look = ("--ociolook:from=Camera (as shot):to=Camera (as shot)", "Camera refinish")
-    whole = oiiotool(tmp_path, jpeg, *look, LUTFORGE_WB="tungsten", LUTFORGE_TO_WB="daylight")
-    np.testing.assert_allclose(whole, wanted, atol=ROUNDING)
-    keyed = "--ociolook:from=Camera (as shot):to=Camera (as shot):key=LUTFORGE_WB:value=tungsten"
-    np.testing.assert_allclose(oiiotool(tmp_path, jpeg, keyed, "Camera refinish"), wanted, atol=ROUNDING)

@@ -234,9 +234,8 @@ def test_gaps_are_where_errors_are_expected() -> None:
 
 
 def test_exposures_say_whether_the_response_is_fixed() -> None:
-    samples = photograph_patches(
-        nikon_d5100(), chart_140(), balances=("daylight",), stops=(-2, -1, 0), exposure_error=0.0
-    )
+    light, stops = ("daylight",), (-2, -1, 0)
+    samples = photograph_patches(nikon_d5100(), chart_140(), balances=light, stops=stops, exposure_error=0.0)
     late = samples.shot == "standard daylight +0"
     samples = replace(samples, exposure_s=np.where(late, samples.exposure_s / 1.05, samples.exposure_s))
     data, _ = style_data(samples, samples.wb)
@@ -314,8 +313,7 @@ def test_arrows_lead_where_the_map_takes_colours() -> None:
     (panel,) = gamut_figure({"halved": halved}, [0.25]).panels
     arrows = next(mark for mark in panel.marks if isinstance(mark, Arrows))
     red = arrows.values / 0.5
-    assert np.allclose(
-        arrows.end - arrows.start, np.stack([0.5 * red * (LUMINANCE[0] - 1), 0.5 * red * LUMINANCE[0]], 1)
-    )
+    moved = 0.5 * np.stack([red * (LUMINANCE[0] - 1), red * LUMINANCE[0]], 1)
+    assert np.allclose(arrows.end - arrows.start, moved)
     centres = next(mark for mark in panel.marks if isinstance(mark, Dots))
     assert np.allclose(centres.points, [[0.0, 0.0]])

@@ -222,9 +222,8 @@ def test_columns_in_any_order_and_unknown_ones(tmp_path: Path) -> None:
 
 def test_unknown_and_scaled_multipliers(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text(
-        f"{HEADER}\n{ROW.replace('2,1,1.5', '4,2,3')}\n{ROW.replace('0.25', '').replace('2,1,1.5', ',,')}\n"
-    )
+    scaled, unknown = ROW.replace("2,1,1.5", "4,2,3"), ROW.replace("0.25", "").replace("2,1,1.5", ",,")
+    path.write_text(f"{HEADER}\n{scaled}\n{unknown}\n")
     samples = read_samples(path)
     np.testing.assert_array_equal(samples.wb, [[2, 1, 1.5], [np.nan] * 3])
     np.testing.assert_array_equal(samples.exposure_s, [0.25, np.nan])
@@ -301,9 +300,7 @@ def test_nothing_to_write(tmp_path: Path) -> None:
 
 def test_samples_of_arrays_take_what_stands_for_every_row_once() -> None:
     raw = [[0.1, 0.2, 0.3], [0.2, 0.3, 0.4]]
-    samples = SampleSet.from_arrays(
-        raw, raw, camera="Made up", shot=["a", "b"], white_balance="daylight", wb=(2, 1, 1.5)
-    )
+    samples = SampleSet.from_arrays(raw, raw, camera="Made up", shot=["a", "b"], white_balance="dial", wb=(2, 1, 1.5))
     assert samples.shot.tolist() == ["a", "b"]
     assert samples.raw_camera.tolist() == ["Made up"] * 2
     assert samples.wb.tolist() == [[2, 1, 1.5]] * 2

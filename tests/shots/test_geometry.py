@@ -110,9 +110,8 @@ def test_a_crop_of_a_straightened_picture_is_found(tmp_path: Path) -> None:
         assert cropped.jpeg.shape == pixels[rows, columns].shape
         corner = np.array([[columns.start, rows.start]], dtype=np.float64)
         inner = np.array([[50.0, 50.0], [250.0, 150.0], [350.0, 300.0]])
-        there, here = (
-            shot.placement.registration.on_raw(places) for shot, places in ((whole, inner + corner), (cropped, inner))
-        )
+        there = whole.placement.registration.on_raw(inner + corner)
+        here = cropped.placement.registration.on_raw(inner)
         np.testing.assert_allclose(here, there, atol=0.5)
 
 

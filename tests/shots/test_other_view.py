@@ -26,19 +26,10 @@ SEEN = cv2.getPerspectiveTransform(  # the RAW's pixels → the JPEG's
 def from_elsewhere(scene: Scene) -> Scene:
     """The scene as a camera sees it that stands elsewhere."""
     h, w = scene.shape
-    first, second, mix, shade, gloss = (
-        cv2.warpPerspective(image, SEEN, (w, h), flags=flags)
-        for image, flags in (
-            (scene.first, cv2.INTER_NEAREST),
-            (scene.second, cv2.INTER_NEAREST),
-            (scene.mix, cv2.INTER_LINEAR),
-            (scene.shade, cv2.INTER_LINEAR),
-            (scene.gloss, cv2.INTER_LINEAR),
-        )
-    )
-    return replace(
-        scene, first=first, second=second, mix=mix, shade=shade, gloss=gloss, patches=np.zeros((0, 2)), patch_side=0.0
-    )
+    kinds = dict.fromkeys(("first", "second"), cv2.INTER_NEAREST)
+    kinds |= dict.fromkeys(("mix", "shade", "gloss"), cv2.INTER_LINEAR)
+    seen = {name: cv2.warpPerspective(getattr(scene, name), SEEN, (w, h), flags=flags) for name, flags in kinds.items()}
+    return replace(scene, **seen, patches=np.zeros((0, 2)), patch_side=0.0)
 
 
 @pytest.fixture(scope="module")

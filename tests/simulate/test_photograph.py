@@ -41,9 +41,8 @@ def chart() -> Scene:
 
 def patch_areas(scene: Scene) -> list[tuple[slice, slice]]:
     half = 0.3 * scene.patch_side
-    return [
-        (slice(int(y - half), int(y + half) + 1), slice(int(x - half), int(x + half) + 1)) for x, y in scene.patches
-    ]
+    spans = [[slice(int(at - half), int(at + half) + 1) for at in place] for place in scene.patches]
+    return [(rows, columns) for columns, rows in spans]
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -188,9 +187,7 @@ def preview(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 @pytest.mark.parametrize("cfa", ["RGGB", "BGGR", "GRBG", "GBRG"])
 @pytest.mark.parametrize("embedded", [True, False])
-def test_libraw_reads_what_was_written(
-    tmp_path: Path, mosaic: NDArray[np.uint16], preview: bytes, cfa: str, embedded: bool
-) -> None:
+def test_libraw_reads_it(tmp_path: Path, mosaic: NDArray[np.uint16], preview: bytes, cfa: str, embedded: bool) -> None:
     path = tmp_path / "a.dng"
     jpeg = preview if embedded else None
     write_dng(path, mosaic, black=600, white=15520, cfa=cfa, as_shot_neutral=(0.5, 1.0, 0.625), preview_jpeg=jpeg)
@@ -271,9 +268,8 @@ def test_the_matrix_keeps_white_and_sees_colours_nearly_as_people_do(camera: Sim
     estimated = camera.expose(surfaces, "daylight") / white @ camera.matrix.T
     true = linear_srgb_under(surfaces, light(5200.0))
     assert np.sqrt(np.mean((estimated - true) ** 2)) < 0.035
-    np.testing.assert_allclose(
-        camera.color_matrix() @ [0.95047, 1.0, 1.08883], 1 / camera.multipliers("daylight"), rtol=1e-3
-    )
+    white = camera.color_matrix() @ [0.95047, 1.0, 1.08883]
+    np.testing.assert_allclose(white, 1 / camera.multipliers("daylight"), rtol=1e-3)
 
 
 @CAMERA

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from lutforge import threads
 from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interpolate
@@ -30,13 +29,6 @@ def test_solution_is_numpys_whatever_lies_above_the_diagonal(size: int) -> None:
     matrix, right = matrix_of(size), np.random.default_rng(0).normal(size=(size, 3))
     lower = np.where(np.tri(size, dtype=bool), matrix, np.nan)
     np.testing.assert_allclose(solve_positive_definite(lower, right), np.linalg.solve(matrix, right), rtol=1e-8)
-
-
-def test_cores_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    matrix, right = matrix_of(700), np.ones((700, 3))
-    shared = solve_positive_definite(matrix.copy(), right)
-    monkeypatch.setattr(threads, "_beside_others", lambda: True)
-    np.testing.assert_array_equal(solve_positive_definite(matrix.copy(), right), shared)
 
 
 @pytest.mark.parametrize("place", [(0, 0), (400, 3), (500, 500)])

@@ -105,9 +105,8 @@ def test_gamut_map_and_lattice_stand_on_the_stages_that_were_fitted(samples: Sam
 
 
 def test_what_changes_upstream_makes_models_stale(samples: SampleSet) -> None:
-    workspace = fitted(
-        fitted(Workspace(samples, find_pairs(samples), options=CalibrationOptions(size=5)), "matrix"), "lattice"
-    )
+    fresh = Workspace(samples, find_pairs(samples), options=CalibrationOptions(size=5))
+    workspace = fitted(fitted(fresh, "matrix"), "lattice")
     assert not workspace.is_stale("matrix") and not workspace.is_stale("lattice")
     marked = workspace.mark(rows_of(workspace, 3), 1)
     assert marked.is_stale("matrix") and marked.is_stale("lattice")
