@@ -168,8 +168,7 @@ def test_reweighted_mean_ignores_outliers(loss: Loss) -> None:
 
 def test_scale_is_of_the_samples_that_tell_it_and_not_below_the_least() -> None:
     robust = RobustWeights(cauchy, multiple=2.0, least=0.5)
-    assert robust.scale(np.array([1.0, 1.0, 9.0])) == 2.0
-    assert robust.scale(np.zeros(5)) == 0.5
+    assert robust.scale(np.array([1.0, 1.0, 9.0])) == 2.0 and robust.scale(np.zeros(5)) == 0.5
     np.testing.assert_allclose(robust(np.array([2.0, 4.0]), like=np.ones(3)), [0.5, 0.2])
     assert robust.scale(np.array([1.0, 5.0]), weight=np.array([1.0, 3.0])) == 10.0
 
