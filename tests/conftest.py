@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from lutforge.cli.main import main
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.published_model import import_published
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from tests.cases.real_data import CHARTS, S40, PublishedPairs, read_published_pairs
@@ -55,6 +57,13 @@ def chart_samples() -> SampleSet:
 def d40_pairs() -> PublishedPairs:
     """Colours of a Nikon D40 that the thesis's authors published."""
     return read_published_pairs()
+
+
+@pytest.fixture(scope="session")
+def published_d40(shared_data: Path) -> CameraProfile:
+    """The physical model of a Nikon D40 that the thesis's authors published."""
+    folder = shared_data / "nus_nikon_d40"
+    return import_published([folder / "other_white_balances", folder / "fluorescent"], "Nikon D40")
 
 
 @pytest.fixture(scope="session")

@@ -9,10 +9,6 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("[0-9]*.py"))
 
 
-def test_there_are_examples() -> None:
-    assert len(EXAMPLES) >= 4
-
-
 INPUTS = {"03_published_model": "nus_nikon_d40", "06_response_from_a_bracket": "brackets/nikon_e995_window"}
 """What is named to an example that makes no photographs itself."""
 

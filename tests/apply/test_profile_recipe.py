@@ -94,7 +94,7 @@ def error(before: NDArray[np.float32], after: NDArray[np.float32], wanted: NDArr
 
 
 @pytest.mark.slow
-def test_every_pair_of_settings_on_a_scene_that_was_held_out(
+def test_every_pair_on_an_unseen_scene(
     recipe_of: Recipes, profile: CameraProfile, shot: Photograph, folder: Path
 ) -> None:
     settings = [(style, balance) for style in STYLES for balance in SETTINGS]
@@ -243,9 +243,7 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(recipe_of: Recipes, sho
 
 
 @pytest.mark.parametrize("target", [None, "standard/tungsten"])
-def test_a_picture_as_it_is_wanted_is_copied(
-    recipe_of: Recipes, picture: Path, tmp_path: Path, target: str | None
-) -> None:
+def test_what_is_as_wanted_is_copied(recipe_of: Recipes, picture: Path, tmp_path: Path, target: str | None) -> None:
     result = apply_batch(recipe_of(target=target), [picture], tmp_path / "out")
     assert result.done[0].target.read_bytes() == picture.read_bytes()
     assert any("nothing to change" in note for note in result.done[0].notes)

@@ -39,7 +39,7 @@ from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.benchmarks import common
 from tests.benchmarks.common import HALF_CODE, heading, row
-from tests.cases.real_data import read_published_pairs, sensors, spectral_data
+from tests.cases.real_data import read_published_pairs, sensors, spectral_data, split
 from tests.cases.samples import style_of
 
 Predictor = Callable[[Array], Array]
@@ -69,7 +69,7 @@ def d40(_: Path) -> Iterator[tuple[str, Source]]:
     pairs = read_published_pairs()
     x, y = pairs.balanced, pairs.encoded
     for seed in (1, 2):
-        seen, unseen = common.split(len(x), seed)
+        seen, unseen = split(len(x), seed)
         yield "D40, 30 % left out", Source(style_of(x[seen], y[seen]), x[unseen], y[unseen])
 
 

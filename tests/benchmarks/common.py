@@ -13,7 +13,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.arrays import Array
@@ -157,12 +156,6 @@ def left_out(samples: lf.SampleSet) -> Iterator[tuple[str, lf.SampleSet, lf.Samp
     """Each shot in turn: its name, the others' samples, and its own."""
     for name in np.unique(samples.shot):
         yield str(name), samples.select(samples.shot != name), samples.select(samples.shot == name)
-
-
-def split(count: int, seed: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The rows that are fitted, 70 % of them, and the others."""
-    order = np.random.default_rng(seed).permutation(count)
-    return order[: int(0.7 * count)], order[int(0.7 * count) :]
 
 
 @cache

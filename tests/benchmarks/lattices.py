@@ -18,7 +18,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import RBFInterpolator
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
@@ -26,8 +25,8 @@ from lutforge.calibration.style import fit_lattices
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut, evaluate
 from lutforge.luts.shaper import lattice_ops
-from tests.benchmarks.common import heading, row, split
-from tests.cases.real_data import read_published_pairs
+from tests.benchmarks.common import heading, row
+from tests.cases.real_data import radial_basis_functions, read_published_pairs, split
 from tests.cases.samples import style_of
 
 Predictor = Callable[[Array], Array]
@@ -66,13 +65,6 @@ def camera_match(size: int) -> Fit:
         return lambda points: np.asarray(node(points), dtype=np.float64)
 
     return fit
-
-
-def radial_basis_functions(x: Array, y: Array) -> Predictor:
-    """φ(r) = r on the gamut map, with the published matrix and response (thesis 4.2.3)."""
-    pairs = read_published_pairs()
-    h = RBFInterpolator(x @ pairs.matrix.T, pairs.response.linearize(y), kernel="linear", degree=1)
-    return lambda points: pairs.response.encode(h(points @ pairs.matrix.T))
 
 
 def held_out(fit: Fit) -> Array:

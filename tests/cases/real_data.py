@@ -2,13 +2,15 @@
 
 import json
 import runpy
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from scipy.interpolate import interp1d
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator, interp1d
 
 from lutforge.arrays import Array
 from lutforge.colour.spectra import WAVELENGTHS
@@ -46,6 +48,19 @@ def read_published_pairs() -> PublishedPairs:
             response=Response(stored["inverse_response"]),
             multipliers={name: (r, g, b) for name, (r, g, b) in balances},
         )
+
+
+def split(count: int, seed: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The rows that are fitted, 70 % of them, and the others."""
+    order = np.random.default_rng(seed).permutation(count)
+    return order[: int(0.7 * count)], order[int(0.7 * count) :]
+
+
+def radial_basis_functions(x: Array, y: Array) -> Callable[[Array], Array]:
+    """φ(r) = r on the gamut map, with the published matrix and response of the Nikon D40 (thesis 4.2.3)."""
+    pairs = read_published_pairs()
+    h = RBFInterpolator(x @ pairs.matrix.T, pairs.response.linearize(y), kernel="linear", degree=1)
+    return lambda points: pairs.response.encode(h(points @ pairs.matrix.T))
 
 
 def sensors(data: Path) -> dict[str, Array]:

@@ -65,10 +65,7 @@ def test_grading_comes_near_what_the_cameras_own_functions_would_make(demo: tupl
 
 
 def test_the_mask_finds_the_errors_of_the_graded_picture(demo: tuple[Path, str]) -> None:
-    """Its expected error correlates with the true one.
-
-    The lattice has 33 nodes per axis, as the demo has without an option.
-    """
+    """Its expected error correlates with the true one; the lattice has 33 nodes per axis, the demo's usual number."""
     folder = demo[0]
     profile = lf.calibrate(lf.read_samples(folder / "samples.csv"))
     given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/daylight")

@@ -67,9 +67,7 @@ def truth() -> Truth:
 
 @pytest.mark.parametrize("space", LOGS)
 @pytest.mark.parametrize("suffix", [".clf", ".resolve.cube", ".cube"])
-def test_a_jpeg_in_a_log_space_is_as_near_to_the_truth_as_in_linear_light(
-    suffix: str, space: str, truth: Truth, tmp_path: Path
-) -> None:
+def test_a_jpeg_in_a_log_space_is_as_good_as_in_linear(suffix: str, space: str, truth: Truth, tmp_path: Path) -> None:
     errors = {}
     for name in (rgb_space(space).linear.name, space):
         path = tmp_path / f"{name}{suffix}"

@@ -22,7 +22,6 @@ from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
-from lutforge.model.published_model import import_published
 from lutforge.model.response import Response
 from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Stage, Transform
 from lutforge.pipeline.baking import bake
@@ -168,12 +167,10 @@ def test_a_physical_model_keeps_its_curves(tmp_path: Path, suffix: str) -> None:
         np.testing.assert_allclose(got, staged(x), atol=1e-5)
 
 
-def test_stages_at_17_beat_one_cube_at_33(shared_data: Path) -> None:
+def test_stages_at_17_beat_one_cube_at_33(published_d40: CameraProfile) -> None:
     """A real camera's model, both ways: half the error with an eighth of the nodes."""
-    folder = shared_data / "nus_nikon_d40"
-    profile = import_published([folder / "other_white_balances"], "Nikon D40")
     x = points(8000)
-    for transform in (profile.render("standard/daylight"), profile.linearize("standard/daylight")):
+    for transform in (published_d40.render("standard/daylight"), published_d40.linearize("standard/daylight")):
         wanted = transform(x)
         staged, one = bake(transform, size=17), bake(transform, size=33, form="plain")
         ours, plain = (np.linalg.norm(lut(x) - wanted, axis=1) for lut in (staged, one))
@@ -270,14 +267,9 @@ def test_the_identity_is_an_identity_in_every_form(form: Form) -> None:
 
 
 @pytest.fixture(scope="module")
-def profile(shared_data: Path) -> CameraProfile:
-    return import_published([shared_data / "nus_nikon_d40" / "other_white_balances"], "Nikon D40")
-
-
-@pytest.fixture(scope="module")
-def footage(profile: CameraProfile) -> Transform:
+def footage(published_d40: CameraProfile) -> Transform:
     """ACEScg, exposed two stops down: neutral light up to 4 is not clipped."""
-    return through_camera(profile, "standard/daylight", "acescg", -2.0)
+    return through_camera(published_d40, "standard/daylight", "acescg", -2.0)
 
 
 def light(highest: float) -> Array:
@@ -289,17 +281,17 @@ def light(highest: float) -> Array:
     return x
 
 
-def test_exposure_makes_room_for_highlights(profile: CameraProfile) -> None:
+def test_exposure_makes_room_for_highlights(published_d40: CameraProfile) -> None:
     for ev, last in ((0.0, 1.0), (-2.0, 4.0), (-5.0, 32.0)):
-        transform = through_camera(profile, "standard/daylight", "linear-srgb", ev)
+        transform = through_camera(published_d40, "standard/daylight", "linear-srgb", ev)
         assert transform.highest() >= last
         below, at, beyond = transform(np.array([[0.8 * last] * 3, [last] * 3, [2 * last] * 3]))
         assert np.all(below < at + 1e-12)
         np.testing.assert_allclose(beyond, at, atol=0.01)
     with pytest.raises(SettingsError, match="20 stops"):
-        through_camera(profile, "standard/daylight", "acescg", 30.0)
+        through_camera(published_d40, "standard/daylight", "acescg", 30.0)
     with pytest.raises(SettingsError, match="not raw"):
-        through_camera(profile, "standard/daylight", "raw")
+        through_camera(published_d40, "standard/daylight", "raw")
     assert np.linalg.cond(from_linear_srgb("acescg")) < 10
 
 

@@ -276,9 +276,7 @@ def test_they_render_their_own_centres_and_linearize_them(models: list[Published
         assert np.linalg.norm(back - published.linear, axis=1).mean() < 1e-3
 
 
-def test_what_is_exported_is_imported_again(
-    models: list[PublishedModel], profile: CameraProfile, tmp_path: Path
-) -> None:
+def test_exports_are_imported_again(models: list[PublishedModel], profile: CameraProfile, tmp_path: Path) -> None:
     folders = export_published(profile, "standard", tmp_path / "nus_nikon_d40")
     again = import_published(folders, "Nikon D40")
     rng = np.random.default_rng(0)
@@ -304,9 +302,7 @@ def test_what_the_files_cannot_hold_is_refused(profile: CameraProfile, tmp_path:
         export_published(replace(profile, raw_camera="Reference", raw_transfer=np.eye(3)), "standard", tmp_path)
 
 
-def test_every_setting_is_the_product_that_the_files_print(
-    paths: list[Path], models: list[PublishedModel], profile: CameraProfile
-) -> None:
+def test_settings_are_as_printed(paths: list[Path], models: list[PublishedModel], profile: CameraProfile) -> None:
     """Ts·Tw with the common factor of each setting, in linear light, to the files' six decimals."""
     for path, model in zip(paths, models, strict=True):
         lines = [line.split() for line in (path / "raw2jpg_transform.txt").read_text().splitlines()]

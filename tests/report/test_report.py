@@ -17,7 +17,6 @@ from lutforge.errors import SettingsError
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, as_profile, load_profile
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.published_model import import_published
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.pipeline.reports import compare
@@ -257,9 +256,9 @@ def test_exposures_say_whether_the_response_is_fixed() -> None:
 
 
 @pytest.fixture(scope="module")
-def profile_path(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def profile_path(published_d40: CameraProfile, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("compare") / "d40.npz"
-    import_published([shared_data / "nus_nikon_d40" / "other_white_balances"], "Nikon D40").save(path)
+    published_d40.save(path)
     return path
 
 
@@ -277,9 +276,9 @@ def test_a_page_shows_chart_and_differences(profile_path: Path, tmp_path: Path) 
 
 def test_the_same_setting_differs_by_nothing_and_an_exposure_is_levelled(profile_path: Path) -> None:
     profile = as_profile(profile_path)
-    (model,) = profile.styles["standard"].physical
-    darker = replace(model, matrix=model.matrix * 0.7)  # the same camera, half a stop less sensitive
-    style = replace(profile.styles["standard"], physical=(darker,))
+    models = profile.styles["standard"].physical
+    darker = tuple(replace(model, matrix=model.matrix * 0.7) for model in models)  # half a stop less sensitive
+    style = replace(profile.styles["standard"], physical=darker)
     page = build_comparison(profile, "standard/daylight", profile, "standard/daylight")
     assert "ΔE00 0.0 in the mean" in page.lead[0]
     other = replace(profile, styles={"standard": style})

@@ -16,10 +16,8 @@ from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import (
     BORDER,
     CameraSettings,
-    capture,
     develop,
     develop_again,
-    normalized,
     photograph,
     write_jpeg,
 )
@@ -55,18 +53,6 @@ def test_scenes_are_deterministic_and_valid(name: str) -> None:
     irradiance = first.irradiance(nikon_d5100(), "daylight")
     np.testing.assert_array_equal(irradiance, again.irradiance(nikon_d5100(), "daylight"))
     assert np.abs(irradiance - other.irradiance(nikon_d5100(), "daylight")).max() > 0.1
-
-
-def test_the_sensor_measures_the_truth_within_its_noise() -> None:
-    camera, rng = nikon_d5100(), np.random.default_rng(0)
-    level = np.array([0.1, 0.4, 0.02], dtype=np.float32)
-    mosaic = capture(camera, np.broadcast_to(level, (400, 400, 3)), rng)
-    raw = normalized(camera, mosaic)
-    for value, samples in ((0.1, raw[0::2, 0::2]), (0.4, raw[0::2, 1::2]), (0.02, raw[1::2, 1::2])):
-        electrons = value * camera.full_well
-        noise = np.sqrt(electrons + camera.read_noise**2) / camera.full_well
-        assert samples.mean() == pytest.approx(value, abs=4 * noise / 200)
-        assert samples.std() == pytest.approx(noise, rel=0.03)
 
 
 def test_libraw_measures_the_charts_patches(tmp_path: Path, chart: Scene) -> None:

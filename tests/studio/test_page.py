@@ -130,11 +130,7 @@ class Visit:
         box.press("Enter")
 
     def slide(self, label: str, value: float) -> None:
-        slider = self.page.get_by_role("slider", name=re.compile("^" + re.escape(label)))
-        slider.evaluate(_SET, f"{value:g}")
-
-    def limit(self, label: str, value: float) -> None:
-        """Move the upper end of a slider with two."""
+        """Move a slider, the upper end of one with two."""
         slider = self.page.get_by_role("slider", name=re.compile("^" + re.escape(label))).last
         slider.evaluate(_SET, f"{value:g}")
 
@@ -280,7 +276,7 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.reads(expected(samples))
 
     # Filter, undo, redo; lasso all points of the second plot; mark by hand what rows name.
-    visit.limit("Saturation", 0.4)
+    visit.slide("Saturation", 0.4)
     visit.reads(expected(samples, 0.4))
     visit.press("Undo")
     visit.reads(expected(samples))
@@ -322,7 +318,7 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     assert len(read_samples(folder / "filtered_samples.npz")) == len(samples) - 6
 
     visit.step("Samples")
-    visit.limit("Saturation", 0.5)
+    visit.slide("Saturation", 0.5)
     expect(visit.page.get_by_role("tab", name="Model: stale")).to_be_visible(timeout=MOST_MS)
     expect(visit.page.get_by_role("tab", name="Export: stale")).to_be_visible(timeout=MOST_MS)
     visit.step("Shots")
@@ -384,7 +380,7 @@ def test_two_visitors_do_not_mix_and_a_fit_can_be_cancelled(browser: Browser, ur
     visit.press("Compute")
     # While one fits, the other, and the fitting page itself, go on.
     other.step("Samples")
-    other.limit("Saturation", 0.5)
+    other.slide("Saturation", 0.5)
     other.reads("of 162 samples are inliers")
     visit.step("Export")
     visit.reads("Compute a model under Model first")

@@ -569,9 +569,7 @@ def test_what_is_a_bracket(bracket_folder: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(
-    bracket_folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_response_is_exported_as_by_the_command_line(bracket_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = opened_bracket(bracket_folder)
     session, shots = page.session, page.pages["Shots"]
     assert "a bracket of" in session.status.object and "press Fit response" in states_of(session)["Shots"][1]
