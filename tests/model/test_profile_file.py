@@ -190,6 +190,7 @@ def test_wrong_values_in_the_description(saved: Path, fields: dict[str, Any]) ->
         ("physical0_gamut_map_centres", _npy(np.zeros((20_001, 3))), "refused, the array style0_physical0_gamut_map"),
         ("physical0_response", _npy(np.zeros((2, 2, 2, 2, 2))), "refused, the array style0_physical0_response"),
     ],
+    ids=lambda value: value if isinstance(value, str) else "",  # bytes would make names of megabytes
 )  # fmt: skip
 def test_arrays_that_no_profile_has_are_refused(saved: Path, name: str, data: bytes | None, says: str) -> None:
     _rewrite(saved, {f"style0_{name}.npy": data})
