@@ -15,7 +15,7 @@ import lutforge as lf
 from lutforge.apply.grade import LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.images.read import read_image
-from lutforge.simulate.demo import demo_shots
+from lutforge.simulate.photograph import demo_shots
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_02")
 

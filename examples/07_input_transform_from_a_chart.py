@@ -14,7 +14,7 @@ from PIL import Image
 import lutforge as lf
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.pipeline.charts import write_input_transform
-from lutforge.samples.chart_kinds import chart_kind
+from lutforge.samples.chart import chart_kind
 from lutforge.simulate.camera import nikon_d5100
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_07")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import lutforge as lf
-from lutforge.pipeline.kits import KITS
+from lutforge.kits.programs import KITS
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.samples import samples_of_settings
 from tests.conftest import CommandLine

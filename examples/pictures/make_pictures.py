@@ -18,7 +18,7 @@ from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
-from lutforge.simulate.demo import DemoShots, demo_shots
+from lutforge.simulate.photograph import DemoShots, demo_shots
 
 Pixels = NDArray[np.floating]
 

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -13,12 +14,15 @@ from threading import Lock
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.apply.grade import Recipe
-from lutforge.apply.image import REGION_SAMPLES, GradedImage, apply_image
+from lutforge.apply.grade import Grade, Recipe
+from lutforge.apply.image import REGION_SAMPLES, GradedImage, apply_image, check_colours
 from lutforge.apply.inputs import JOURNAL, Failure, Input, resolver
 from lutforge.atomic_write import remove_temporaries
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.images.heif import is_heif
+from lutforge.images.read import ImageReader, is_premultiplied
+from lutforge.images.write import SOFTWARE, describe_output, keeps_orientation
+from lutforge.luts.sequence import Lut
 from lutforge.progress import Progress, silent
 from lutforge.shots.discover import RAW_SUFFIXES
 
@@ -75,12 +79,9 @@ Outcome = tuple[GradedImage, Record] | Failure
 
 
 def run_job(
-    recipe: Recipe,
-    job: Job,
-    threads: int = 1,
-    region_samples: int = REGION_SAMPLES,
+    recipe: Recipe, job: Job, threads: int = 1, region_samples: int = REGION_SAMPLES,
     progress: Callable[[int, float], None] | None = None,
-) -> Outcome:
+) -> Outcome:  # fmt: skip
     """Grade an image. threads, region_samples, progress: as for `apply_image`."""
     source = job.source
     try:
@@ -142,9 +143,6 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-# --- A batch: planned, run on this machine or on a cluster -----------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class BatchResult:
     """Every input is in one of the three. skipped: the outputs that an earlier run made, and that are still right."""
@@ -156,37 +154,29 @@ class BatchResult:
 
 
 def apply_batch(
-    recipe: Recipe,
-    images: Sequence[Input | str | Path],
-    folder: str | Path,
-    suffix: str | None = None,
-    workers: int | None = None,
-    progress: Progress = silent,
-    resume: bool = False,
-    scheduler: str | None = None,
+    recipe: Recipe, images: Sequence[Input | str | Path], folder: str | Path, suffix: str | None = None,
+    workers: int | None = None, progress: Progress = silent, resume: bool = False, scheduler: str | None = None,
     quality: int | None = None,
-) -> BatchResult:
+) -> BatchResult:  # fmt: skip
     """Grade images into a folder under their own names; each output is written whole or not at all.
 
     suffix: such as ".exr", for another format. workers: threads, by default one per core. progress: called, in this
-    thread, with the rate of work, after each image and a few times a second. resume: what an earlier run did by this
-    recipe is skipped where neither the source nor the output has changed since. scheduler: the address of a Dask
-    cluster that does the work. quality: as of `apply_image`. Raises ImageError where two inputs would become one output
-    or an output would replace an input, LutForgeError where the recipe is wrong for all images; then nothing is
-    written.
+    thread, with the rate of work, a few times a second. resume: what an earlier run did by this recipe is skipped where
+    neither source nor output has changed since. scheduler: the address of a Dask cluster that does the work. quality:
+    as of `apply_image`. Raises LutForgeError, and writes nothing, where two inputs would become one output, an output
+    would replace an input, or the recipe is wrong for all images.
     """
     folder = Path(folder)
     inputs = [image if isinstance(image, Input) else Input(Path(image), Path(Path(image).name)) for image in images]
     jobs = plan_jobs(inputs, folder, suffix, quality)
     recipe.check()
     remove_temporaries(job.target for job in jobs)
+    records = read_journal(folder) if resume else {}
     already: set[Job] = set()
-    if resume:
-        records = read_journal(folder)
-        for job in jobs:
-            known = records.get(str(job.target.absolute()))
-            if known is not None and known.still_true(job.key(recipe), job.source):
-                already.add(job)
+    for job in jobs:
+        known = records.get(str(job.target.absolute()))
+        if known is not None and known.still_true(job.key(recipe), job.source):
+            already.add(job)
     waiting = [job for job in jobs if job not in already]
     outcomes: dict[Job, Outcome] = {}
     notes: list[str] = []
@@ -234,10 +224,7 @@ def rate(images: int, pixels: int, seconds: float) -> str:
 
 
 def plan_jobs(
-    inputs: Sequence[Input],
-    folder: Path,
-    suffix: str | None = None,
-    quality: int | None = None,
+    inputs: Sequence[Input], folder: Path, suffix: str | None = None, quality: int | None = None
 ) -> list[Job]:
     """Choose where each image is written. Raises ImageError where two share a place or one would replace an input."""
     if suffix is not None and not suffix.startswith("."):
@@ -301,3 +288,74 @@ def _run_here(
         pool.shutdown(cancel_futures=True)
         for name, value in codecs.items():
             oiio.attribute(name, value)
+
+
+# --- The oiiotool commands that grade as a batch would: for render farms that run programs, not Python ----------------
+
+
+def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iterator[str | Failure]:
+    """Per image a shell line that gives the pixels of `apply`, or why there is none. folder: for profiles' LUTs."""
+    files: dict[int, tuple[Lut, Path]] = {}
+    for job in jobs:
+        try:
+            grade = recipe.grade(job.source)
+            if grade.unchanged:
+                raise ImageError(f"{job.source}: {grade.notes[0]}; copy it")
+            words, lut = grade.oiiotool, grade.lut
+            if lut is not None:
+                path = folder / f"{recipe.key[:12]}-{len(files) + 1}.clf"
+                words = ("--ociofiletransform", str(files.get(id(lut), (lut, path))[1]))
+            command = _command(grade, words, job)
+            if lut is not None and id(lut) not in files:
+                files[id(lut)] = lut, lut.write(path)
+            yield shlex.join(command)
+        except LutForgeError as error:
+            yield Failure(job.source, str(error))
+
+
+def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
+    if grade.raw:
+        raise ImageError(f"{job.source}: oiiotool does not develop RAW files; let `lutforge apply` render it")
+    if not words:
+        raise ImageError(f"{job.source}: oiiotool has no such interpolation or conversion; let `lutforge apply` do it")
+    if any(sign in word for word in words for sign in "$%"):
+        path = next(word for word in words if set(word) & set("$%"))
+        raise ImageError(f'{path}: OpenColorIO takes "$" and "%" in the path of a LUT for variables; rename it')
+    with ImageReader(job.source) as reader:
+        check_colours(job.source, reader.spec)
+        described = describe_output(job.target, reader.spec, reader.format)
+        premultiplied = is_premultiplied(reader.spec)
+        turned = reader.spec.get_int_attribute("Orientation", 1) != 1 and not keeps_orientation(job.target)
+    # Names are taken as they are: no frame numbers, no expressions.
+    command = ["oiiotool", "--wildcardoff", "--evaloff", "--create-dir"]
+    if not premultiplied and described.alpha_channel >= 0:
+        command += ["--iconfig", "oiio:UnassociatedAlpha", "1"]
+    command += ["-i", str(job.source)]
+    conversions = ("--ociofiletransform", "--colorconvert") if premultiplied else ()
+    command += [f"{word}:unpremult=1" if word in conversions else word for word in words]
+    if turned:
+        command += ["--reorient"]
+    command += ["--nosoftwareattrib", "--sattrib", "Software", SOFTWARE]
+    command += ["--sattrib", "Exif:ImageHistory", " ".join(grade.history.split())]
+    command += _attributes(grade.attributes)
+    command += ["-d", str(described.format)]
+    if compression := described.get_string_attribute("compression"):
+        command += ["--compression", compression]
+    if subsampling := described.get_string_attribute("jpeg:subsampling"):
+        command += ["--sattrib", "jpeg:subsampling", subsampling]
+    return [*command, "-o", str(job.target)]
+
+
+def _attributes(attributes: Mapping[str, object]) -> Iterator[str]:
+    for name, value in attributes.items():
+        if value is None:
+            yield from ("--eraseattrib", name)
+        elif isinstance(value, bytes):
+            raise ImageError("oiiotool embeds no ICC profile: let `lutforge apply` grade pictures in Adobe RGB")
+        elif isinstance(value, str):
+            yield from ("--sattrib", name, value)
+        elif isinstance(value, Sequence):
+            kind = "int" if all(isinstance(entry, int) for entry in value) else "float"
+            yield from (f"--attrib:type={kind}[{len(value)}]", name, ",".join(map(str, value)))
+        else:
+            yield from ("--attrib", name, str(value))

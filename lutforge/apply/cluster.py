@@ -18,7 +18,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from lutforge.apply.batch import Job, Outcome, run_job
 from lutforge.apply.grade import Recipe
 from lutforge.apply.inputs import Failure
-from lutforge.errors import LutForgeError
+from lutforge.errors import LutForgeError, one_line
 
 Sent = TypeVar("Sent", Recipe, Job)
 
@@ -85,17 +85,13 @@ def _connected(address: str) -> Iterator[tuple[Any, Any]]:
     try:
         distributed: Any = import_module("distributed")
     except ImportError as error:
-        raise LutForgeError(
-            '--scheduler needs Dask, which is not installed: pip install "lutforge[cluster]"'
-        ) from error
+        raise LutForgeError('--scheduler needs Dask: pip install "lutforge[cluster]"') from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is told here
     try:
         client = distributed.Client(address, timeout=10, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise LutForgeError(
-            f"{address}: no Dask scheduler answers ({reason}); start one with: dask scheduler"
-        ) from error
+        reason = one_line(str(error), 200)
+        raise LutForgeError(f"{address}: no Dask scheduler answers ({reason}); start one: dask scheduler") from error
     with client:
         try:
             client.wait_for_workers(1, timeout=60)
@@ -147,10 +143,8 @@ def _run_there(recipe: Recipe, key: str, jobs: Sequence[Job]) -> list[Outcome]:
             if key not in _RECIPES:
                 recipe.check()
                 if recipe.key != key:
-                    raise LutForgeError(
-                        f"{platform.node()} has other versions of the recipe's files, of LutForge or of "
-                        "OpenColorIO than the machine that asks"
-                    )
+                    differs = "has other versions of the recipe's files, LutForge or OpenColorIO than who asks"
+                    raise LutForgeError(f"{platform.node()} {differs}")
                 # A worker is one thread: codecs that took all cores would take them from the other workers.
                 oiio.attribute("threads", 1)
                 oiio.attribute("exr_threads", -1)

@@ -14,9 +14,8 @@ from lutforge import __version__
 from lutforge.child_processes import guarded
 from lutforge.errors import ConfigError, LutError, LutForgeError, alternatives
 from lutforge.interpolation import Interpolation
-from lutforge.luts.input_and_output import ENCODED, read_input_and_output
 from lutforge.luts.reading import stranger
-from lutforge.luts.sequence import OCIO_ERRORS, Lut, of_codes
+from lutforge.luts.sequence import ENCODED, OCIO_ERRORS, Lut, of_codes, read_input_and_output
 
 if TYPE_CHECKING:
     from lutforge.model.falloff import Falloff
@@ -74,11 +73,7 @@ class Recipe(ABC):
 
 
 def fingerprint(*parts: object) -> str:
-    """Return the SHA-256, in hexadecimal, of what a grade is made of.
-
-    It is over the contents of the files among `parts`, the other parts as text, and the versions of LutForge and
-    OpenColorIO. Raises LutError where a file cannot be read.
-    """
+    """The SHA-256 of the contents of the files among `parts`, the other parts as text, and the versions in use."""
     total = hashlib.sha256(f"{__version__} {OCIO.__version__}".encode())
     for part in parts:
         text = fingerprint(*part) if isinstance(part, tuple) else repr(part)
@@ -111,12 +106,12 @@ class LutRecipe(Recipe):
             )
         processor, comments = stranger(self.path, self.interpolation)
         ends = read_input_and_output(comments)
-        takes_linear, gives_linear = (False, False) if ends is None else ends.are_linear
+        linear = (False, False) if ends is None else ends.are_linear
         return Grade(
             processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
             f"graded with {self.path.name}",
-            takes_linear=takes_linear,
-            gives_linear=gives_linear,
+            takes_linear=linear[0],
+            gives_linear=linear[1],
             # oiiotool interpolates its own way: tetrahedral for cubes.
             oiiotool=("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else (),
             codes=of_codes(processor),
@@ -156,16 +151,14 @@ class ConfigRecipe(Recipe):
             guarded(make_processor, str(self.path), self.source, self.target)
             processor = config.getProcessor(self.source, self.target)
             floats = processor.getDefaultCPUProcessor()
-            takes_linear, gives_linear = (
-                config.isColorSpaceLinear(name, OCIO.REFERENCE_SPACE_SCENE) for name in (self.source, self.target)
-            )
+            linear = [config.isColorSpaceLinear(end, OCIO.REFERENCE_SPACE_SCENE) for end in (self.source, self.target)]
         except (LutForgeError, *OCIO_ERRORS) as error:
             raise ConfigError(f"{self.path}: {error}") from error
         return Grade(
             floats,
             f"{self.source} to {self.target}",
-            takes_linear=takes_linear,
-            gives_linear=gives_linear,
+            takes_linear=linear[0],
+            gives_linear=linear[1],
             oiiotool=("--colorconfig", str(self.path), "--colorconvert", self.source, self.target),
             codes=of_codes(processor, OCIO.OPTIMIZATION_DEFAULT),
         )

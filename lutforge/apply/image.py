@@ -18,8 +18,8 @@ from threading import Semaphore, local
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.apply.blocks import grade_codes, grade_floats, threads_of
 from lutforge.apply.grade import Grade
 from lutforge.arrays import Codes, Index, Pixels
 from lutforge.atomic_write import atomic_path
@@ -63,14 +63,10 @@ class GradedImage:
 
 
 def apply_image(
-    grade: Grade,
-    source: str | Path,
-    target: str | Path,
-    workers: int | None = None,
-    region_samples: int = REGION_SAMPLES,
-    progress: Callable[[int, float], None] | None = None,
+    grade: Grade, source: str | Path, target: str | Path, workers: int | None = None,
+    region_samples: int = REGION_SAMPLES, progress: Callable[[int, float], None] | None = None,
     quality: int | None = None,
-) -> GradedImage:
+) -> GradedImage:  # fmt: skip
     """Grade an image file, with metadata, bit depth and extra channels kept.
 
     workers: threads, by default one per core. progress: called with the pixels that were graded since its last call,
@@ -93,20 +89,15 @@ def apply_image(
             converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
             grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
         check_colours(source, spec)
-        jpeg = jpeg_header(source, target, image.format)
-        attributes = {
-            **colour_space(source, spec, image.format, jpeg),
-            **grade.attributes,
-        }
+        jpeg = read_header(source.read_bytes()) if image.format == format_of(target) == "jpeg" else None
+        attributes = {**colour_space(source, spec, image.format, jpeg), **grade.attributes}
         if not spec.get_string_attribute("DateTime"):
             # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
             changed = time.gmtime(source.stat().st_mtime)
             attributes.setdefault("DateTime", time.strftime("%Y:%m:%d %H:%M:%S", changed))
         space = other_space(grade, spec, attributes)
         if grade.for_srgb and space:
-            raise ImageError(
-                f"{source}: the picture is in {space}, and this grade is for sRGB; convert it to sRGB first"
-            )
+            raise ImageError(f"{source}: the picture is in {space}, and this grade is for sRGB; convert it first")
         written = oiio.ImageSpec(spec)
         if grade.marks_clipped:
             names = (*spec.channelnames, "clipped")
@@ -114,7 +105,7 @@ def apply_image(
         output = describe_output(target, written, image.format, grade.history, attributes, quality)
         if grade.marks_clipped:
             output.set_format(oiio.HALF)
-        threads = stack.enter_context(threads_of(count))
+        threads = None if count == 1 else stack.enter_context(ThreadPoolExecutor(count))
         total = spec.width * spec.height
 
         def done(pixels: int) -> None:
@@ -142,7 +133,7 @@ def apply_image(
 def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageReader | Image, bytes]]:
     """Open an image for its grade: RAW files rendered linear, pictures turned where the target's format cannot tell so.
 
-    With it the ICC profile of the space that it was converted from, to sRGB; empty where it was not. Raises ImageError.
+    With it the ICC profile of the space that it was converted from, to sRGB; empty where it was not.
     """
     if grade.raw:
         from lutforge.images.raw import read_raw  # LibRaw, and what reads metadata, for RAW files alone
@@ -199,18 +190,10 @@ def _in_memory() -> Semaphore:
 
 
 def _grade_regions(
-    grade: Grade,
-    image: ImageReader | Image,
-    writer: ImageWriter,
-    threads: Executor | None,
-    region_samples: int,
-    overlap: bool,
-    done: Callable[[int], None],
-) -> Index:
-    """Read, grade and write an image region by region; (3,) how many pixels are doubtful, as `count_doubtful`.
-
-    overlap: the next region is read, and the last one written, meanwhile.
-    """
+    grade: Grade, image: ImageReader | Image, writer: ImageWriter, threads: Executor | None, region_samples: int,
+    overlap: bool, done: Callable[[int], None],
+) -> Index:  # fmt: skip
+    """Read, grade and write region by region, with `overlap` at the same time; (3,) as of `count_doubtful`."""
     premultiplied = is_premultiplied(image.spec)
     doubtful = np.zeros(3, dtype=np.int64)
 
@@ -257,13 +240,6 @@ _memory = local()
 the codec."""
 
 
-def jpeg_header(source: Path, target: Path, format: str) -> JpegHeader | None:
-    """The header of a JPEG that becomes a JPEG, else None. format: the source's, by OpenImageIO's name."""
-    if format != "jpeg" or format_of(target) != "jpeg":
-        return None
-    return read_header(source.read_bytes())
-
-
 def jpeg_metadata(header: JpegHeader, grade: Grade, profile: bytes = b"") -> bytes:
     """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
 
@@ -288,18 +264,10 @@ def jpeg_metadata(header: JpegHeader, grade: Grade, profile: bytes = b"") -> byt
 
 
 def grade_whole(
-    source: Path,
-    header: JpegHeader,
-    grade: Grade,
-    target: Path,
-    quality: int | None,
-    threads: Executor | None,
+    source: Path, header: JpegHeader, grade: Grade, target: Path, quality: int | None, threads: Executor | None,
     done: Callable[[int], None],
-) -> Index:
-    """Grade a picture, and return (3,) how many pixels are doubtful, as `count_doubtful` does.
-
-    done: called with the number of pixels after each piece. Raises ImageError or OSError.
-    """
+) -> Index:  # fmt: skip
+    """Grade a picture; (3,) how many pixels are doubtful. done: called with the number of pixels after each piece."""
     assert grade.codes is not None
     start = jpeg_metadata(header, grade)
     size = header.height * header.width * 4
@@ -359,10 +327,7 @@ def _last_words(names: Sequence[str]) -> Iterator[str]:
 
 
 def colour_space(source: Path, spec: oiio.ImageSpec, format: str, jpeg: JpegHeader | None) -> Mapping[str, object]:
-    """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep.
-
-    jpeg: what stands in a JPEG whose own tags are kept; they are read no further than where DCF has this one.
-    """
+    """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep."""
     if jpeg is not None:
         return TELL_ADOBE_RGB if jpeg.says_adobe_rgb and spec.getattribute("ICCProfile") is None else {}
     if format != "jpeg" or spec.getattribute("ICCProfile") is not None:
@@ -386,11 +351,7 @@ def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, o
 
 
 def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
-    """Count the pixels (h, w, c) that cannot be trusted, by kind, (3,).
-
-    They are clipped, else unlike every colour of the calibration, or no finite numbers. confidence: as
-    `Grade.confidence` gives it, where it is known.
-    """
+    """How many pixels (h, w, c) are clipped, else unlike every colour of the calibration, or not finite, (3,)."""
     clipped, unlike, broken = np.intp(0), np.intp(0), np.intp(0)
     if confidence is not None:
         clips = confidence[..., 1] < 0.5
@@ -405,10 +366,7 @@ def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
 def notes_on(
     grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec, space: str, doubtful: Index
 ) -> Iterator[str]:
-    """Yield what the user should know of the colours of a graded image.
-
-    format: of the source, as `Image.format`; space: as `other_space` names it; doubtful: as `count_doubtful` sums them.
-    """
+    """What the user should know of the colours of a graded image. format, space, doubtful: of its source."""
     # Scene-linear light in 8-bit files, which hardly ever hold it, and in formats that are made for it
     if grade.for_srgb and not grade.raw and format in ("openexr", "hdr"):
         yield "such a file holds scene-linear light, as a rule, and this grade takes encoded sRGB: encode it first"
@@ -437,3 +395,73 @@ def notes_on(
     if broken:
         are = "pixels are not finite numbers" if broken > 1 else "pixel is not a finite number"
         yield f"{broken} {are}; what became of them means nothing"
+
+
+# --- Pixels through a processor: in blocks that stay in a core's cache, on several threads ----------------------------
+
+
+BLOCK = 64 * 1024
+"""Pixels per call of OpenColorIO, which packs them into 1 MB of RGBA floats: what a core's cache holds."""
+
+
+def grade_floats(
+    processor: OCIO.CPUProcessor, source: Pixels, result: Pixels, premultiplied: bool, threads: Executor | None
+) -> None:
+    """Grade `source` into `result`, which may be the same array; both C-contiguous, (h, w, c ≥ 3)."""
+    _keep_freed_memory()
+    channels = source.shape[2]
+    before, after = source.reshape(-1, channels), result.reshape(-1, channels)
+
+    def grade(start: int) -> None:
+        for at in range(start, min(start + 2 * BLOCK, len(before)), BLOCK):
+            block = after[at : at + BLOCK]
+            if result is not source:
+                block[:] = before[at : at + BLOCK]
+            if channels == 3:
+                processor.applyRGB(block)
+                continue
+            colours = np.ascontiguousarray(block[:, :3])
+            if premultiplied:
+                alpha = block[:, 3:4]
+                covered = np.where(alpha > 0, alpha, np.float32(1))
+                colours /= covered
+                processor.applyRGB(colours)
+                block[:, :3] = np.where(alpha > 0, colours * covered, block[:, :3])
+            else:
+                processor.applyRGB(colours)
+                block[:, :3] = colours
+
+    _in_pieces(grade, range(0, len(before), 2 * BLOCK), threads)
+
+
+def grade_codes(
+    processor: OCIO.CPUProcessor, canvas: Codes, threads: Executor | None, done: Callable[[int], None] | None = None
+) -> None:
+    """Grade 8-bit codes (h, w, 4), C-contiguous, in place; `done` is called with the number of pixels of each piece."""
+    _keep_freed_memory()
+    flat = canvas.reshape(-1, 4)
+    # As codes, a quarter of a block fills the same cache together with its floats.
+    block, piece = BLOCK // 4, 8 * BLOCK
+
+    def grade(start: int) -> None:
+        for at in range(start, min(start + piece, len(flat)), block):
+            processor.applyRGBA(flat[at : at + block])
+        if done is not None:
+            done(min(piece, len(flat) - start))
+
+    _in_pieces(grade, range(0, len(flat), piece), threads)
+
+
+def _in_pieces(grade: Callable[[int], None], starts: range, threads: Executor | None) -> None:
+    for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
+        pass
+
+
+@cache
+def _keep_freed_memory() -> None:
+    """Have the C library keep what it frees.
+
+    OpenColorIO allocates a megabyte in each call. The C library fetches it from the system and gives it back, which
+    takes longer than the LUT, until a larger piece was freed once: from then on it keeps pieces of up to that size.
+    """
+    np.empty(30_000_000, np.uint8)

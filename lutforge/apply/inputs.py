@@ -40,11 +40,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What the words of a command name.
-
-    missing: frames that were asked for by number and are not there; notes: gaps in sequences whose frames were not
-    named, what was left out of folders, and files that were named again.
-    """
+    """What the words of a command name. missing: frames that were asked for by number; notes: what was left out."""
 
     images: tuple[Input, ...]
     missing: tuple[Failure, ...] = ()
@@ -52,12 +48,9 @@ class Inputs:
 
 
 def find_inputs(
-    words: Sequence[str | Path],
-    frames: str | None = None,
-    recursive: bool = False,
-    leave_out: Sequence[Path] = (),
+    words: Sequence[str | Path], frames: str | None = None, recursive: bool = False, leave_out: Sequence[Path] = (),
     raw: bool = False,
-) -> Inputs:
+) -> Inputs:  # fmt: skip
     """The images that files, folders and sequences name, in order.
 
     A folder gives the images in it, by name; recursive: those of its subfolders too, which are kept in `place`, but
@@ -75,9 +68,8 @@ def find_inputs(
             in_folder, left_out = _in_folder(word, recursive, leave_out, raw)
             notes += left_out
             if not in_folder:
-                raise ImageError(
-                    f"{word}: no image in this folder" + ("" if recursive else "; --recursive looks deeper")
-                )
+                deeper = "" if recursive else "; --recursive looks deeper"
+                raise ImageError(f"{word}: no image in this folder{deeper}")
             images += in_folder
         elif pattern is None or word.exists():
             images.append(Input(word, Path(word.name)))
@@ -98,9 +90,7 @@ def find_inputs(
     # A file that is named twice for one output is graded once; links with other names count as other images.
     first: dict[tuple[Path, Path], Input] = {}
     resolved = resolver()
-    again = [
-        image.path for image in images if first.setdefault((resolved(image.path), image.place), image) is not image
-    ]
+    again = [each.path for each in images if first.setdefault((resolved(each.path), each.place), each) is not each]
     notes += [f"{path}: given twice; graded once" for path in dict.fromkeys(again)]
     return Inputs(tuple(first.values()), tuple(missing), tuple(notes))
 
@@ -165,33 +155,27 @@ def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bo
         raise ImageError(f"{folder}: the graded images go into this folder; choose another output folder")
 
     def refuse(failure: OSError) -> None:
-        raise ImageError(
-            f"{failure.filename}: the folder cannot be read ({failure.strerror}); name the folders to grade"
-        )
+        reason = f"the folder cannot be read ({failure.strerror})"
+        raise ImageError(f"{failure.filename}: {reason}; name the folders to grade")
 
     for place, subfolders, names in os.walk(folder, onerror=refuse):
         at = Path(place)
         paths = [at / name for name in sorted(names) if not name.startswith(".")]
         paths = [path for path in paths if path.suffix.lower() in suffixes]
         pictures = {path.stem.lower() for path in paths if path.suffix.lower() not in RAW_SUFFIXES}
-        positives = [
-            path for path in paths if path.suffix.lower() not in RAW_SUFFIXES or path.stem.lower() not in pictures
-        ]
-        negatives += len(paths) - len(positives)
-        images += [Input(path, path.relative_to(folder)) for path in positives]
+        beside = {path for path in paths if path.suffix.lower() in RAW_SUFFIXES and path.stem.lower() in pictures}
+        negatives += len(beside)
+        images += [Input(path, path.relative_to(folder)) for path in paths if path not in beside]
         followed = [name for name in subfolders if recursive and not name.startswith(".")]
         followed = [name for name in followed if (at / name).resolve() not in excluded]
         # Path.exists raises where nothing may be read.
         graded = {name for name in followed if os.path.exists(at / name / JOURNAL)}  # noqa: PTH110
         subfolders[:] = [name for name in followed if name not in graded]
-        notes += [
-            f"{at / name}: left out, it was graded into; name it to grade what is in it" for name in sorted(graded)
-        ]
+        filled = "left out, it was graded into; name it to grade what is in it"
+        notes += [f"{at / name}: {filled}" for name in sorted(graded)]
     if negatives:
-        notes.append(
-            f"{folder}: {negatives} RAW file{'s' if negatives > 1 else ''} left out beside pictures of the same name; "
-            "to render them, name them"
-        )
+        files = f"{negatives} RAW file{'s' if negatives > 1 else ''}"
+        notes.append(f"{folder}: {files} left out beside pictures of the same name; to render them, name them")
     return sorted(images, key=lambda image: image.path), notes
 
 

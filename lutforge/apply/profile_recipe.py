@@ -1,26 +1,30 @@
 """Grade pictures with camera profiles, each by its own settings: to other settings, another camera's, or to light."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.apply.grade import Grade, Recipe
 from lutforge.apply.image import TELL_ADOBE_RGB
 from lutforge.colour.rgb_spaces import CHROMATICITIES, INTEROP_IDS, from_linear_srgb, rgb_space
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB
-from lutforge.luts.ops import Matrix
+from lutforge.luts.bake import bake, grading_lut, grading_steps
+from lutforge.luts.ops import Cube, Matrix, Range, lattice_ops
 from lutforge.luts.sequence import Lut, of_codes
-from lutforge.model.camera_profile import CameraProfile, load_profile, same_light
+from lutforge.model.camera_profile import CameraProfile, load_profile, match, raw_to_balanced, same_light
+from lutforge.model.coverage import refinish_confidence
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
-from lutforge.model.transform import Transform
+from lutforge.model.transform import Transform, through_stages
 from lutforge.model.white_balance import LIGHT_SOURCES, temperatures_of
+from lutforge.progress import Progress, silent
 from lutforge.settings import (
     KELVIN_RANGE,
     Kelvin,
@@ -34,6 +38,110 @@ from lutforge.settings import (
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.maker_settings import ADOBE_RGB
 from lutforge.shots.metadata import ShotMetadata, read_picture_settings, software_tag
+
+
+@dataclass(frozen=True)
+class SettingChange:
+    """What a refinish changes: `given` settings of a camera to those wanted of `look`, the same or another camera.
+
+    ev: exposure change in stops. transfer: RAW → RAW between the two cameras, where one was measured.
+    """
+
+    camera: CameraProfile
+    given: Selector
+    look: CameraProfile
+    wanted: Selector
+    ev: float = 0.0
+    transfer: RawTransfer | None = None
+
+    @property
+    def transform(self) -> Transform:
+        """The refinish (6.1), exact to the model."""
+        return match(self.camera, self.given, self.look, self.wanted, self.ev, transfer=self.transfer)
+
+    @property
+    def is_none(self) -> bool:
+        """True where both settings render alike."""
+        if self.look is not self.camera or self.ev or self.given.style != self.wanted.style:
+            return False
+        before, after = self.camera.multipliers(self.given), self.camera.multipliers(self.wanted)
+        return bool(np.allclose(before, after, rtol=1e-4))
+
+    def history(self, source: str) -> str:
+        """What was done, in one line for an image's history. source: what the picture was, settings or RAW."""
+        exposure = f", {self.ev:+g} EV" if self.ev else ""
+        return f"{self.camera.camera}: {source} -> {self.look.camera}: {self.wanted}{exposure}"
+
+
+class BakedGrades:
+    """LUTs of refinishes and renders, each linearize and render step baked once for all white balances."""
+
+    def __init__(self) -> None:
+        self._luts: dict[object, Lut] = {}
+        # Only the last ones are kept: pictures on automatic white balance each have a grade of their own.
+        self.refinish: Callable[[SettingChange], Lut] = lru_cache(16)(
+            lambda change: grading_lut(change.transform, self.baked)
+        )
+        self.confidence = lru_cache(16)(self._confidence)
+        self.processor: Callable[..., OCIO.CPUProcessor] = lru_cache(32)(Lut.processor)
+
+    def develop(self, change: SettingChange) -> OCIO.CPUProcessor:
+        """The processor that renders RAW; highlights, clipped before less exposure darkens them, stay neutral."""
+        camera, given, look, wanted, transfer = change.camera, change.given, change.look, change.wanted, change.transfer
+        before = camera.multipliers(given if look is not camera else wanted)
+        k = 2.0**change.ev
+        levels = uniform_levels(2 if transfer is None or transfer.roots is None else 49)
+        stages = raw_to_balanced(camera, given, look, wanted, transfer=transfer)
+        balanced = through_stages(stages, grid(levels) / before)
+        gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
+        exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
+        return Lut((*exposed, *self.baked(look.render_balanced(wanted)).ops)).processor()
+
+    def _confidence(self, change: SettingChange) -> OCIO.CPUProcessor:
+        """Colours of a picture → (confidence, unclipped, covered) of their refinish, as of `Grade.confidence`."""
+        camera, given, look, wanted = change.camera, change.given, change.look, change.wanted
+        linearize = camera.linearize_to_own_raw(given)
+        stages = raw_to_balanced(camera, given, look, wanted, change.ev, change.transfer)
+        lattice = refinish_confidence(
+            camera.styles[given.style],
+            look.styles[wanted.style],
+            change.transform,
+            lambda encoded: through_stages(stages, linearize(encoded)),
+        )
+        return Lut(lattice_ops(lattice)).processor()
+
+    def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
+        """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""
+        steps = () if refinish.is_identity else (grading_steps(refinish)[0], grading_steps(refinish)[-1])
+        return tuple(step for step in steps if isinstance(_core(step), GamutMap) and _core(step) not in self._luts)
+
+    def add(self, step: Transform, lut: Lut) -> None:
+        """Take over a step that was baked elsewhere."""
+        self._luts[_core(step)] = lut
+
+    def baked(self, step: Transform) -> Lut:
+        """Return the LUT of a step that is the same under all white balances."""
+        core = _core(step)
+        if core not in self._luts:
+            (self._luts[core],) = baked_steps([step])
+        return self._luts[core]
+
+
+def baked_steps(steps: Sequence[Transform], progress: Progress = silent) -> tuple[Lut, ...]:
+    """Bake steps of a look that are the same under all white balances."""
+    baked = []
+    for number, step in enumerate(steps):
+        progress("baking", number / len(steps))
+        baked.append(bake(step, display_referred=False))
+    return tuple(baked)
+
+
+def _core(step: Transform) -> Lattice | GamutMap:
+    return next(stage for stage in step.stages if isinstance(stage, Lattice | GamutMap))
+
+
+# --- The grades as LUTs: what `apply` does to pixels, and what the studio's preview shows -----------------------------
+
 
 STALE = (
     "Exif:MakerNote", "Exif:Saturation", "Exif:Contrast", "Exif:CustomRendered",
@@ -97,8 +205,7 @@ class _OfProfiles(Recipe):
 class ProfileRecipe(_OfProfiles):
     """Grade each picture from the settings that it was made with to other settings.
 
-    look: the profile of the camera whose look is wanted. transfers: RAW → RAW from other cameras to that one, in steps
-    where they go through a third.
+    look: the profile of the camera whose look is wanted. transfers: RAW → RAW from other cameras to it, or in steps.
     """
 
     look: Path | None = None
@@ -205,10 +312,7 @@ class ProfileRecipe(_OfProfiles):
         return transfers
 
     def change(self, camera: CameraProfile, given: Selector) -> SettingChange:
-        """What is changed of a picture with given settings.
-
-        "as-shot" ones are those of the picture, for another camera those under which the same light is neutral.
-        """
+        """What is changed of a picture; "as-shot" settings are its own, or make the same light neutral elsewhere."""
         look = self._look or camera
         transfer = None if look is camera else self._transfers.get(camera.camera)
         style = given.style if self._wanted.style == AS_SHOT else self._wanted.style
@@ -236,10 +340,9 @@ class ProfileRecipe(_OfProfiles):
 class SceneRecipe(_OfProfiles):
     """Take each picture from the settings that it was made with to linear light of a colour space.
 
-    space: a scene-linear one of `lutforge.colour.rgb_spaces`. target: whose white balance names the light that becomes
-    neutral, "as-shot/WB"; by default a picture's own, or where exposures are minded one for all, daylight or else the
-    profile's first. by_exposure: divide by time, ISO and aperture, as the file states them, so that pictures of one
-    scene agree.
+    target: whose white balance names the light that becomes neutral, "as-shot/WB"; by default a picture's own, or where
+    exposures are minded one for all, daylight or else the profile's first. by_exposure: divide by time, ISO and
+    aperture, as the file states them, so that pictures of one scene agree.
     """
 
     space: str = field(kw_only=True)
@@ -330,10 +433,9 @@ STEADY = 0.02
 def choose_camera(
     path: Path, settings: ShotMetadata, cameras: Mapping[str, CameraProfile], asked: bool
 ) -> tuple[CameraProfile, tuple[str, ...]]:
-    """Return the profile of the camera that took a picture.
+    """The profile of the camera that took a picture. cameras: by name in lower case.
 
-    cameras: by name in lower case; asked: the user names the settings; then a single profile applies to any picture,
-    and the notes say so. Raises SettingsError.
+    asked: the user names the settings; then a single profile applies to any picture, and the notes say so.
     """
     found = cameras.get(settings.camera.lower())
     if found is not None:
@@ -353,8 +455,7 @@ def source_selector(
 ) -> tuple[Selector, tuple[str, ...]]:
     """The settings of a picture: those asked for, completed by its metadata; and notes.
 
-    needed: False where the white balance stays as it is, so that any serves where it is not told. Raises SettingsError
-    with the profile's known settings where they cannot be told.
+    needed: False where the white balance stays as it is, so that any serves where it is not told.
     """
     style = asked.style if asked.style != AS_SHOT else settings.style
     if style not in camera.styles:

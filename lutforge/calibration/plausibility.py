@@ -28,8 +28,7 @@ from lutforge.calibration.physical.matrix_and_response import (
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.model.profile_data import Diagnosis
-from lutforge.samples.clipping import unclipped_colours
-from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.sample_set import SampleSet, unclipped_colours
 
 FAR_BETTER = 2.5
 """A cause must divide the misfit by so much, and lower it by four codes; causes of good sets do not."""

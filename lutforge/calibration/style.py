@@ -30,8 +30,7 @@ from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import Both, Direction, PhysicalModel
 from lutforge.model.response import smooth_response
-from lutforge.samples.clipping import unclipped_colours
-from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.sample_set import SampleSet, unclipped_colours
 from lutforge.solvers.cross_validation import leave_groups_out
 from lutforge.threads import each, one_blas_thread
 

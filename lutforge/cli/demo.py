@@ -13,7 +13,7 @@ from lutforge.report.tables import Table, held_out_table
 if TYPE_CHECKING:
     from lutforge.evaluation.errors_table import ErrorFigures
     from lutforge.model.camera_profile import CameraProfile
-    from lutforge.simulate.demo import DemoShots
+    from lutforge.simulate.photograph import DemoShots
 
 
 def demo(
@@ -31,7 +31,7 @@ def demo(
     from lutforge.pipeline.transforms import TransformRequest
     from lutforge.report.matplotlib_figure import calibration_sheet
     from lutforge.samples.table import write_samples
-    from lutforge.simulate.demo import SHOTS, demo_shots
+    from lutforge.simulate.photograph import SHOTS, demo_shots
 
     check_output(output / "report.html")
     say("1. Photograph: RAW (DNG) and JPEG files of a simulated Nikon D5100")

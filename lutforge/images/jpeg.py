@@ -162,9 +162,7 @@ def exif_places(block: bytes) -> dict[str, slice]:
 
 
 _SUBSAMPLING: Mapping[tuple[tuple[int, int], ...], int] = {
-    ((1, 1), (1, 1), (1, 1)): 0,
-    ((2, 1), (1, 1), (1, 1)): 1,
-    ((2, 2), (1, 1), (1, 1)): 2,
+    (of_luma, (1, 1), (1, 1)): number for number, of_luma in enumerate(((1, 1), (2, 1), (2, 2)))
 }
 """Sampling factors of Y, Cb and Cr, and Pillow's numbers for them."""
 
@@ -181,7 +179,6 @@ def encode(file: FileIO, canvas: Codes, start: bytes, like: JpegHeader, quality:
     """Write pixels (h, w, 4) as a JPEG with the quantization tables and chroma subsampling of another.
 
     start: SOI and the metadata segments, of at least 20 bytes. quality: of libjpeg, in place of the tables.
-    Raises OSError.
     """
     tables = like.tables[:2] if like.tables[1] == like.tables[2] else like.tables
     picture = Pillow.frombuffer("RGBX", (canvas.shape[1], canvas.shape[0]), canvas, "raw", "RGBX", 0, 1)
@@ -202,11 +199,9 @@ def encode(file: FileIO, canvas: Codes, start: bytes, like: JpegHeader, quality:
 
 
 def stored_metadata(segments: Sequence[Segment], plain: bool, comment: str) -> bytes:
-    """SOI and the segments as they are, with a comment more.
-
-    What says where further pictures begin is left out, since these are not copied, and where colours are coded anew
-    (not `plain`) what told of the old coding.
-    """
+    """SOI and the segments as they are, with a comment more."""
+    # Further pictures are not copied, so what says where they begin is left out; of colours that are coded anew (not
+    # plain), what told of the old coding.
     copied = [each for each in segments if not each.holds(PREVIEWS) and (plain or not each.holds(ADOBE))]
     told = Segment(COMMENT, comment.encode()[:65_000].ljust(16))
     return SOI + b"".join(each.stored for each in (*copied, told))
@@ -230,10 +225,7 @@ def with_colours(segments: Sequence[Segment], profile: bytes | None, adobe_rgb: 
 
 
 def with_thumbnail(segments: Sequence[Segment], grade: Callable[[Codes], None]) -> tuple[Segment, ...]:
-    """The segments with the EXIF thumbnail graded in its place: not a byte around it changes.
-
-    grade: changes pixels (h, w, 4) in place. A thumbnail that cannot be decoded stays as it is.
-    """
+    """The segments with the EXIF thumbnail graded in its place, if it can be decoded: no byte around it changes."""
 
     def graded(block: bytes, places: dict[str, slice]) -> bytes:
         old = block[places.get("thumbnail", slice(0))]
@@ -267,16 +259,13 @@ def _replaced(block: bytes, place: slice, new: bytes) -> bytes:
 
 
 def _small(canvas: Codes, like: JpegHeader, length: int) -> bytes | None:
-    """A thumbnail encoded to exactly `length` bytes; None where not even the coarsest fits.
-
-    It is as fine as they allow, and filled up with bytes that mean nothing (ITU-T T.81, B.1.1.2).
-    """
+    """A thumbnail encoded, as finely as fits, to exactly `length` bytes; None where not even the coarsest fits."""
     for coarser in (1.0, 1.25, 1.6, 2.5, 4.0, 8.0):
         encoded = BytesIO()
         tables = [[min(255, round(step * coarser)) for step in steps] for steps in like.tables]
         picture = Pillow.frombuffer("RGBX", (canvas.shape[1], canvas.shape[0]), canvas, "raw", "RGBX", 0, 1)
         picture.save(encoded, "JPEG", qtables=tables, subsampling=_SUBSAMPLING.get(like.sampling, 0), optimize=True)
         data = SOI + encoded.getvalue()[20:]  # thumbnails have no JFIF segment (Exif 2.32, 4.5.5)
-        if len(data) <= length:
+        if len(data) <= length:  # filled up with bytes that mean nothing (ITU-T T.81, B.1.1.2)
             return data[:-2] + b"\xff" * (length - len(data)) + EOI
     return None

@@ -21,18 +21,13 @@ class RawImage:
     """Demosaicked RAW in sensor orientation, before white balance.
 
     pixels: (h, w, 3) float32, linear; 0 = black level, 1 = sensor saturation; saturated pixels are exactly 1.
-    pixel_size: side of one array pixel in full-resolution pixels of the visible area: 1, or 2 at half size.
-    Array pixel i covers [pixel_size * i, pixel_size * (i + 1)], counted from the picture's left or top edge.
-    flip: LibRaw's code of the rotation to display the picture upright: 0, 3 (180°), 5 (90° left) or 6 (90°
-    right).
-    multipliers: (3,) as-shot white balance with green = 1; None where the file has none that is valid.
-    preview: the embedded JPEG as bytes; None where it has none or only a bitmap thumbnail (`preview_note`
-    says which).
-    exposure_s, iso, focal_mm, aperture (f-number): NaN where unknown. lens: its name, "" where unknown.
-    taken: EXIF's form of the date and time of the exposure, "2020:02:18 08:56:13"; "" where unknown.
-    d65: (3,) multipliers with green = 1 that make light D65 neutral, where LibRaw or the DNG file itself knows the
-        camera's colours.
-    clip_level: (3,) level above which this file's pixels were taken for saturated, before they were set to 1.
+    pixel_size: side of one array pixel in full-resolution pixels of the visible area: 1, or 2 at half size. Array pixel
+    i covers [pixel_size * i, pixel_size * (i + 1)]. flip: LibRaw's code of the rotation to display the picture upright:
+    0, 3 (180°), 5 (90° left) or 6 (90° right). multipliers: (3,) as-shot white balance with green = 1; None where the
+    file has none that is valid. preview: the embedded JPEG, else `preview_note` says why there is none. exposure_s,
+    iso, focal_mm, aperture (f-number): NaN where unknown. lens: its name; taken: EXIF's form of the time of the
+    exposure; "" where unknown. d65: (3,) multipliers with green = 1 that make light D65 neutral, where LibRaw or a DNG
+    file knows the camera's colours. clip_level: (3,) level above which this file's pixels were taken for saturated.
     """
 
     pixels: Pixels
@@ -54,10 +49,8 @@ class RawImage:
 def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
     """Decode a RAW file with LibRaw: no white balance, no brightening, no highlight recovery, no rotation.
 
-    half_size: one pixel per 2×2 Bayer block, red and blue moved to its centre. Prefer it for sampling colours: no
-    demosaicking artefact enters a mean, and it is eight times faster.
-    Scale: black and white level are the camera's, never adjusted to the picture, so shots stay comparable.
-    Raises ImageError: missing, empty, not RAW, damaged, or not a three-colour sensor.
+    half_size: one pixel per 2×2 Bayer block, red and blue moved to its centre, for sampling colours: no demosaicking
+    artefact enters a mean. Black and white level are the camera's, so shots stay comparable. Raises ImageError.
     """
     path = Path(path)
     require_file(path, "a RAW file", ImageError)
@@ -66,17 +59,14 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
         # claims more pixels than this per byte cannot hold them: it is truncated, or made to exhaust memory.
         size, most = int(raw.sizes.raw_width) * int(raw.sizes.raw_height), path.stat().st_size
         if size > 400_000_000 or size > 64 * most:
-            raise ImageError(
-                f"{path}: claims {raw.sizes.raw_width} × {raw.sizes.raw_height} pixels, which {most} bytes cannot "
-                "hold; the file is damaged"
-            )
+            claim = f"{raw.sizes.raw_width} × {raw.sizes.raw_height} pixels"
+            raise ImageError(f"{path}: claims {claim}, which {most} bytes cannot hold; the file is damaged")
         names = raw.color_desc.decode("ascii", "replace")
         if raw.num_colors == 1:
             raise ImageError(f"{path}: a monochrome sensor; colour calibration needs three colours")
         if raw.num_colors != 3 or not set("RGB") <= set(names):
-            raise ImageError(
-                f"{path}: a mosaic of {raw.num_colors} colours ({names}); only red-green-blue sensors are supported"
-            )
+            colours_of = f"a mosaic of {raw.num_colors} colours ({names})"
+            raise ImageError(f"{path}: {colours_of}; only red-green-blue sensors are supported")
         # Before postprocess, which leaves sizes and colour indices changed.
         colours = np.zeros((0, 0), np.uint8)  # indices of the pattern that repeats over the visible mosaic
         if raw.raw_type is rawpy.RawType.Flat and raw.raw_pattern is not None and raw.raw_image_visible.ndim == 2:
@@ -91,16 +81,10 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
             if len(at) == 1:
                 steps[channel] = 1 - 2 * at[0]
         rendered = raw.postprocess(
-            half_size=half_size,
-            gamma=(1, 1),
-            output_color=rawpy.ColorSpace.raw,
-            user_wb=[1, 1, 1, 1],
-            no_auto_bright=True,
-            adjust_maximum_thr=0,
-            highlight_mode=rawpy.HighlightMode.Clip,
-            output_bps=16,
+            half_size=half_size, gamma=(1, 1), output_color=rawpy.ColorSpace.raw, user_wb=[1, 1, 1, 1],
+            no_auto_bright=True, adjust_maximum_thr=0, highlight_mode=rawpy.HighlightMode.Clip, output_bps=16,
             user_flip=0,
-        )
+        )  # fmt: skip
         if rendered.ndim != 3 or rendered.shape[2] != 3 or 0 in rendered.shape:
             raise ImageError(f"{path}: LibRaw made an image of shape {rendered.shape} of it, not one of three colours")
         preview, preview_note = _preview(raw)
@@ -109,31 +93,23 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
         clipped = (clip_level - 3e-5).astype(np.float32)  # LibRaw rounds white to one of the highest two of 16 bits
         _finish(rendered.view(np.uint16), (scale / 65535).astype(np.float32), clipped, steps, pixels)
         other, date = raw.other, raw.other.timestamp
+        numbers = (other.shutter_speed, other.iso_speed, other.focal_length, other.aperture)
+        exposure_s, iso, focal_mm, aperture = (
+            float(value) if math.isfinite(value) and value > 0 else math.nan for value in numbers
+        )
         # LibRaw's multipliers of daylight are those of its own table, or of the ColorMatrix that a DNG file states.
         stated = path.suffix.lower() == ".dng" and np.any(raw.color_matrix)
         return RawImage(
-            pixels=pixels,
-            pixel_size=2.0 if half_size else 1.0,
-            flip=int(raw.sizes.flip),
-            multipliers=_multipliers(list(raw.camera_whitebalance)),
-            preview=preview,
-            preview_note=preview_note,
-            exposure_s=_positive_or_nan(other.shutter_speed),
-            iso=_positive_or_nan(other.iso_speed),
-            clip_level=clip_level,
-            focal_mm=_positive_or_nan(other.focal_length),
-            aperture=_positive_or_nan(other.aperture),
+            pixels, 2.0 if half_size else 1.0, int(raw.sizes.flip), _multipliers(list(raw.camera_whitebalance)),
+            preview, preview_note, exposure_s, iso, clip_level, focal_mm, aperture,
             lens=" ".join(str(raw.lens.model).split()),
             taken="" if date is None or date.year < 1980 else date.strftime("%Y:%m:%d %H:%M:%S"),  # the epoch: unknown
             d65=_multipliers(list(raw.daylight_whitebalance)) if stated or np.any(raw.rgb_xyz_matrix) else None,
-        )
+        )  # fmt: skip
 
 
 def read_multipliers(path: Path | str) -> Array | None:
-    """As-shot white balance (3,) of a RAW file with green = 1, without decoding it; None where it has no valid one.
-
-    Raises ImageError.
-    """
+    """As-shot white balance (3,) of a RAW file with green = 1, without decoding it; None where it has no valid one."""
     path = Path(path)
     require_file(path, "a RAW file", ImageError)
     with _translated(path), rawpy.imread(str(path)) as raw:
@@ -223,18 +199,13 @@ def _multipliers(camera: list[float]) -> Array | None:
     return values if np.all((values > 0.05) & (values < 20)) else None
 
 
-def _positive_or_nan(value: float) -> float:
-    return float(value) if math.isfinite(value) and value > 0 else math.nan
-
-
 # --- The level at which a RAW file's own pixels saturate: the spike of clipping in its histogram ---------------------
 
 
 def clip_levels(raw: rawpy.RawPy, colours: NDArray[np.uint8]) -> Array:
-    """Return the level (3,) at which each channel of a file saturates: 1 = LibRaw's nominal maximum.
+    """The level (3,) at which each channel of a file saturates, 1 = LibRaw's nominal maximum, as where none shows.
 
-    That is the level, too, where the file does not show another. colours: indices (n, n) of the pattern that repeats
-    over the visible mosaic, (0, 0) where there is none.
+    colours: indices (n, n) of the pattern that repeats over the visible mosaic, (0, 0) where there is none.
     """
     levels = np.ones(3)
     if not colours.size:

@@ -68,8 +68,7 @@ class Image:
 class ImageReader:
     """An open image file that is read region by region, so that memory does not grow with the image.
 
-    spec, format: as in `Image`. Formats whose decoder knows no rows (WebP, JPEG 2000, JPEG XL, GIF, PSD) are decoded
-    whole inside OpenImageIO. Raises ImageError, in one line, as `read_image` does.
+    Formats whose decoder knows no rows (WebP, JPEG 2000, JPEG XL, GIF, PSD) are decoded whole inside OpenImageIO.
     """
 
     def __init__(self, path: Path) -> None:
@@ -166,10 +165,7 @@ class ImageReader:
 
 
 def read_image(path: str | Path) -> Image:
-    """Read the first image of a file, pixels (h, w, c) float32, oriented as stored.
-
-    Raises ImageError, in one line, for a file that is missing, empty, truncated, absurdly large, or no image.
-    """
+    """Read the first image of a file, pixels (h, w, c) float32, oriented as stored. Raises ImageError, in one line."""
     path = Path(path)
     if is_heif(path):
         heif = read_heif(path)
@@ -222,10 +218,9 @@ def _reason(text: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """A white-balanced linear picture, in any of the four orientations.
+    """A white-balanced picture in any of the four orientations: linear RGB (h, w, 3) of a space's primaries.
 
-    pixels: (h, w, 3) float32, linear RGB. space: a name of `lutforge.colour.rgb_spaces`, in which the picture was
-    encoded: the pixels have its primaries. developer: what made it.
+    space: of `lutforge.colour.rgb_spaces`, in which the picture was encoded. developer: what made it.
     """
 
     pixels: Pixels
@@ -234,10 +229,7 @@ class Development:
 
 
 def read_developed(path: Path, space: str) -> Development:
-    """Read a picture that any program developed: 16-bit TIFF or EXR, encoded in `space`.
-
-    Raises ImageError where it cannot be read, ShotError where it has no colour, SettingsError on an unknown space.
-    """
+    """Read a picture that any program developed: 16-bit TIFF or EXR, encoded in `space`."""
     encoding = rgb_space(space)
     pixels = read_image(path).pixels
     if pixels.ndim != 3 or pixels.shape[2] < 3:

@@ -14,10 +14,7 @@ Field = tuple[int, int, bytes]
 
 
 class TiffWriter:
-    """Collects the blocks of a little-endian file; a block's offset is known once it is appended.
-
-    magic: the number behind the byte order, which tells what kind of file it is.
-    """
+    """Collects the blocks of a little-endian file. magic: the number behind the byte order, which tells its kind."""
 
     def __init__(self, magic: int = 42) -> None:
         self._content = bytearray(struct.pack("<2sHI", b"II", magic, 0))
@@ -106,8 +103,7 @@ def read_directory(block: bytes | mmap, order: str, offset: int, base: int = 0) 
     """The fields of a directory by tag, and the offset of the next directory, 0 for none.
 
     offset: counts from `base`, as those do that the directory holds. A field counts once; what does not lie in the
-    block is left out, and what follows 512 fields, which no camera fills. Raises struct.error where the directory does
-    not begin in the block.
+    block is left out, and what follows 512 fields. Raises struct.error where the directory begins outside of the block.
     """
     start = base + offset
     if start < 0:

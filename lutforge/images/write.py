@@ -22,37 +22,25 @@ SOFTWARE = "LutForge"
 IN_SRGB, IN_ANOTHER_SPACE = 1, 0xFFFF
 """Values of the Exif tag ColorSpace (Exif 2.32, 4.6.5)."""
 
-_WIDEST: dict[str, str] = {  # the deepest pixel type that a format takes, where it is not float
-    "jpeg": "uint8",
-    "png": "uint16",
-    "targa": "uint8",
-    "bmp": "uint8",
-    "webp": "uint8",
-    "ico": "uint8",
-    "dpx": "uint16",
-    "jpeg2000": "uint16",
-    "sgi": "uint16",
-    "pnm": "uint16",
+_WIDEST = {  # the deepest pixel type that a format takes, where it is not float
+    **dict.fromkeys(("jpeg", "targa", "bmp", "webp", "ico"), "uint8"),
+    **dict.fromkeys(("png", "dpx", "jpeg2000", "sgi", "pnm"), "uint16"),
 }
 _NO_INTEGERS = frozenset({"openexr", "hdr"})
 _DEPTHS = ("uint8", "uint16", "half", "float")
 _KEEPS_ORIENTATION = frozenset({"jpeg", "tiff", "png", "openexr"})
+_OF_THE_FORMAT = ("compression", "oiio:BitsPerSample", "planarconfig")
 _OWN_ATTRIBUTES = ("jpeg:", "png:", "tiff:", "openexr:", "dpx:", "targa:", "bmp:", "webp:", "gif:", "jpegxl:")
 
 
 def describe_output(
-    path: Path,
-    spec: oiio.ImageSpec,
-    format: str,
-    note: str | None = None,
-    attributes: Mapping[str, object] | None = None,
-    quality: int | None = None,
-) -> oiio.ImageSpec:
-    """Describe the file that is written. Raises ImageError where the format cannot hold it.
+    path: Path, spec: oiio.ImageSpec, format: str, note: str | None = None,
+    attributes: Mapping[str, object] | None = None, quality: int | None = None,
+) -> oiio.ImageSpec:  # fmt: skip
+    """Describe the file that is written; note, and what is kept, as for `write_image`.
 
-    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name; note, and
-    what is kept, as for `write_image`. attributes: metadata to set, by OpenImageIO's names; None erases one. quality:
-    of a JPEG, where it should not be its source's.
+    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name. attributes:
+    metadata to set, by OpenImageIO's names; None erases one. quality: of a JPEG, where it should not be its source's.
     """
     result = _output_spec(path, create_output(path), spec, format)
     if note is not None:
@@ -125,11 +113,7 @@ def _output_spec(path: Path, target: oiio.ImageOutput, source: oiio.ImageSpec, f
     spec = oiio.ImageSpec(source)
     if format != name:
         for attribute in list(spec.extra_attribs):
-            if attribute.name.lower().startswith(_OWN_ATTRIBUTES) or attribute.name in (
-                "compression",
-                "oiio:BitsPerSample",
-                "planarconfig",
-            ):
+            if attribute.name.lower().startswith(_OWN_ATTRIBUTES) or attribute.name in _OF_THE_FORMAT:
                 spec.erase_attribute(attribute.name)
     for thumbnail in ("thumbnail_image", "thumbnail_width", "thumbnail_height", "thumbnail_nchannels"):
         spec.erase_attribute(thumbnail)
@@ -178,13 +162,12 @@ _NOT_SAFE_ON_DISK = frozenset({"jpeg", "webp"})
 
 
 def write_image(path: str | Path, pixels: ArrayLike, spec_like: Image, note: str | None = None) -> None:
-    """Write `pixels` (h, w, c) with the metadata of `spec_like`; the suffix picks the format.
+    """Write `pixels` (h, w, c) with the metadata of `spec_like`, atomically; the suffix picks the format.
 
-    Pixels are in the encoding of the file: integers from [0, 1] (clipped), half and float as they are. Bit
-    depth is the source's where the format has it, else the nearest that loses least. A JPEG of a JPEG has its
-    source's quality and chroma subsampling, any other quality 97 and none. EXIF, IPTC, XMP, ICC profile and
-    orientation are kept; thumbnails are dropped, as they show the old pixels. `note` says what was done, for
-    Software and ImageHistory. Atomic. Raises ImageError.
+    Pixels are in the encoding of the file: integers from [0, 1] (clipped), half and float as they are. Bit depth is the
+    source's where the format has it, else the nearest that loses least. A JPEG of a JPEG has its source's quality and
+    chroma subsampling, any other quality 97 and none. EXIF, IPTC, XMP, ICC profile and orientation are kept, thumbnails
+    of the old pixels dropped. `note` says what was done, for Software and ImageHistory. Raises ImageError.
     """
     path = Path(path)
     array = np.ascontiguousarray(pixels, dtype=np.float32)
@@ -306,7 +289,6 @@ def _is_whole(path: Path, name: str) -> bool:
 
 def upright(array: Pixels, orientation: int) -> Pixels:
     """Turn a stored image (h, w, c) the way its EXIF orientation (1–8) asks for."""
-    mirrored, quarters = {2: (1, 0), 3: (0, 2), 4: (1, 2), 5: (1, 1), 6: (0, 3), 7: (1, 3), 8: (0, 1)}.get(
-        orientation, (0, 0)
-    )
+    turns = {2: (1, 0), 3: (0, 2), 4: (1, 2), 5: (1, 1), 6: (0, 3), 7: (1, 3), 8: (0, 1)}
+    mirrored, quarters = turns.get(orientation, (0, 0))
     return np.ascontiguousarray(np.rot90(array[:, ::-1] if mirrored else array, quarters))

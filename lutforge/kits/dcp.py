@@ -118,14 +118,9 @@ def fit_dng_profile(look: Look) -> DngProfile:
     saturation = np.where(nodes[:, 1] > 0, wanted[:, 1] / np.where(nodes[:, 1] > 0, nodes[:, 1], 1.0), 1.0)
     lighter = _SRGB.encode(wanted[:, 2]) / _SRGB.encode(nodes[:, 2])
     entries = np.stack([np.where(is_grey, 0.0, shift), saturation, lighter], axis=1)
-    return DngProfile(
-        name=look.title,
-        camera=look.profile.camera,
-        color_matrix=np.asarray(np.linalg.inv(under_d65), dtype=np.float64),
-        forward_matrix=forward,
-        tone_curve=curve,
-        look_table=entries.reshape(values, hues, saturations, 3),
-    )
+    color_matrix = np.asarray(np.linalg.inv(under_d65), dtype=np.float64)
+    table = entries.reshape(values, hues, saturations, 3)
+    return DngProfile(look.title, look.profile.camera, color_matrix, forward, curve, table)
 
 
 def write_dcp(profile: DngProfile, path: Path) -> None:
@@ -194,15 +189,9 @@ def read_dcp(path: str | Path) -> DngProfile:
         if 50981 in tags:
             hues, saturations, values = (int(count) for count in tags[50981])
             table = tags[50982].reshape(max(values, 1), hues, saturations, 3)
-        return DngProfile(
-            name=_text(tags, 50936),
-            camera=_text(tags, 50708),
-            color_matrix=tags[50721].reshape(3, 3),
-            forward_matrix=tags[50964].reshape(3, 3),
-            tone_curve=curve.reshape(-1, 2),
-            look_table=table,
-            encoded_values=bool(tags.get(51108, np.zeros(1))[0]),
-        )
+        color_matrix, forward = tags[50721].reshape(3, 3), tags[50964].reshape(3, 3)
+        name, camera, encoded = _text(tags, 50936), _text(tags, 50708), bool(tags.get(51108, np.zeros(1))[0])
+        return DngProfile(name, camera, color_matrix, forward, curve.reshape(-1, 2), table, encoded)
 
 
 def dcp_lines(path: str | Path) -> list[str]:

@@ -2,8 +2,7 @@
 
 ICC.1:2001-04 (version 2.4, https://www.color.org/ICC_Minor_Revision_for_Web.pdf), which every RAW developer reads: a
 profile of class `scnr` whose table A2B0 is a `lut16Type` (6.5.8): input curves of 4,096 entries, and a cube that Little
-CMS interpolates by tetrahedra, in 16 bits. Curves and cube are fitted for that interpolation, in Lab, so that an error
-counts as the eye sees it.
+CMS interpolates by tetrahedra, in 16 bits. Both are fitted for that in Lab, so that an error counts as it is seen.
 """
 
 import struct
@@ -21,7 +20,7 @@ from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz
 from lutforge.errors import LutError, one_line
 from lutforge.images.icc import profile_name
 from lutforge.kits.kit import Look
-from lutforge.luts.least_squares import fit_cube
+from lutforge.luts.bake import fit_cube
 from lutforge.luts.ops import Cube, Curve
 
 ENTRIES = 4096
@@ -49,7 +48,7 @@ _XYZ_FROM_SRGB = to_xyz_d50("linear-srgb")
 class IccProfile:
     """What a profile of a camera holds: its name, a curve per channel, and a cube of Lab codes.
 
-    cube: values are the codes of version 2 as shares of 65535: L* · 652.8, a* and b* from −128 in steps of 1 / 256.
+    These are the codes of version 2 as shares of 65535: L* · 652.8, a* and b* from −128 in steps of 1 / 256.
     """
 
     name: str
@@ -139,13 +138,8 @@ def write_icc(profile: IccProfile, path: Path) -> None:
     table = b"mft2" + struct.pack(">4x3Bx9i2H", 3, 3, profile.cube.size, *unit, len(profile.curve.outputs), 2)
     for values in (profile.curve.outputs.T, profile.cube.values, np.tile([0.0, 1.0], (3, 1))):
         table += np.rint(values * 65535).astype(">u2").tobytes()
-    content = icc_file(
-        b"scnr",
-        b"Lab ",
-        profile.name,
-        "No copyright (CC0 1.0); made with LutForge",
-        {b"wtpt": icc_xyz(D50), b"A2B0": table},
-    )
+    made = "No copyright (CC0 1.0); made with LutForge"
+    content = icc_file(b"scnr", b"Lab ", profile.name, made, {b"wtpt": icc_xyz(D50), b"A2B0": table})
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 
@@ -157,14 +151,12 @@ def read_icc(path: str | Path) -> IccProfile:
     with reading(path, "an ICC profile", LutError):
         kind, inputs, outputs, nodes, *_, entries, after = struct.unpack_from(">4s4x3Bx36x2H", table)
         if (kind, inputs, outputs, after) != (b"mft2", 3, 3, 2) or not (2 <= nodes <= 129 and 2 <= entries <= ENTRIES):
-            raise LutError(
-                f"{path}: no table of 16 bits from RGB to Lab with straight output curves, as LutForge writes"
-            )
+            wanted = "no table of 16 bits from RGB to Lab with straight output curves"
+            raise LutError(f"{path}: {wanted}, as LutForge writes")
         numbers = np.frombuffer(table, ">u2", 3 * (entries + nodes**3), 52) / 65535
         curve, cube = np.split(numbers, [3 * entries])
-        return IccProfile(
-            profile_name(data), Curve(curve.reshape(3, entries).T), Cube(cube.reshape(nodes, nodes, nodes, 3))
-        )
+        curves, nodes_of_cube = curve.reshape(3, entries).T, cube.reshape(nodes, nodes, nodes, 3)
+        return IccProfile(profile_name(data), Curve(curves), Cube(nodes_of_cube))
 
 
 def icc_lines(path: str | Path) -> list[str]:

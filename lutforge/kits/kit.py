@@ -22,8 +22,7 @@ Source = Literal["raw", "any"]
 class Look:
     """A camera's look: from what the profile was calibrated on, RAW or developed pictures, to the camera's JPEG.
 
-    render: that input, white-balanced, (…, 3) on [0, 1] → encoded sRGB. multipliers: (3,), the white balance of the
-    setting, times its gain.
+    render: that input, white-balanced, (…, 3) on [0, 1] → encoded sRGB. multipliers: (3,), of the setting, with gain.
     """
 
     profile: CameraProfile
@@ -105,9 +104,8 @@ class Kit:
     """How one program shows a look.
 
     program: the name that `--for` takes; title: for people; source: what the kit can be made from; tried: what it was
-    tried with, or that it could not be run. write: adds the files of a look to a folder, and returns the steps that
-    lead to it, for the README. script: how the program develops a RAW file without a window; None where it cannot, or
-    is not tried.
+    tried with. write: adds the files of a look to a folder, and returns the steps that lead to it, for the README.
+    script: how the program develops a RAW file without a window; None where it cannot.
     """
 
     program: str

@@ -11,12 +11,10 @@ from lutforge.arrays import Array, ColourFunction, Real, Single
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import one_line
 from lutforge.interpolation import Interpolation
-from lutforge.luts.formats.text import SPI_PAIR
-from lutforge.luts.input_and_output import InputAndOutput, read_input_and_output
-from lutforge.luts.ops import Cube, Curve, Matrix
+from lutforge.luts.formats import SPI_PAIR
+from lutforge.luts.ops import Cube, Curve, Matrix, node_levels
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import Lut, evaluate, own_reader
-from lutforge.luts.shaper import node_levels
+from lutforge.luts.sequence import InputAndOutput, Lut, evaluate, own_reader, read_input_and_output
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.sobol import sobol
 
@@ -33,10 +31,9 @@ _NO_DIALECTS = (".clf", ".ctf", "Hald image")
 class LutReport:
     """A LUT file in figures and words.
 
-    lut: what it holds; dialect: which kind of its format. domain: lowest and highest input; lowest, highest: of all
-    outputs of the last table; clipped: share of its nodes with a channel at 0 or 1, where none is beyond; falling:
-    share of the steps along a channel's own axis that go down; black, white: outputs of the ends of the domain;
-    problems: what is wrong with the file; readers: program → what it makes of the file.
+    dialect: which kind of its format. domain: lowest and highest input; lowest, highest: of all outputs of the last
+    table; clipped: share of its nodes with a channel at 0 or 1, where none is beyond; falling: share of the steps along
+    a channel's own axis that go down; black, white: outputs of the ends of the domain; readers: by program.
     """
 
     path: Path
@@ -77,20 +74,10 @@ def check_lut(path: str | Path) -> LutReport:
     if states is not None and states.takes_raw:
         readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
     black, white = (_triple(colour) for colour in lut(np.array(domain)))
-    return LutReport(
-        path=path,
-        lut=lut,
-        dialect=dialect,
-        domain=domain,
-        lowest=float(outputs.min()),
-        highest=float(outputs.max()),
-        clipped=None if beyond else float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1))),
-        falling=falling,
-        black=black,
-        white=white,
-        problems=tuple(_problems(lut, domain, falling, beyond, states)),
-        readers=readers,
-    )
+    clipped = None if beyond else float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1)))
+    problems = tuple(_problems(lut, domain, falling, beyond, states))
+    lowest, highest = float(outputs.min()), float(outputs.max())
+    return LutReport(path, lut, dialect, domain, lowest, highest, clipped, falling, black, white, problems, readers)
 
 
 def report_lines(report: LutReport) -> list[str]:
@@ -188,17 +175,6 @@ def _domain(lut: Lut) -> tuple[Colour, Colour]:
 # --- What programs beside OpenColorIO make of LUT files: by their sources, and by trials -----------------------------
 
 
-_SPI = {"other programs": "mostly do not read it; it belongs in an OpenColorIO config"}
-_OTHER_READERS = {
-    "Hald image": {
-        "RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it",
-        "video programs": "mostly do not",
-    },
-    ".spi1d": _SPI,
-    ".spi3d": _SPI,
-}
-
-
 def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[str, str]:
     """What programs other than OpenColorIO make of such a file, by name of the program."""
     match lut.metadata.get("format"), dialect:
@@ -253,8 +229,12 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
             elif bits != "12":
                 ffmpeg = f"takes the numbers for 12 bits, not {bits}: wrong colours"
             return {"Flame, Lustre, darktable": "read it", "ffmpeg": ffmpeg}
-        case kind, _:
-            return _OTHER_READERS.get(kind or "", {"other programs": "mostly do not read it"})
+        case "Hald image", _:
+            return {"RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it", "video programs": "mostly do not"}
+        case ((".spi1d" | ".spi3d"), _):
+            return {"other programs": "mostly do not read it; it belongs in an OpenColorIO config"}
+        case _:
+            return {"other programs": "mostly do not read it"}
 
 
 # --- How near a file is to what was baked: read back as its reader evaluates it --------------------------------------
@@ -263,11 +243,7 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
 
 
 def sample_points(lut: Lut) -> Array:
-    """Points (n, 3) of a LUT's domain, dense where it bends.
-
-    A Sobol sequence, the same squeezed towards the node levels, nodes and both sides of them, the grey axis, and the
-    corners of the cube; behind a matrix of a scene-linear space also what is beyond the domain.
-    """
+    """Points (n, 3) of a LUT's domain, dense where it bends; behind a matrix of a scene-linear space also beyond it."""
     count = 32768
     first = lut.ops[0]
     matrix = first if isinstance(first, Matrix) else Matrix(np.eye(3))
@@ -314,16 +290,13 @@ class FileError:
 
 
 def verify(
-    path: str | Path,
-    reference: ColourFunction,
-    lut: Lut | None = None,
-    interpolation: Interpolation | None = None,
+    path: str | Path, reference: ColourFunction, lut: Lut | None = None, interpolation: Interpolation | None = None,
     display_referred: bool = True,
-) -> FileError:
+) -> FileError:  # fmt: skip
     """Compare the file, as a reader evaluates it in float32, with a reference.
 
     lut: the LUT that was written: points near its nodes, and its interpolation; without it, those of the file, and
-    tetrahedral. interpolation overrides: what the file's consumer will use. Raises LutError.
+    tetrahedral. interpolation: what the file's consumer will use instead.
     """
     path = Path(path)
     method = interpolation or (lut.interpolation if lut is not None else "tetrahedral")
@@ -346,13 +319,7 @@ def compare(x: Array, got: Single, wanted: Array, display_referred: bool = True)
     """Figures of the difference of two outputs (n, 3) for the inputs x (n, 3)."""
     norm = np.linalg.norm(got - wanted, axis=1)
     de00 = delta_e_2000(got.astype(np.float64), wanted) if display_referred else None
-    r, g, b = (float(v) for v in x[int(np.argmax(norm if de00 is None else de00))])
-    return FileError(
-        mean=float(norm.mean()),
-        p99=float(np.quantile(norm, 0.99)),
-        max=float(norm.max()),
-        mean_de00=None if de00 is None else float(de00.mean()),
-        max_de00=None if de00 is None else float(de00.max()),
-        samples=len(got),
-        worst=(r, g, b),
-    )
+    mean_de00, max_de00 = (None, None) if de00 is None else (float(de00.mean()), float(de00.max()))
+    worst = _triple(x[int(np.argmax(norm if de00 is None else de00))])
+    mean, p99, most = float(norm.mean()), float(np.quantile(norm, 0.99)), float(norm.max())
+    return FileError(mean, p99, most, mean_de00, max_de00, len(got), worst)

@@ -49,16 +49,13 @@ PROGRAMS: dict[str, Program] = {
     "finalcut": Program(reads=(".cube",)),
     "affinity": Program(reads=(".cube", ".3dl", ".csp")),
     "ffmpeg": Program(
-        reads=(".cube", ".csp", ".3dl"),
-        interpolation="tetrahedral",
+        reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral",
         use="ffmpeg -i IN -vf lut3d=file=FILE:interp=tetrahedral OUT",
     ),
     "mlt": Program(reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
     "obs": Program(reads=(".cube",)),
     "darktable": Program(
-        reads=(".icc", ".cube", ".3dl", ".png"),
-        interpolation="tetrahedral",
-        use="module input color profile",
+        reads=(".icc", ".cube", ".3dl", ".png"), interpolation="tetrahedral", use="module input color profile",
         develops=True,
     ),
     "rawtherapee": Program(
@@ -71,7 +68,7 @@ PROGRAMS: dict[str, Program] = {
     "gmic": Program(reads=(".cube", ".png")),
     "gimp": Program(reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
     "imagemagick": Program(reads=HALD),
-}
+}  # fmt: skip
 """Programs that `--for` names, and what their readers take."""
 
 
@@ -137,9 +134,8 @@ def files_for(program: str, title: str) -> dict[Path, str | None]:
     A program that reads a shaper also gets a plain cube as a fallback, for no program in particular (None). A
     .cube with a shaper is named so: programs that read none would render garbage by one in the place of theirs.
     """
-    stem = "_".join(re.findall(r"[\w+.-]+", unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()))[
-        :100
-    ]
+    latin = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
+    stem = "_".join(re.findall(r"[\w+.-]+", latin))[:100]
     known = program_named(program)
     shaped = ".shaper" if known.shaper and known.reads[0] == ".cube" else ""
     first = f"{stem or 'lut'}{shaped}{known.reads[0]}"

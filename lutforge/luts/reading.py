@@ -1,7 +1,7 @@
 """LUT files of any origin, read by OpenColorIO in a process of its own.
 
 OpenColorIO's readers are what most programs read LUT files with, so that what it makes of a file is what the file
-means. Three formats that it does not know have readers of their own beside their writers (`formats/`).
+means. Three formats that it does not know have readers of their own beside their writers (`formats.py`).
 """
 
 from codecs import BOM_UTF8
@@ -19,7 +19,7 @@ from lutforge.boundary import path_of, reading, require_file
 from lutforge.child_processes import OverrunError, P, R, guarded
 from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
-from lutforge.luts.formats.clf import ACES_ID
+from lutforge.luts.formats import ACES_ID
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import FORMATS, OCIO_ERRORS, Lut, evaluate, own_reader
 
@@ -54,11 +54,7 @@ def read_lut(path: str | Path) -> Lut:
 
 
 def processor_of_file(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.Processor:
-    """What OpenColorIO reads in a LUT file.
-
-    For files that are known to be harmless; `stranger` looks at others first. Raises LutError, in one line, also where
-    a table holds what is not a finite number.
-    """
+    """What OpenColorIO reads in a LUT file that is known to be harmless; `stranger` looks at others first."""
     path = Path(path)
     require_file(path, "a LUT", LutError, MOST_BYTES)
     if path.suffix.lower() == ".csp":  # OpenColorIO 2.6 would look for the end of metadata for ever
@@ -82,10 +78,7 @@ def processor_of_file(path: str | Path, interpolation: Interpolation = "tetrahed
 
 
 def stranger(path: str | Path, interpolation: Interpolation = "tetrahedral") -> tuple[OCIO.Processor, tuple[str, ...]]:
-    """The processor of a file of unknown origin and its comments; it is read in a process of its own first.
-
-    Raises LutError.
-    """
+    """The processor of a file of unknown origin and its comments; it is read in a process of its own first."""
     path = Path(path)
     require_file(path, "a LUT", LutError, MOST_BYTES)
     with reading(path, "a LUT", LutError):
@@ -94,11 +87,7 @@ def stranger(path: str | Path, interpolation: Interpolation = "tetrahedral") -> 
 
 
 def file_processor(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.CPUProcessor:
-    """An OpenColorIO processor, float32 in and out, of a LUT file of ours.
-
-    interpolation: for cubes of files that name none themselves (CLF and CTF do). Raises LutError as
-    `processor_of_file` does.
-    """
+    """The processor, float32 in and out, of a LUT file of ours. interpolation: for cubes of files that name none."""
     with reading(path, "a LUT", LutError):
         return processor_of_file(path, interpolation).getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
 
@@ -175,26 +164,20 @@ def _is_number(word: str) -> bool:
 
 
 def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
-    """OpenColorIO's transforms as operations: those that work channel by channel become curves.
-
-    Raises LutError on one that mixes channels in another way than a matrix or a cube does.
-    """
+    """OpenColorIO's transforms as operations: those that work channel by channel become curves. Raises LutError."""
     ops: list[Op] = []
     single: list[OCIO.Transform] = []  # neighbours that work channel by channel are one curve: no error adds up
     for part in group:
         inverse = part.getDirection() == OCIO.TRANSFORM_DIR_INVERSE
         made: list[Op] = []
         match part:
-            case OCIO.MatrixTransform():
+            case OCIO.MatrixTransform() if not inverse:
                 matrix, offset = np.array(part.getMatrix()).reshape(4, 4), np.array(part.getOffset())
                 if np.any(matrix[:3, 3] != 0):
                     raise _beyond("a matrix in which alpha tints colours")
-                if inverse:
-                    matrix = np.linalg.inv(matrix)
-                    offset = -matrix @ offset
                 made = [Matrix(matrix[:3, :3], offset[:3])]
-            case OCIO.RangeTransform():
-                made = _range(part, inverse)
+            case OCIO.RangeTransform() if not inverse:
+                made = _range(part)
             case OCIO.Lut1DTransform() if part.getHueAdjust() != OCIO.HUE_NONE:
                 raise _beyond("a curve that keeps hues")
             case OCIO.Lut1DTransform() if not part.getInputHalfDomain() and not inverse:
@@ -233,16 +216,12 @@ def _with_domain(ops: list[Op], curve: Op) -> list[Op]:
     return [Curve(curve.outputs, round(low, 9), round(high, 9))]
 
 
-def _range(part: OCIO.RangeTransform, inverse: bool) -> list[Op]:
+def _range(part: OCIO.RangeTransform) -> list[Op]:
     low = part.getMinInValue() if part.hasMinInValue() else None
     high = part.getMaxInValue() if part.hasMaxInValue() else None
     first = part.getMinOutValue() if part.hasMinOutValue() else None
     last = part.getMaxOutValue() if part.hasMaxOutValue() else None
-    if inverse:
-        low, high, first, last = first, last, low, high
-    ops: list[Op] = []
-    if part.getStyle() == OCIO.RANGE_CLAMP:
-        ops.append(Range(low, high))
+    ops: list[Op] = [Range(low, high)] if part.getStyle() == OCIO.RANGE_CLAMP else []
     scale, offset = 1.0, 0.0
     if low is not None and first is not None:
         if high is not None and last is not None:
@@ -257,10 +236,7 @@ def _range(part: OCIO.RangeTransform, inverse: bool) -> list[Op]:
 
 def _cdl(part: OCIO.CDLTransform) -> list[Op]:
     """A colour decision list: slope, offset and power channel by channel, then saturation (ASC CDL 1.2)."""
-    channels = OCIO.CDLTransform()
-    channels.setSlope(part.getSlope())
-    channels.setOffset(part.getOffset())
-    channels.setPower(part.getPower())
+    channels = OCIO.CDLTransform(slope=part.getSlope(), offset=part.getOffset(), power=part.getPower())
     channels.setStyle(part.getStyle())
     luma, saturation = np.array(part.getSatLumaCoefs()), part.getSat()
     ops: list[Op] = _tabulated([channels])

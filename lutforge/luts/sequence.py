@@ -2,7 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, get_args
@@ -12,6 +12,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, Single
+from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.colour.srgb import checked_colours
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
@@ -140,9 +141,7 @@ class Lut:
             curve, cube = self.shaper_and_cube()
         except LutError:
             return False
-        if not cube.has_equal_axes:
-            return False
-        return curve is None or form == "shaper"
+        return cube.has_equal_axes and (curve is None or form == "shaper")
 
     def write(self, path: str | Path) -> Path:
         """Write the sequence to a file, atomically and exactly, in the format that the suffix names; return the path.
@@ -190,7 +189,7 @@ class FileFormat:
 
 
 FORMATS: dict[str, FileFormat] = {}
-"""The formats that are written, by suffix; `luts/formats/` fills it."""
+"""The formats that are written, by suffix; `luts/formats.py` fills it."""
 
 
 def format_of(path: Path) -> FileFormat:
@@ -266,3 +265,54 @@ def evaluate(processor: OCIO.CPUProcessor, x: ArrayLike) -> Single:
     y = np.array(x, dtype=np.float32, order="C", ndmin=2)
     processor.applyRGB(y)
     return y.reshape(np.shape(x))
+
+
+# --- What goes into a LUT and what comes out --------------------------------------------------------------------------
+# A LUT on the wrong pixels is the usual mistake, and no format has a word for it. The files that LutForge writes say it
+# in their comments.
+
+
+ENCODED = "the camera's JPEG, encoded, 0 to 1"
+ADOBE_RGB = "the camera's JPEG in Adobe RGB, encoded, 0 to 1"
+RAW = "linear camera RAW, black 0, saturation 1, before white balance"
+
+
+@dataclass(frozen=True)
+class InputAndOutput:
+    """Input and output of a LUT: ENCODED, ADOBE_RGB, RAW, or scene-linear or scene-referred and the space's name."""
+
+    input: str
+    output: str
+
+    @property
+    def takes_raw(self) -> bool:
+        """True where the input is camera RAW before white balance."""
+        return self.input.startswith(RAW)
+
+    @property
+    def are_linear(self) -> tuple[bool, bool]:
+        """Whether input and output are linear light."""
+        takes, gives = (end == RAW or end.startswith("scene-linear") for end in (self.input, self.output))
+        return takes, gives
+
+    @property
+    def comments(self) -> tuple[str, ...]:
+        """The comment lines of a file: one record a line for `read_input_and_output`, and advice for people."""
+        takes_linear, gives_linear = self.are_linear
+        advice = ["not for JPEGs"] if takes_linear else []
+        if gives_linear:
+            advice.append("keep its output in half or float files, 8 bits would show bands")
+        return f"input: {self.input}", f"output: {self.output}", *([f"use: {'; '.join(advice)}"] if advice else [])
+
+
+def input_and_output_of(kind: str, space: str, encoded: str = ENCODED) -> InputAndOutput:
+    """Of a kind of transform. space: of the scene's side, "raw" or a name; encoded: what the JPEG that goes in is."""
+    linear = space == "raw" or rgb_space(space).is_linear
+    scene = RAW if space == "raw" else f"scene-{'linear' if linear else 'referred'} {space}"
+    return InputAndOutput(scene if kind == "render" else encoded, scene if kind == "linearize" else ENCODED)
+
+
+def read_input_and_output(comments: Iterable[str]) -> InputAndOutput | None:
+    """What the comments of a LUT file say; None where they do not."""
+    stated = dict(comment.split(": ", 1) for comment in comments if ": " in comment)
+    return InputAndOutput(stated["input"], stated["output"]) if {"input", "output"} <= stated.keys() else None

@@ -6,8 +6,7 @@ import numpy as np
 
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.samples.clipping import unclipped_colours
-from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.sample_set import SampleSet, unclipped_colours
 
 
 def with_own_raw(profile: CameraProfile, samples: SampleSet) -> SampleSet:

@@ -1,7 +1,4 @@
-"""The names of cameras in a config: unique, valid in programs and file systems, and different from the base's.
-
-Names are such that OpenColorIO, file systems and archives all take them.
-"""
+"""The names of cameras in a config: unique, valid in programs, file systems and archives, and not the base's."""
 
 import hashlib
 import re
@@ -23,10 +20,7 @@ _SIGNS = " ._()-"
 
 
 def part_name(text: str, fallback: str = "unnamed") -> str:
-    """One part of a name: letters and digits of any script, Latin ones without accents, and the signs . _ ( ) -.
-
-    It has at most 64 characters: three of them must fit a menu and a file name.
-    """
+    """One part of a name: letters and digits of any script, Latin ones without accents, and . _ ( ) -; 64 at most."""
     return _cleaned(text)[:64].rstrip() or fallback
 
 
@@ -161,10 +155,7 @@ def as_profiles(profiles: Sequence[CameraProfile | str | Path]) -> list[CameraPr
 
 
 def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable[str] = ()) -> tuple[Camera, ...]:
-    """Names for profiles, none of whose colour spaces or aliases is among those taken, whatever the case.
-
-    Where one would be, the camera gets a number. Raises ConfigError on no profile, on the same one twice.
-    """
+    """Names for profiles; a camera gets a number where a colour space or alias is taken. Raises ConfigError."""
     used = {name.lower() for name in taken}
     prints: set[str] = set()
     cameras: list[Camera] = []
@@ -197,15 +188,11 @@ def _fingerprint(profile: CameraProfile) -> str:
     arrays = [profile.matrix]
     for name, style in sorted(profile.styles.items()):
         digest.update(name.encode())
-        arrays += [
-            part
-            for lattice in (style.render, style.linearize)
-            if lattice is not None
-            for part in (*lattice.levels, lattice.values)
-        ]
+        for lattice in filter(None, (style.render, style.linearize)):
+            arrays += [*lattice.levels, lattice.values]
         for model in style.physical:
-            arrays += [model.matrix, model.response.inverse]
-            arrays += [part.coefficients for part in (model.gamut_map, model.inverse_gamut_map)]
+            maps = model.gamut_map, model.inverse_gamut_map
+            arrays += [model.matrix, model.response.inverse, *(part.coefficients for part in maps)]
     for array in arrays:
         digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
     return digest.hexdigest()

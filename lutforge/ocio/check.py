@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.arrays import Pixels
 from lutforge.boundary import reading, require_file
 from lutforge.errors import ConfigError, one_line
 from lutforge.luts.sequence import OCIO_ERRORS
@@ -49,10 +48,17 @@ def check_config(config: OCIO.Config) -> list[str]:
         config.validate()
     except OCIO_ERRORS as error:
         problems.append(f"config: {one_line(str(error), 400)}")
-    problems += _missing_files(config)
-    for where, make in _transforms(config):
+    context = config.getCurrentContext()
+    for source, where in sorted(file_names(config).items()):
         try:
-            pixels = _applied(make().getDefaultCPUProcessor(), _PIXELS)
+            if "$" not in source:  # else a context variable names it
+                context.resolveFileLocation(source)
+        except OCIO_ERRORS:
+            problems.append(f"file {source}: missing; {where} needs it")
+    for where, make in _transforms(config):
+        pixels = _PIXELS.copy()
+        try:
+            make().getDefaultCPUProcessor().applyRGB(pixels)
         except OCIO_ERRORS as error:
             problems.append(f"{where}: {one_line(str(error), 400)}")
             continue
@@ -61,42 +67,28 @@ def check_config(config: OCIO.Config) -> list[str]:
     return problems
 
 
-def _applied(processor: OCIO.CPUProcessor, pixels: Pixels) -> Pixels:
-    result = pixels.copy()
-    processor.applyRGB(result)
-    return result
-
-
 def _spaces(config: OCIO.Config) -> list[OCIO.ColorSpace]:
     return [*config.getColorSpaces(OCIO.SEARCH_REFERENCE_SPACE_ALL, OCIO.COLORSPACE_ALL)]
 
 
-def _convertible(config: OCIO.Config) -> Iterator[tuple[str, str]]:
-    """Colour spaces that can be converted, each with the reference that it is defined by (else any that is there)."""
-    roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_INTERCHANGE_DISPLAY, OCIO.ROLE_SCENE_LINEAR)
-    scene, display, _ = (role if config.hasRole(role) else "" for role in roles)
-    fallback = next((role for role in roles if config.hasRole(role)), "")
-    for space in _spaces(config):
-        of_display = space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
-        reference = (display if of_display else scene) or fallback
-        if reference and not space.isData():
-            yield space.getName(), reference
-
-
 def _transforms(config: OCIO.Config) -> Iterator[tuple[str, Callable[[], OCIO.Processor]]]:
     """Every transform of a config by name, and how to make its processor."""
-    for name, reference in _convertible(config):
-        yield f"colour space {name}, to the reference", partial(config.getProcessor, name, reference)
-        yield f"colour space {name}, from the reference", partial(config.getProcessor, reference, name)
+    roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_SCENE_LINEAR, OCIO.ROLE_INTERCHANGE_DISPLAY)
+    known = [role for role in roles if config.hasRole(role)]
+    for space in _spaces(config):  # with the reference that it is defined by, else any that is there
+        of_display = space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
+        own = OCIO.ROLE_INTERCHANGE_DISPLAY if of_display else OCIO.ROLE_INTERCHANGE_SCENE
+        if known and not space.isData():
+            name, reference = space.getName(), own if own in known else known[0]
+            yield f"colour space {name}, to the reference", partial(config.getProcessor, name, reference)
+            yield f"colour space {name}, from the reference", partial(config.getProcessor, reference, name)
     for direction, way in ((OCIO.TRANSFORM_DIR_FORWARD, "forward"), (OCIO.TRANSFORM_DIR_INVERSE, "backward")):
         for named in config.getNamedTransforms(OCIO.NAMEDTRANSFORM_ALL):
             if named.getTransform(direction):
                 yield f"named transform {named.getName()}, {way}", partial(config.getProcessor, named, direction)
-    roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_SCENE_LINEAR, OCIO.ROLE_INTERCHANGE_DISPLAY)
-    reference = next((role for role in roles if config.hasRole(role)), "")
-    if not reference:
+    if not known:
         return
-    forward = OCIO.TRANSFORM_DIR_FORWARD
+    reference, forward = known[0], OCIO.TRANSFORM_DIR_FORWARD
     for display in config.getDisplaysAll():
         for kind in (OCIO.VIEW_SHARED, OCIO.VIEW_DISPLAY_DEFINED):
             for view in config.getViews(kind, display):
@@ -105,17 +97,6 @@ def _transforms(config: OCIO.Config) -> Iterator[tuple[str, Callable[[], OCIO.Pr
         for sign in "+-":
             look = OCIO.LookTransform(src=reference, dst=reference, looks=sign + name)
             yield f"look {sign}{name}", partial(config.getProcessor, look)
-
-
-def _missing_files(config: OCIO.Config) -> Iterator[str]:
-    """Files that are named but missing; names with variables are left out."""
-    context = config.getCurrentContext()
-    for source, where in sorted(file_names(config).items()):
-        try:
-            if "$" not in source:
-                context.resolveFileLocation(source)
-        except OCIO_ERRORS:
-            yield f"file {source}: missing; {where} needs it"
 
 
 def file_names(config: OCIO.Config) -> dict[str, str]:

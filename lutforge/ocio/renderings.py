@@ -20,11 +20,9 @@ from lutforge.interpolation import interpolate
 from lutforge.inverse.linearization import SIZE, BakedRender, inverse_of
 from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
 from lutforge.luts.bake import bake, grading_steps, raised
-from lutforge.luts.formats import clf
-from lutforge.luts.formats.text import short_rows
-from lutforge.luts.ops import Cube, Curve, Op
+from lutforge.luts.formats import clf_identifier, clf_text, short_rows
+from lutforge.luts.ops import FEW, Cube, Curve, Op, node_levels, shaper
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import FEW, node_levels, shaper
 from lutforge.model.coverage import uncovered
 from lutforge.model.highlights import CLIPPED
 from lutforge.model.lattice import grid, snap_levels
@@ -76,8 +74,15 @@ def compact_text(lut: Lut) -> str:
     """The CLF of a compact LUT: one space between the numbers of an array, and those without idle zeros.
 
     OpenColorIO writes it with two entries an axis, in whose place the tables are put: text of all their numbers takes
-    it ten times as long, and it writes one file at a time. The same text for the same LUT. Raises LutError.
+    it ten times as long, and it writes one file at a time.
     """
+
+    def table(op: Curve | Cube) -> Array:
+        """The numbers as OpenColorIO holds them: of one column where all channels have the same curve."""
+        numbers = (op.outputs if isinstance(op, Curve) else op.values).astype(np.float32).astype(np.float64)
+        same = isinstance(op, Curve) and not np.ptp(numbers, axis=1).any()
+        return numbers[:, :1] if same else numbers
+
     ends: list[Op] = []
     for op in lut.ops:
         match op:
@@ -88,10 +93,10 @@ def compact_text(lut: Lut) -> str:
                 ends.append(replace(op, values=op.values[::last, ::last, ::last]))
             case _:
                 ends.append(op)
-    tables = iter([_table(op) for op in lut.ops if isinstance(op, Curve | Cube)])
-    document = minidom.parseString(clf.text_of(replace(lut, ops=tuple(ends))))
+    tables = iter([table(op) for op in lut.ops if isinstance(op, Curve | Cube)])
+    document = minidom.parseString(clf_text(replace(lut, ops=tuple(ends))))
     for root in document.getElementsByTagName("ProcessList"):
-        root.setAttribute("id", clf.identifier(lut))
+        root.setAttribute("id", clf_identifier(lut))
     for array in document.getElementsByTagName("Array"):
         is_table = array.getAttribute("dim").startswith("2 ")  # a matrix has three rows
         text = array.firstChild
@@ -100,13 +105,6 @@ def compact_text(lut: Lut) -> str:
         array.setAttribute("dim", " ".join(map(str, numbers.shape)))
         text.data = f"\n{short_rows(numbers.reshape(-1, numbers.shape[-1]), DECIMALS)}"
     return document.toxml("UTF-8").decode() + "\n"
-
-
-def _table(op: Curve | Cube) -> Array:
-    """The numbers of a table as OpenColorIO holds them: of one column where all channels have the same curve."""
-    numbers = (op.outputs if isinstance(op, Curve) else op.values).astype(np.float32).astype(np.float64)
-    same = isinstance(op, Curve) and not np.ptp(numbers, axis=1).any()
-    return numbers[:, :1] if same else numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,25 +122,15 @@ class Rendering:
     linearize: Transform | None
 
     def file(self, way: str) -> str:
-        """Name of a file: "render" is white-balanced RAW → JPEG, "linearize" its exact inverse.
-
-        "calibrated" is JPEG → white-balanced RAW as calibrated, for looks.
-        """
+        """Name of a file: "render", "linearize" (its exact inverse), or "calibrated", JPEG → RAW for looks."""
         return f"{self.stem}_{way}.clf"
-
-    def refinish_files(self, source: str, target: str) -> tuple[str, str, str]:
-        """Names of the files of a look from JPEGs of one white balance to those of another, one after the other."""
-        return self.file("calibrated"), self.balance_file(source, target), self.file("render")
 
     def balance_file(self, source: str, target: str) -> str:
         """Name of the file from RAW under one white balance to RAW under another, which keeps white neutral."""
         return self.file(file_stem(self.camera.balances[source], "to", self.camera.balances[target]))
 
     def refinishes(self) -> Iterator[tuple[str, str, Transform]]:
-        """Each pair of white balances that render differently, and the refinish from the first to the second.
-
-        None where the style has no calibrated linearization, as imported models have none: each pair costs a LUT.
-        """
+        """Pairs of white balances that render differently, and the refinish; none without a calibrated JPEG → RAW."""
         if self.render is None or self.camera.profile.styles[self.style].linearize is None:
             return
         for source, target in permutations(self.white_balances, 2):
@@ -234,10 +222,8 @@ def baked(
         errors += lines
         for source, target, refinish in rendering.refinishes():
             if rendering.file("calibrated") not in luts:  # the same for all pairs
-                calibrated = bake(
-                    rendering.linearize, display_referred=False, title=f"{title} linearize, as calibrated"
-                )
-                luts[rendering.file("calibrated")] = compact(calibrated)
+                lut = bake(rendering.linearize, display_referred=False, title=f"{title} linearize, as calibrated")
+                luts[rendering.file("calibrated")] = compact(lut)
             # A look changes the white balance between linearization and render, and keeps white white.
             _, _, highlights, _ = grading_steps(refinish)
             gain = rendering.camera.gain(target) / rendering.camera.gain(source)
@@ -252,8 +238,7 @@ def _error(lut: Lut, transform: ColourFunction, made_by: Transform | None = None
     """Measure a LUT against its transform: RGB norm, rounded up.
 
     max: over its whole input, the rim and the darks, and over the colours that another transform makes of these; mean:
-    the largest of those over each, over what is evenly spread of it, and over what is not clipped of that, where any
-    LUT is right.
+    the largest of those over each, over what is evenly spread of it, and over what is not clipped of that.
     """
 
     def error(x: Array) -> Array:

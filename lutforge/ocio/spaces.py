@@ -17,14 +17,86 @@ from lutforge.model.camera_profile import has_own_raw
 from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera, UniqueNames, config_names, file_stem, space_name
 from lutforge.ocio.renderings import Rendering
 
+MINOR_VERSION = 1
+"""Profile version 2.1, read by every OpenColorIO since 2021; newer ones add names, not colours."""
+
+LUT_FOLDER = "luts"
+LUT_SUFFIXES = {
+    *(".3dl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".itx", ".lut", ".mga", ".m3d", ".spi1d", ".spi3d"),
+    *(".cc", ".ccc", ".cdl", ".icc", ".icm", ".look", ".spimtx", ".vf"),
+}
+"""Files that OpenColorIO reads, and so what belongs to a config."""
+REFERENCE = "ACES2065-1"
+DISPLAY = "sRGB - Display"
+WORKING = "ACEScg"
+TEXTURE = "sRGB Encoded Rec.709 (sRGB)"
+DATA = "Raw"
+DISPLAY_REFERENCE = "CIE XYZ-D65 - Display-referred"
+UN_TONE_MAPPED = "Un-tone-mapped"
+
+SRGB_IMAGES = ("jpg", "jpeg", "png")
+"""Files of these kinds are sRGB where nothing says otherwise."""
+
+STUDIO = "ocio://studio-config-v5.0.0_aces-v2.1_ocio-v2.6"
+"""OpenColorIO's own config, from which the spaces of scenes and displays are."""
+SCENE_SPACES = (REFERENCE, WORKING, "ACEScct", "Linear Rec.709 (sRGB)", TEXTURE, DATA)
+DISPLAYS = (DISPLAY, "Display P3 - Display", "Gamma 2.6 P3-D65 - Display", "Rec.1886 Rec.709 - Display")
+
+
+def base_config() -> OCIO.Config:
+    """Reference spaces, roles, displays, file rules: what is there before any camera."""
+    config = OCIO.Config()
+    config.setVersion(2, MINOR_VERSION)
+    config.setName("lutforge")
+    config.setDescription("Cameras calibrated by LutForge: their RAW and JPEGs as colour spaces, views and looks.")
+    config.setSearchPath(LUT_FOLDER)
+    config.setEnvironmentMode(OCIO.ENV_ENVIRONMENT_LOAD_PREDEFINED)
+    studio = OCIO.Config.CreateFromFile(STUDIO)
+    for name in (*SCENE_SPACES, DISPLAY_REFERENCE, *DISPLAYS):
+        config.addColorSpace(_in_version(studio.getColorSpace(name)))
+    for role in studio.getRoleNames():
+        config.setRole(role, studio.getRoleColorSpace(role))
+    config.setRole(OCIO.ROLE_RENDERING, WORKING)
+    config.setInactiveColorSpaces(DISPLAY_REFERENCE)
+    config.addViewTransform(studio.getViewTransform(UN_TONE_MAPPED))
+    config.setDefaultViewTransformName(UN_TONE_MAPPED)
+    config.addSharedView(UN_TONE_MAPPED, UN_TONE_MAPPED, OCIO.OCIO_VIEW_USE_DISPLAY_NAME, "", "", "")
+    rules = OCIO.FileRules()  # sRGB for the files that are so unless told otherwise; others pass as they are
+    for index, kind in enumerate(SRGB_IMAGES):
+        either_case = "".join(f"[{letter}{letter.upper()}]" for letter in kind)
+        rules.insertRule(index, f"sRGB {kind}", TEXTURE, "*", either_case)
+    rules.setDefaultRuleColorSpace(DATA)
+    config.setFileRules(rules)
+    return config
+
+
+def _in_version(space: OCIO.ColorSpace) -> OCIO.ColorSpace:
+    """A space of the studio config as a config of version 2.1 can hold it: no IDs, and negative values are clamped."""
+    space.setInteropID("")
+    space.setInterchangeAttribute("amf_transform_ids", "")
+    built_in = space.getTransform(OCIO.COLORSPACE_DIR_FROM_REFERENCE)
+    if isinstance(built_in, OCIO.BuiltinTransform):
+        clamping = built_in.getStyle().removesuffix(" - MIRROR NEGS")
+        if clamping != built_in.getStyle():
+            shown = OCIO.BuiltinTransform(clamping)
+            space.setDescription(space.getDescription().removesuffix(", mirror neg. values"))
+        else:  # Display P3, which profiles have by name from 2.3 on, is written out
+            shown = OCIO.Config.CreateRaw().getProcessor(built_in).createGroupTransform()
+        space.setTransform(shown, OCIO.COLORSPACE_DIR_FROM_REFERENCE)
+    return space
+
+
+# --- What every config starts from: reference spaces, roles, displays, the default of the file rules ------------------
+
+
 ANY_FAMILY = "Input/Any camera"
 ANY_AS_SHOT = "Camera (as shot)"
 ANY_AS_WANTED = "Camera (as wanted)"
 
-CAMERA_VAR, STYLE_VAR, BALANCE_VAR = "LUTFORGE_CAMERA", "LUTFORGE_STYLE", "LUTFORGE_WB"
-TO_CAMERA_VAR, TO_STYLE_VAR, TO_BALANCE_VAR = "LUTFORGE_TO_CAMERA", "LUTFORGE_TO_STYLE", "LUTFORGE_TO_WB"
-SOURCE_NAME = f"${{{CAMERA_VAR}}} ${{{STYLE_VAR}}} ${{{BALANCE_VAR}}}"
-TARGET_NAME = f"${{{TO_CAMERA_VAR}}} ${{{TO_STYLE_VAR}}} ${{{TO_BALANCE_VAR}}}"
+SOURCE_VARS = "LUTFORGE_CAMERA", "LUTFORGE_STYLE", "LUTFORGE_WB"
+TARGET_VARS = "LUTFORGE_TO_CAMERA", "LUTFORGE_TO_STYLE", "LUTFORGE_TO_WB"
+BALANCE_VAR = SOURCE_VARS[2]
+SOURCE_NAME, TARGET_NAME = (" ".join(f"${{{name}}}" for name in names) for names in (SOURCE_VARS, TARGET_VARS))
 
 
 def file_transform(name: str) -> OCIO.FileTransform:
@@ -46,18 +118,15 @@ def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> N
             r, g, b = setting.multipliers
             what += f"after white balance {balance}{kelvin}: multipliers {r:.4f}, {g:.4f}, {b:.4f}"
         group = groups.setdefault(matrix.tobytes(), file_stem(name))
-        _add(
-            config, name, camera.family, what, "scene-linear", equalityGroup=group, toReference=matrix_transform(matrix)
-        )
+        way = matrix_transform(matrix)
+        _add(config, name, camera.family, what, "scene-linear", equalityGroup=group, toReference=way)
 
 
-def _add(
-    config: OCIO.Config, name: str, family: str, description: str, encoding: str, *aliases: str, **more: object
-) -> None:
+def _add(config: OCIO.Config, name: str, family: str, what: str, encoding: str, *aliases: str, **more: object) -> None:
     """Add a colour space of files, under aliases beside its name's own."""
     space = OCIO.ColorSpace(
         name=name, aliases=[file_stem(name), *aliases], family=family, encoding=encoding, categories=["file-io"],
-        description=description, bitDepth=OCIO.BIT_DEPTH_F32, **more,
+        description=what, bitDepth=OCIO.BIT_DEPTH_F32, **more,
     )  # fmt: skip
     config.addColorSpace(space)
 
@@ -74,14 +143,8 @@ def reference_to_jpeg(rendering: Rendering, balance: str) -> OCIO.GroupTransform
     return OCIO.GroupTransform([matrix_transform(to_raw), file_transform(rendering.file("render"))])
 
 
-HELD_OUT = (
-    ("render_mean", "render mean"),
-    ("render_max", "render max"),
-    ("render_de00_mean", "render mean CIEDE2000"),
-    ("linearize_mean", "linearize mean"),
-    ("linearize_max", "linearize max"),
-)
-"""The errors of a style that a colour space's description tells, in plain words."""
+HELD_OUT = ("render_mean", "render_max", "render_de00_mean", "linearize_mean", "linearize_max")
+"""The errors of a style that a colour space's description tells."""
 
 
 def add_jpegs(
@@ -89,7 +152,8 @@ def add_jpegs(
 ) -> None:
     """The JPEGs of a rendering by white balance, of which the style is known by `default`. errors: of its LUTs."""
     camera, style = rendering.camera, rendering.camera.profile.styles[rendering.style]
-    held_out = "; ".join(f"{words} {style.errors[name]:.3g}" for name, words in HELD_OUT if name in style.errors)
+    named = {name.replace("de00_mean", "mean_CIEDE2000").replace("_", " "): name for name in HELD_OUT}
+    held_out = "; ".join(f"{words} {style.errors[name]:.3g}" for words, name in named.items() if name in style.errors)
     for balance in rendering.white_balances:
         name = camera.jpeg(rendering.style, balance)
         what = f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}"
@@ -131,20 +195,9 @@ def any_names(base: OCIO.Config | None) -> tuple[str, str]:
 
 
 def add_contextual(config: OCIO.Config, cameras: Sequence[Camera], any_camera: tuple[str, str]) -> None:
-    """Add colour spaces whose settings are context variables.
-
-    There is one per style for its white balance, and two for any camera, as shot and as wanted, with these names.
-    """
-    first = cameras[0]
-    style = next(iter(first.styles.values()))
-    for variable, value in (
-        (CAMERA_VAR, first.name),
-        (STYLE_VAR, style),
-        (BALANCE_VAR, DEFAULT),
-        (TO_CAMERA_VAR, first.name),
-        (TO_STYLE_VAR, style),
-        (TO_BALANCE_VAR, DEFAULT),
-    ):
+    """Colour spaces whose settings are context variables: one per style, and two for any camera, with these names."""
+    values = cameras[0].name, next(iter(cameras[0].styles.values())), DEFAULT
+    for variable, value in zip((*SOURCE_VARS, *TARGET_VARS), (*values, *values), strict=True):
         config.addEnvironmentVar(variable, value)
 
     def add(name: str, settings: str, family: str, what: str) -> None:
@@ -156,16 +209,14 @@ def add_contextual(config: OCIO.Config, cameras: Sequence[Camera], any_camera: t
             settings = space_name(camera.name, name, f"${{{BALANCE_VAR}}}")
             what = f"the {camera.name}, {name}, white balance as the context variable {BALANCE_VAR} says"
             add(space_name(camera.name, name, AS_SHOT), settings, camera.family, what)
-    names = ", ".join((CAMERA_VAR, STYLE_VAR, BALANCE_VAR))
-    add(any_camera[0], SOURCE_NAME, ANY_FAMILY, f"the settings that {names} name")
-    names = ", ".join((TO_CAMERA_VAR, TO_STYLE_VAR, TO_BALANCE_VAR))
-    add(any_camera[1], TARGET_NAME, ANY_FAMILY, f"the settings that {names} name")
+    for space, settings, names in zip(any_camera, (SOURCE_NAME, TARGET_NAME), (SOURCE_VARS, TARGET_VARS), strict=True):
+        add(space, settings, ANY_FAMILY, f"the settings that {', '.join(names)} name")
 
 
 def add_views(
     config: OCIO.Config, renderings: Sequence[Rendering], defaults: dict[tuple[str, str], str], views: UniqueNames
 ) -> tuple[str, ...]:
-    """A view transform and a shared view for each style of each camera. Returns their names. views: names taken.
+    """A view transform and a shared view for each style of each camera; their names. views: names taken.
 
     The camera's JPEG is sRGB: it is taken to CIE XYZ, and from there to each display by OpenColorIO's own spaces.
     """
@@ -181,16 +232,12 @@ def add_views(
         if rendering.linearize is not None:
             back = OCIO.GroupTransform([_srgb(OCIO.TRANSFORM_DIR_FORWARD), jpeg_to_reference(rendering, balance)])
             properties["toReference"] = back
-        config.addViewTransform(
-            OCIO.ViewTransform(
-                referenceSpace=OCIO.REFERENCE_SPACE_SCENE,
-                name=name,
-                family=camera.family,
-                description=f"As the {camera.profile.camera} renders: picture style {style}, white balance {balance}",
-                fromReference=to_display,
-                **properties,
-            )
-        )
+        what = f"As the {camera.profile.camera} renders: picture style {style}, white balance {balance}"
+        view = OCIO.ViewTransform(
+            referenceSpace=OCIO.REFERENCE_SPACE_SCENE, name=name, family=camera.family, description=what,
+            fromReference=to_display, **properties,
+        )  # fmt: skip
+        config.addViewTransform(view)
         config.addSharedView(name, name, OCIO.OCIO_VIEW_USE_DISPLAY_NAME, "", "", "")
         added.append(name)
     return tuple(added)
@@ -214,11 +261,10 @@ def add_looks(
 ) -> None:
     """Add all looks. looks: the names that are taken; as_shot: the space of photographs by any camera."""
 
-    def add(name: str, space: str, transform: OCIO.Transform, back: OCIO.Transform | None, description: str) -> None:
+    def add(name: str, space: str, transform: OCIO.Transform, back: OCIO.Transform | None, what: str) -> None:
         inverse = {} if back is None else {"inverseTransform": back}
-        config.addLook(
-            OCIO.Look(name=looks(name), processSpace=space, transform=transform, description=description, **inverse)
-        )
+        look = OCIO.Look(name=looks(name), processSpace=space, transform=transform, description=what, **inverse)
+        config.addLook(look)
 
     for camera in cameras:
         names, styles = camera.balances, camera.styles
@@ -232,10 +278,11 @@ def add_looks(
         # from a coloured highlight under another; these know both.
         of_camera = [rendering for rendering in renderings if rendering.camera is camera]
         for rendering in of_camera:
+            render = rendering.file("render")
             for source, target, _ in rendering.refinishes():
                 there, back = (
-                    OCIO.GroupTransform([file_transform(file) for file in rendering.refinish_files(*pair)])
-                    for pair in ((source, target), (target, source))
+                    OCIO.GroupTransform([file_transform(file) for file in (rendering.file("calibrated"), step, render)])
+                    for step in (rendering.balance_file(source, target), rendering.balance_file(target, source))
                 )
                 name = space_name(camera.name, styles[rendering.style], names[source], "to", names[target])
                 what = f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}"
@@ -271,10 +318,9 @@ LINEAR = "exr|EXR|tiff?|TIFF?"
 
 
 def camera_rules(cameras: Iterable[Camera], renderings: Iterable[Rendering]) -> list[tuple[str, str, str]]:
-    """(rule name, colour space, regular expression) in the order in which they are to be tried.
+    """(rule name, colour space, ECMAScript expression) in the order in which they are to be tried.
 
-    An ECMAScript expression is for paths that hold the words of a name in their order, then end in a kind of file. A
-    capital of the name may be small. They are short, since OpenColorIO compiles all of them when it loads a config.
+    A capital of a name may be small. They are short, since OpenColorIO compiles all of them when it loads a config.
     """
     rules = [(camera.raw(balance), LINEAR) for camera in cameras for balance in (None, *camera.profile.white_balances)]
     for rendering in renderings:

@@ -19,11 +19,9 @@ from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, read_icc, scene_
 from lutforge.kits.kit import look_of, setting_of
 from lutforge.luts.bake import bake_forms, bake_steps, takes_scenes
 from lutforge.luts.check import FileError, compare, verify
-from lutforge.luts.formats.clf import ACES_ID
-from lutforge.luts.formats.clf import KINDS as PROCESS_LISTS
-from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, input_and_output_of
+from lutforge.luts.formats import ACES_ID, PROCESS_LISTS
 from lutforge.luts.programs import Target, files_for, program_named, target_of
-from lutforge.luts.sequence import FORMS, Form, Lut, format_of
+from lutforge.luts.sequence import ADOBE_RGB, ENCODED, FORMS, Form, Lut, format_of, input_and_output_of
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.transform import Purpose, Transform
 from lutforge.pipeline.outputs import Paths, check_output, one_of, several

@@ -23,8 +23,17 @@ from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
 from lutforge.pipeline.response import Bracket, FittedResponse, open_bracket, parse_times, response
 from lutforge.pipeline.sampling import CHART
 from lutforge.progress import Progress, part, silent
-from lutforge.samples.chart import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
-from lutforge.samples.chart_kinds import ChartKind, chart_kind, parse_corners
+from lutforge.samples.chart import (
+    RESEMBLANCE,
+    Chart,
+    ChartKind,
+    chart_kind,
+    detector_note,
+    find_chart,
+    parse_corners,
+    patch_codes,
+    resemblance,
+)
 from lutforge.samples.sample_set import SampleSet
 
 SPACE = "acescg"

@@ -16,11 +16,8 @@ from lutforge.child_processes import run_command
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.read import Development, read_image
-from lutforge.kits.darktable import DARKTABLE
 from lutforge.kits.kit import Kit, Look, look_of, write_develop_script
-from lutforge.kits.lumix import lumix_kit
-from lutforge.kits.others import BLENDER, OTHER_KITS
-from lutforge.kits.rawtherapee import RAWTHERAPEE
+from lutforge.kits.programs import KITS, lumix_kit
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.progress import Progress, silent
@@ -28,9 +25,6 @@ from lutforge.samples.extract import extract
 from lutforge.samples.tiles import cell_size
 from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
-
-KITS = {kit.program: kit for kit in (DARKTABLE, RAWTHERAPEE, BLENDER, lumix_kit(), *OTHER_KITS)}
-"""The programs that `--for` names."""
 
 SCRIPT, MANIFEST = "develop.sh", "kit.json"
 

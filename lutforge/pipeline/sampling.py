@@ -21,10 +21,10 @@ from lutforge.threads import cores
 if TYPE_CHECKING:  # tables are read without what decodes RAW files
     from lutforge.images.read import Development
     from lutforge.model.camera_profile import CameraProfile
-    from lutforge.samples.chart_kinds import ChartKind
+    from lutforge.samples.chart import ChartKind
     from lutforge.samples.extract import ShotSamples
     from lutforge.shots.geometry import Placement
-    from lutforge.shots.shot import Shot
+    from lutforge.shots.read import Shot
 
 RawSubstitute = Callable[[Path], "Development"]
 """A function of a RAW file that gives the picture to use instead of it, as a program developed it."""
@@ -74,7 +74,7 @@ def sample_shots(
     substitute: gives the picture that is sampled in the place of a RAW file's own pixels, where a program developed it.
     chart: the name of one whose patches are sampled, too, wherever it is found; CalibrationError where it is none.
     """
-    from lutforge.samples.chart_kinds import chart_kind
+    from lutforge.samples.chart import chart_kind
     from lutforge.shots.discover import discover
     from lutforge.shots.read import read_shot
 
@@ -151,7 +151,7 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
     files state of both exposures. Raises ShotError where no shot is usable, or it is not clear what belongs together.
     """
     from lutforge.shots.discover import discover, jpegs_of
-    from lutforge.shots.other_view import read_other_view
+    from lutforge.shots.read import read_other_view
 
     files = [file for path in several(pictures) for file in jpegs_of(path)]
     raws = discover([reference])

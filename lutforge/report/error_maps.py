@@ -13,8 +13,8 @@ from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
 from lutforge.report.drawing import ERROR_SCALE, Drawing, Panel, Raster
-from lutforge.samples.clipping import clipping, saturation_levels
 from lutforge.samples.extract import places_in_picture
+from lutforge.samples.tiles import clipping, saturation_levels
 from lutforge.shots.read import TURNS, read_shot
 
 DIRECTIONS = (("RAW → JPEG", ERROR_SCALE), ("JPEG → RAW", 0.3 * ERROR_SCALE))

@@ -8,13 +8,19 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import srgb_encode
-from lutforge.samples.chart import detector_note, find_chart, sample_chart
-from lutforge.samples.chart_kinds import ChartKind
-from lutforge.samples.clipping import clipping, one_sided, saturation_levels
+from lutforge.samples.chart import ChartKind, detector_note, find_chart, sample_chart
 from lutforge.samples.sample_set import SampleSet, concatenate
-from lutforge.samples.tiles import LEVELS, agreement, cell_size, choose_evenly, flatness
-from lutforge.shots.read import TURNS
-from lutforge.shots.shot import Shot
+from lutforge.samples.tiles import (
+    LEVELS,
+    agreement,
+    cell_size,
+    choose_evenly,
+    clipping,
+    flatness,
+    one_sided,
+    saturation_levels,
+)
+from lutforge.shots.read import TURNS, Shot
 
 FEW_TILES = 100
 """A shot with fewer tiles within the first two limits may use the hard bound, and is searched for a chart."""
@@ -33,10 +39,7 @@ ADVICE = {
 
 @dataclass(frozen=True, eq=False)
 class ShotCells:
-    """A shot in small, upright, (h, w, 3) of 8 bits.
-
-    raw: the means of its cells, balanced and encoded as in a JPEG; picture: the JPEG, reduced to some 500 pixels.
-    """
+    """A shot in small, upright, (h, w, 3) of 8 bits: the means of its RAW cells, encoded, and the JPEG, reduced."""
 
     raw: NDArray[np.uint8]
     picture: NDArray[np.uint8]
@@ -79,10 +82,7 @@ class ShotSamples:
 
 
 def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
-    """Sample a shot: flat tiles that cover its colours evenly, and where they are few a ColorChecker's patches.
-
-    kind: of a chart whose patches are sampled however many tiles there are.
-    """
+    """Sample a shot: flat tiles that cover its colours evenly, and a chart, of `kind` or where tiles are few."""
     saturation = saturation_levels(shot.raw.pixels)
     tiles = _tiles(shot, saturation)
     notes, clipped, patches = [*filter(None, [shot.lens_note]), *tiles.notes], dict(tiles.clipped), None
@@ -173,10 +173,7 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
 
 
 def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres: Array) -> tuple[SampleSet, Array]:
-    """The samples of a shot from RAW (n, 3), JPEG codes (n, 3) and their places in the JPEG (n, 2), in pixels.
-
-    With the places in the upright picture, as shares of its width and height.
-    """
+    """Samples of RAW (n, 3) and codes (n, 3) at places (n, 2) of the JPEG, and these as shares of it, upright."""
     metadata, count = shot.metadata, len(names)
     multipliers = np.full(3, math.nan) if metadata.multipliers is None else metadata.multipliers
     d65 = np.full(3, math.nan) if metadata.d65 is None else metadata.d65

@@ -1,7 +1,7 @@
 """The sample table, its columns and their ranges: RAW and JPEG colours of the same surfaces under known settings."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -57,41 +57,37 @@ def wanted_columns(path: Path, names: list[str]) -> list[str]:
     return [name for name in names if name in REQUIRED_COLUMNS or name in OPTIONAL_COLUMNS]
 
 
-def is_valid(columns: Mapping[str, NDArray[Any]]) -> bool:
-    """Whether every row passes `row_problem`, in whole columns; texts are no longer than a cell may be."""
-    with np.errstate(all="ignore"):
-        for name, values in columns.items():
-            if name not in NUMBER_COLUMNS:
-                if name in TEXT_COLUMNS and name != "patch" and np.any(values == ""):
-                    return False
-                continue
+def problem_in(
+    columns: Mapping[str, NDArray[Any]], shown: Callable[[str, int], str] | None = None
+) -> tuple[int, str] | None:
+    """The first row of columns (n,) that no table may hold, and what is wrong with it; None where all may be.
+
+    shown: column and row → the cell as it is written, without which it is the number.
+    """
+    cell = shown or (lambda name, row: f"{columns[name][row]:.10g}" if name in NUMBER_COLUMNS else "")
+    problems: list[tuple[int, str]] = []
+    for name, values in columns.items():
+        if name in NUMBER_COLUMNS:
             low, high = _limits(name)
-            unknown = np.isnan(values) if _may_be_unknown(name) else False
-            if not np.all(unknown | ((values >= low) & (values <= high))):
-                return False
-        if "wb_g" not in columns:
-            return True
+            may_be_unknown = name == "exposure_s" or name in OPTIONAL_COLUMNS
+            wrong = ~((values >= low) & (values <= high) | np.isnan(values) & may_be_unknown)
+        else:
+            wrong = (values == "") & (name in TEXT_COLUMNS and name != "patch")
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            problems.append((row, _cell_problem(name, cell(name, row))))
+    if "wb_g" in columns:
         wb = np.stack([columns[name] for name in WB_COLUMNS], axis=1)
-        ratio = wb / wb[:, 1:2]
+        with np.errstate(all="ignore"):
+            ratio = wb / wb[:, 1:2]
         plausible = (ratio >= MULTIPLIER_RANGE[0]) & (ratio <= MULTIPLIER_RANGE[1])
-        return bool(np.all(np.isnan(wb).all(axis=1) | plausible.all(axis=1)))
-
-
-def first_problem(columns: Mapping[str, NDArray[Any]], first: int = 0) -> str | None:
-    """What is wrong with the first row of columns (n,) that fails `row_problem`, or None; rows count from `first`."""
-    if is_valid(columns):
-        return None
-    texts = {
-        name: [f"{number:.10g}" for number in values.tolist()] if name in NUMBER_COLUMNS else values.tolist()
-        for name, values in columns.items()
-    }
-    problems = (row_problem(dict(zip(texts, cells, strict=True))) for cells in zip(*texts.values(), strict=True))
-    found = (f"row {row}: {problem}" for row, problem in enumerate(problems, first) if problem)
-    return next(found, "holds values that cannot be read; write it anew")
-
-
-def _may_be_unknown(name: str) -> bool:
-    return name == "exposure_s" or name in OPTIONAL_COLUMNS
+        wrong = ~(np.isnan(wb).all(axis=1) | plausible.all(axis=1))
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            partly = "give all three, or leave all three empty"
+            what = partly if np.isnan(wb[row]).any() else "no camera has such multipliers"
+            problems.append((row, f"wb_r,wb_g,wb_b is {','.join(cell(name, row) for name in WB_COLUMNS)!r}; {what}"))
+    return min(problems, key=lambda problem: problem[0], default=None)
 
 
 def _limits(name: str) -> tuple[float, float]:
@@ -104,45 +100,13 @@ def _limits(name: str) -> tuple[float, float]:
     return math.ulp(0.0), math.nextafter(math.inf, 0.0)
 
 
-def row_problem(cells: dict[str, str]) -> str | None:
-    """What is wrong with one row, in words, or None."""
-    for name, cell in cells.items():
-        if len(cell) > MAX_TEXT:
-            return f"{name} holds {len(cell)} characters; a cell has at most {MAX_TEXT}"
-        if "\0" in cell:
-            return f"{name} holds a byte of zero, which is not text; write the table anew"
-        problem = _number_problem(name, cell) if name in NUMBER_COLUMNS else None
-        if not cell and name in TEXT_COLUMNS and name != "patch":
-            problem = f"{name} is empty; write the {name.replace('_', ' ')} of the sample"
-        if problem:
-            return problem
-    multipliers = [cells.get(name, "") for name in WB_COLUMNS]
-    known = [cell for cell in multipliers if cell and not math.isnan(float(cell))]
-    if known and len(known) < 3:
-        return f"wb_r,wb_g,wb_b is {','.join(multipliers)!r}; give all three, or leave all three empty"
-    if known:
-        r, g, b = (float(cell) for cell in known)
-        if not all(MULTIPLIER_RANGE[0] <= value / g <= MULTIPLIER_RANGE[1] for value in (r, b)):
-            return f"wb_r,wb_g,wb_b is {','.join(multipliers)!r}; no camera has such multipliers"
-    return None
-
-
-def _number_problem(name: str, cell: str) -> str | None:
+def _cell_problem(name: str, cell: str) -> str:
+    """What is wrong with a cell that is none of its column's, in words."""
     if not cell:
-        return None if _may_be_unknown(name) else f"{name} is empty; write a number"
-    try:
-        value = float(cell)
-        if "_" in cell or not cell.isascii():
-            raise ValueError
-    except ValueError:
-        return f"{name} is {cell[:40]!r}, not a number; write it with a decimal point, for example 0.25"
-    if math.isnan(value) and _may_be_unknown(name):
-        return None
-    low, high = _limits(name)
-    if low <= value <= high:
-        return None
+        wanted = "a number" if name in NUMBER_COLUMNS else f"the {name.replace('_', ' ')} of the sample"
+        return f"{name} is empty; write {wanted}"
     shown = f"{name} is {cell[:40]}"
-    if not math.isfinite(value):
+    if not math.isfinite(float(cell)):
         return f"{shown}; write a finite number"
     if name in RAW_COLUMNS:
         return f"{shown}; RAW lies in [0, 1]: subtract the black level and divide by (white - black)"
@@ -196,10 +160,8 @@ class SampleSet:
         for name in ("position", "lens", "focal_mm", "aperture", "d65_r", "d65_b", "raw_space", "developer"):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
-                unknown = np.full(
-                    (count, *column.shape[1:]), np.nan if column.dtype.kind == "f" else "", dtype=column.dtype
-                )
-                object.__setattr__(self, name, unknown)
+                unknown = np.nan if column.dtype.kind == "f" else ""
+                object.__setattr__(self, name, np.full((count, *column.shape[1:]), unknown, dtype=column.dtype))
         widths = {"raw": (3,), "srgb": (3,), "wb": (3,), "position": (2,)}
         for name in (column.name for column in fields(self)):
             shape = (count, *widths.get(name, ()))
@@ -208,18 +170,10 @@ class SampleSet:
 
     @classmethod
     def from_arrays(
-        cls,
-        raw: ArrayLike,
-        srgb: ArrayLike,
-        *,
-        camera: str,
-        shot: ArrayLike,
-        style: ArrayLike = "standard",
-        white_balance: ArrayLike = "auto",
-        patch: ArrayLike = "",
-        exposure_s: ArrayLike = np.nan,
+        cls, raw: ArrayLike, srgb: ArrayLike, *, camera: str, shot: ArrayLike, style: ArrayLike = "standard",
+        white_balance: ArrayLike = "auto", patch: ArrayLike = "", exposure_s: ArrayLike = np.nan,
         wb: ArrayLike = np.nan,
-    ) -> "SampleSet":
+    ) -> "SampleSet":  # fmt: skip
         """Make samples of arrays; what is given once (a text, a number, one wb triple) stands for every sample.
 
         raw, srgb: (n, 3); wb: (3,) or (n, 3); the others a value or (n,); each as the class describes it.
@@ -250,8 +204,8 @@ class SampleSet:
             raw_camera=words["camera"],
         )
         columns = {name: getattr(made, group)[:, i] for group in COLUMNS_OF for i, name in enumerate(COLUMNS_OF[group])}
-        if (problem := first_problem({"exposure_s": made.exposure_s, **columns})) is not None:
-            raise SampleError(f"samples: {problem}")
+        if (problem := problem_in({"exposure_s": made.exposure_s, **columns})) is not None:
+            raise SampleError(f"samples: row {problem[0]}: {problem[1]}")
         return made
 
     def __repr__(self) -> str:
@@ -313,3 +267,10 @@ def concatenate(sets: Iterable[SampleSet]) -> SampleSet:
         raise SampleError("samples: none given")
     names = [column.name for column in fields(SampleSet)]
     return SampleSet(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def unclipped_colours(encoded: Array, raw: Array) -> Mask:
+    """Mask (n,) of colours encoded (n, 3) half a code inside 0 … 1, of raw (n, 3) neither black nor saturated."""
+    half_code = 0.5 / 255.0
+    inside = (encoded >= half_code) & (encoded <= 1.0 - half_code) & (raw > 0.0) & (raw < 0.999)
+    return np.asarray(np.all(inside, axis=1))

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 import zipfile
 from collections.abc import Iterator
 from itertools import chain, islice
@@ -24,15 +25,16 @@ from lutforge.samples.sample_set import (
     RAW_RANGE,
     REQUIRED_COLUMNS,
     SampleSet,
-    first_problem,
-    is_valid,
-    row_problem,
+    problem_in,
     wanted_columns,
 )
 
 MAX_HEADER = 1 << 16
 ROWS_AT_A_TIME = 50_000
 """Rows of a .csv whose cells are kept as text until their columns are arrays."""
+
+NUMBER = re.compile(r"\s*([+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?))?\s*", re.ASCII | re.IGNORECASE)
+"""A cell that is a number, or empty."""
 
 Columns = dict[str, NDArray[Any]]
 """Arrays (n,) of text or float64 by the names of their columns."""
@@ -103,7 +105,7 @@ def write_samples(path: str | Path, samples: SampleSet) -> None:
 
 
 def is_table(path: str | Path) -> bool:
-    """Return whether a file is a sample table: any .csv, and an .npz that holds no profile."""
+    """Whether a file is a sample table: any .csv, and an .npz that holds no profile."""
     path = Path(path)
     if path.suffix.lower() != ".npz" or not zipfile.is_zipfile(path):
         return path.suffix.lower() == ".csv"
@@ -148,8 +150,8 @@ def _read_npz(path: Path) -> Columns:
         for name in wanted:
             columns[name] = _read_column(archive, entries[names.index(name)], name, rows)
             rows = len(columns[name])
-    if (problem := first_problem(columns, 1)) is not None:
-        raise SampleError(f"{path}: {problem}")
+    if (problem := problem_in(columns)) is not None:
+        raise SampleError(f"{path}: row {problem[0] + 1}: {problem[1]}")
     return columns
 
 
@@ -183,18 +185,7 @@ def _read_csv(path: Path) -> Columns:
     rows = 0
     records = _csv_records(path)
     while part := list(islice(records, ROWS_AT_A_TIME)):
-        columns = _columns_of([record for _, record in part], len(header), places)
-        if columns is None:
-            for line, record in part:
-                if len(record) != len(header):
-                    raise SampleError(
-                        f"{path}: line {line}: {len(record)} cells where the header has {len(header)}; write one cell "
-                        "a column, and quote text that holds a comma"
-                    )
-                if problem := row_problem({name: record[place].strip() for name, place in places.items()}):
-                    raise SampleError(f"{path}: line {line}: {problem}")
-            raise SampleError(f"{path}: line {part[0][0]}: holds what cannot be read")
-        for name, values in columns.items():
+        for name, values in _columns_of(path, part, len(header), places).items():
             parts[name].append(values)
         rows += len(part)
         if rows > MAX_ROWS:
@@ -202,26 +193,36 @@ def _read_csv(path: Path) -> Columns:
     return {name: np.concatenate(values) for name, values in parts.items()}
 
 
-def _columns_of(records: list[list[str]], width: int, places: dict[str, int]) -> Columns | None:
-    """The columns of some records; None where one of them has another width, or is refused by `row_problem`."""
-    if any(len(record) != width for record in records):
-        return None
-    cells = list(zip(*records, strict=True))
+def _columns_of(path: Path, part: list[tuple[int, list[str]]], width: int, places: dict[str, int]) -> Columns:
+    """The columns of some records, each with the number of its line. Raises SampleError on what no table may hold."""
+    for line, record in part:
+        if len(record) != width:
+            raise SampleError(
+                f"{path}: line {line}: {len(record)} cells where the header has {width}; write one cell a column, and "
+                "quote text that holds a comma"
+            )
+    cells = list(zip(*(record for _, record in part), strict=True))
     columns: Columns = {}
     for name, place in places.items():
-        texts = cells[place]
+        texts, problem = cells[place], ""
         if max(map(len, texts)) > MAX_TEXT or "\0" in (whole := "\n".join(texts)):
-            return None
-        if name not in NUMBER_COLUMNS:
+            row = next(row for row, text in enumerate(texts) if len(text) > MAX_TEXT or "\0" in text)
+            problem = f"holds {len(texts[row])} characters; a cell has at most {MAX_TEXT}, none of them zero"
+        elif name not in NUMBER_COLUMNS:
             columns[name] = np.array([text.strip() for text in texts], dtype=np.str_)
-            continue
-        if "_" in whole or not whole.isascii():
-            return None
-        try:
-            columns[name] = np.array([float(text) if text and not text.isspace() else math.nan for text in texts])
-        except ValueError:
-            return None
-    return columns if is_valid(columns) else None
+        else:
+            try:
+                if "_" in whole or not whole.isascii():
+                    raise ValueError
+                columns[name] = np.array([float(text) if text and not text.isspace() else math.nan for text in texts])
+            except ValueError:
+                row = next(row for row, text in enumerate(texts) if not NUMBER.fullmatch(text))
+                problem = f"is {texts[row].strip()[:40]!r}, not a number; write it with a decimal point, as 0.25"
+        if problem:
+            raise SampleError(f"{path}: line {part[row][0]}: {name} {problem}")
+    if (found := problem_in(columns, lambda name, row: cells[places[name]][row].strip())) is not None:
+        raise SampleError(f"{path}: line {part[found[0]][0]}: {found[1]}")
+    return columns
 
 
 def _csv_header(path: Path) -> list[str]:

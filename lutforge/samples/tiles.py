@@ -1,10 +1,9 @@
 """Flat tiles of any scene: cells where the JPEG's mean says what the camera makes of the RAW's mean.
 
-A mean of encoded values is the encoding of the mean only where the scene is flat, and the camera's sharpening
-and JPEG's chroma subsampling (blocks of up to 16 pixels) carry colour over from around. So RAW and JPEG must
-be flat in the cell itself and nearly so in the eight cells around it. What is judged is structure: variance
-less the noise that the picture itself shows in its flattest cells, so that a high ISO does not hide a flat
-wall.
+A mean of encoded values is the encoding of the mean only where the scene is flat, and the camera's sharpening and the
+JPEG's chroma subsampling (blocks of up to 16 pixels) carry colour over from around. So RAW and JPEG must be flat in the
+cell itself and nearly so in the eight cells around it. What is judged is structure: variance less the noise that the
+picture shows in its flattest cells, so that a high ISO does not hide a flat wall.
 """
 
 import math
@@ -12,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Mask
+from lutforge.arrays import Array, Mask, Pixels
 from lutforge.shots.cells import CellStatistics, greatest
 from lutforge.shots.geometry import Registration
 
@@ -35,13 +34,9 @@ def cell_size(registration: Registration) -> int:
 
 
 def flatness(
-    jpeg: CellStatistics,
-    raw: CellStatistics,
-    cell: int,
-    multipliers: Array | None,
-    usable: Mask,
+    jpeg: CellStatistics, raw: CellStatistics, cell: int, multipliers: Array | None, usable: Mask,
     judged: Mask | None = None,
-) -> tuple[NDArray[np.intp], Array]:
+) -> tuple[NDArray[np.intp], Array]:  # fmt: skip
     """How flat each cell is: the index of the first of LEVELS that it meets (len(LEVELS): none), and its roughness.
 
     Both (hc, wc); roughness is the structure as a share of the strict limits. cell: its side in JPEG pixels. judged:
@@ -81,9 +76,8 @@ def flatness(
 def agreement(jpeg: CellStatistics, raw: CellStatistics) -> Mask:
     """(hc, wc): whether JPEG and RAW vary alike over each cell and the eight around.
 
-    Judged in the channel that varies most in the JPEG, where it varies by more than noise does (3 codes);
-    where they do not correlate by 0.3, the JPEG shows something else there than the RAW: corrected
-    distortion, a retouched or printed-in mark.
+    Judged in the channel that varies most in the JPEG, where it varies by more than noise does (3 codes); where they do
+    not correlate by 0.3, the JPEG shows something else: corrected distortion, a retouched or printed-in mark.
     """
     ours, theirs = jpeg.mean, np.nan_to_num(raw.mean)
     our_mean, their_mean = (_over_neighbours(np.add, values) / 9 for values in (ours, theirs))
@@ -183,3 +177,55 @@ def _ranks(order: NDArray[np.intp], keys: NDArray[np.intp]) -> NDArray[np.intp]:
     ranked, rank = keys[order], np.empty_like(order)
     rank[order] = np.arange(len(order)) - np.searchsorted(ranked, ranked, side="left")
     return rank
+
+
+# --- Clipping: beyond these limits a JPEG or RAW pixel no longer tells what the scene was -----------------------------
+
+
+def clipping(jpeg: CellStatistics, raw: CellStatistics, saturation: Array) -> dict[str, Mask]:
+    """Masks (…) of areas with clipped channels, each under its first reason. saturation: as `saturation_levels`."""
+    clips = {
+        # JPEG compression moves a clipped pixel by a code.
+        "JPEG white": jpeg.maximum >= 254,
+        "JPEG black": jpeg.minimum <= 1,
+        # Sensors bend below their ceiling. Decoders cut noise below black at 0, so that a mean is too bright there.
+        "RAW saturated": raw.maximum >= 0.98 * saturation,
+        "RAW black": raw.minimum <= 0,
+    }
+    masks: dict[str, Mask] = {}
+    for reason, channels in clips.items():
+        masks[reason] = np.any(channels, axis=-1) & ~np.any(list(masks.values()), axis=0)
+    return masks
+
+
+def one_sided(jpeg: CellStatistics, raw: CellStatistics, saturation: Array) -> tuple[Mask, Mask]:
+    """Masks (…, 3) of channels that are all black, or all white, in the JPEG, in areas where that is all that clips.
+
+    Their RAW is whole, and at least one channel of the JPEG is: such an area tells that the rendering of its light lies
+    at that end or beyond. saturation: as for `clipping`.
+    """
+    black, white = jpeg.maximum <= 1, jpeg.minimum >= 254
+    whole = (jpeg.minimum > 1) & (jpeg.maximum < 254)
+    of_raw = (raw.minimum > 0) & (raw.maximum < 0.98 * saturation)
+    told = np.all((black | white | whole) & of_raw, axis=-1) & np.any(black | white, axis=-1) & np.any(whole, axis=-1)
+    return black & told[..., None], white & told[..., None]
+
+
+def saturation_levels(pixels: Pixels) -> Array:
+    """(3,) RAW level at which each channel of (h, w, 3) saturates, at most 1.
+
+    Many sensors saturate below the file's nominal white. Their pixels pile up at the channel's maximum, where
+    the histogram of a scene runs out; without a pile-up nothing was saturated, and the level is 1.
+    """
+    levels = np.ones(3)
+    for channel in range(3):
+        values = pixels[..., channel]
+        ceiling = float(values.max(initial=0.0))
+        if not 0.2 < ceiling < 1.0:
+            continue
+        edges = ceiling * (1 - 0.005 * np.arange(13, -1, -1)) + 1e-7
+        histogram, _ = np.histogram(values[values >= edges[0]], bins=edges)
+        top, below = int(histogram[-2:].sum()), float(histogram[:10].mean())
+        if top >= 50 and top > 10 * below:
+            levels[channel] = ceiling
+    return levels

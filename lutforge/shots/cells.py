@@ -20,8 +20,7 @@ class CellStatistics:
     """Statistics over the cells of a grid on a picture, each (H, W, 3) float64; NaN where the picture has no pixels.
 
     Each pixel weighs by as much of it as the cell covers, exactly. minimum and maximum are over every pixel that the
-    cell touches, but no further from the mean than REACH standard deviations. outliers: the share of each cell that
-    does not count, see `of`.
+    cell touches, but no further from the mean than REACH standard deviations. outliers: the share that does not count.
     """
 
     mean: Array
@@ -48,10 +47,8 @@ class CellStatistics:
             found[:4] /= 257.0
         mean, std, low, high, _ = found
         low[:], high[:] = np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std)
-        covered = [
-            (edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9)
-            for edges, size in zip((rows, columns), image.shape[:2], strict=True)
-        ]
+        sides = zip((rows, columns), image.shape[:2], strict=True)
+        covered = [(edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9) for edges, size in sides]
         found[:, ~np.outer(*covered)] = np.nan
         return cls(*found)
 
@@ -112,14 +109,9 @@ def _statistics_under(
 
 @compiled(fastmath=REASSOCIATED)
 def _add_rows(
-    image: Pixels | Codes | NDArray[np.uint16],
-    top: float,
-    bottom: float,
-    total: Array,
-    square: Array,
-    low: Single,
+    image: Pixels | Codes | NDArray[np.uint16], top: float, bottom: float, total: Array, square: Array, low: Single,
     high: Single,
-) -> float:
+) -> float:  # fmt: skip
     """Fill sums, sums of squares, least and greatest values of columns between two heights; return what they span."""
     total[:], square[:], low[:], high[:], height = 0.0, 0.0, np.inf, -np.inf, 0.0
     for y in range(len(image)):
@@ -136,14 +128,9 @@ def _add_rows(
 
 @compiled(fastmath=REASSOCIATED)
 def _without_outliers(
-    cell: Pixels | Codes | NDArray[np.uint16],
-    top: float,
-    bottom: float,
-    left: float,
-    right: float,
-    hot: bool,
+    cell: Pixels | Codes | NDArray[np.uint16], top: float, bottom: float, left: float, right: float, hot: bool,
     found: Array,
-) -> None:
+) -> None:  # fmt: skip
     """Fill the statistics (5,) of one channel of a cell, (h, w), between these borders, without its outliers."""
     values, areas, marks = np.empty(cell.size), np.empty(cell.size), np.zeros(cell.size, np.uint8)
     replaced, outlier, at, whole = np.uint8(1), np.uint8(2), 0, 0.0

@@ -58,10 +58,7 @@ class Registration:
         return np.asarray(self.scale * places + (self.offset_x, self.offset_y))
 
     def borders(self, shape: tuple[int, int], cell: int, pixel_size: float) -> tuple[Array, Array]:
-        """Borders of the rows and columns of a grid of cells of cell × cell JPEG pixels, in pixels of an array of RAW.
-
-        shape: how many cells there are, down and across; array pixel i covers [i, i + 1].
-        """
+        """Borders of a grid of `shape` cells of cell × cell JPEG pixels, in pixels of an array of RAW."""
         rows, columns = (
             np.asarray((self.scale * (np.arange(count + 1) * float(cell)) + offset) / pixel_size, dtype=np.float64)
             for count, offset in zip(shape, (self.offset_y, self.offset_x), strict=True)

@@ -115,10 +115,7 @@ def _named_style(tags: Tags) -> str | None:
 
 
 def _adjustments(tags: Tags, style_is_named: bool) -> Iterator[tuple[str, float]]:
-    """What was adjusted, and by how many steps of the camera's menu. Sharpness changes no flat colour and is left out.
-
-    More than nine steps has no menu: such a number means something else.
-    """
+    """What was adjusted, by how many steps of the menu, nine at most. Sharpness changes no flat colour: left out."""
     for text, (what, unit) in _table("signed_adjustments").items():
         number = next(iter(_signed(tags.get(key_of(text)))), 0)
         if number and abs(number / unit) <= 9:
@@ -133,10 +130,8 @@ def _adjustments(tags: Tags, style_is_named: bool) -> Iterator[tuple[str, float]
         if isinstance(said, str) and said.strip().lower() in words:
             yield what, words[said.strip().lower()]
     own = style_is_named or ("CanonCs", 14) in tags
-    for text, (what, codes) in {
-        **_table("coded_adjustments"),
-        **({} if own else _table("general_adjustments")),
-    }.items():
+    coded = _table("coded_adjustments") if own else _table("coded_adjustments") | _table("general_adjustments")
+    for text, (what, codes) in coded.items():
         code = _element(tags.get(key_of(text)), 0)
         if code is not None and hex(code) in codes:
             yield what, codes[hex(code)]
@@ -172,9 +167,8 @@ def _element(value: Value | None, index: int) -> int | None:
 def _signed(value: Value | None) -> list[int]:
     """The numbers, where they were stored without a sign too: in 16 bits or 32."""
     numbers = value if isinstance(value, tuple) else ()
-    return [
-        n - (1 << 16) if 1 << 15 <= n < 1 << 16 else n - (1 << 32) if 1 << 31 <= n < 1 << 32 else n for n in numbers
-    ]
+    spans = [next((1 << bits for bits in (16, 32) if 1 << bits - 1 <= n < 1 << bits), 0) for n in numbers]
+    return [n - span for n, span in zip(numbers, spans, strict=True)]
 
 
 # --- As-shot multipliers, where a finished picture carries them ------------------------------------------------------

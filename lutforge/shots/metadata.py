@@ -70,10 +70,7 @@ class ShotMetadata:
 
 
 def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
-    """Settings from the RAW file's own tags, completed by those of its preview and of the JPEG beside it.
-
-    Exposure, ISO and multipliers are LibRaw's. Raises nothing: what is not found is unknown, and the notes say so.
-    """
+    """Settings by a RAW file's tags, completed by those of preview and JPEG; exposure and multipliers are LibRaw's."""
     found = tags(path)
     preview = tags_of(raw.preview or b"")
     if str(preview.get(SOFTWARE, "")).lower().startswith(("dcraw", "libraw")):
@@ -83,27 +80,21 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
         found = {**other, **found}
     make, model = (str(found.get(key, "")).strip() for key in (MAKE, MODEL))
     time_s, _, iso = _exposure_of(found)
-    notes = list(notes_of(found))
-    if raw.multipliers is None:
-        notes.append("the file has no valid white-balance multipliers: they must be fitted or given")
-    if not make and not model:
-        notes.append("the file does not name its camera")
     style = style_of(found)
-    if style is None:
-        notes.append('the file does not name its picture style: taken for "standard"')
+    doubts = (
+        (raw.multipliers is None, "the file has no valid white-balance multipliers: they must be fitted or given"),
+        (not make and not model, "the file does not name its camera"),
+        (style is None, 'the file does not name its picture style: taken for "standard"'),
+    )
+    notes = [*notes_of(found), *(note for holds, note in doubts if holds)]
     return ShotMetadata(
-        camera=tidy_camera(make or UNKNOWN, model or "camera"),
-        style=style or "standard",
-        white_balance=white_balance_of(found) or UNKNOWN,
-        multipliers=raw.multipliers,
+        camera=tidy_camera(make or UNKNOWN, model or "camera"), style=style or "standard",
+        white_balance=white_balance_of(found) or UNKNOWN, multipliers=raw.multipliers,
         exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else time_s or math.nan,
         iso=raw.iso if math.isfinite(raw.iso) else iso or math.nan,
-        notes=tuple(notes),
-        lens=raw.lens or str(found.get(_LENS, "")).strip(),
-        focal_mm=raw.focal_mm,
-        aperture=raw.aperture,
-        d65=raw.d65,
-    )
+        notes=tuple(notes), lens=raw.lens or str(found.get(_LENS, "")).strip(),
+        focal_mm=raw.focal_mm, aperture=raw.aperture, d65=raw.d65,
+    )  # fmt: skip
 
 
 def raw_attributes(path: Path, raw: RawImage) -> dict[str, object]:
@@ -131,8 +122,7 @@ def lens_of(path: Path, raw: RawImage) -> str:
 def tidy_camera(make: str, model: str) -> str:
     """One name from the Make and Model tags, with the brand once and in its usual spelling."""
     words = f"{make} {model}".lower()
-    # The model names the brand more reliably: Pentax cameras say "RICOH IMAGING COMPANY, LTD." and "PENTAX
-    # K-3".
+    # The model names the brand more reliably: Pentax cameras say "RICOH IMAGING COMPANY, LTD." and "PENTAX K-3".
     brand = next((name for name in _BRANDS if model.lower().startswith(name.lower())), None)
     brand = brand or next((name for name in _BRANDS if name.lower() in words), None)
     if brand is None:
@@ -148,14 +138,16 @@ def read_picture_settings(path: Path) -> ShotMetadata:
     """Settings and exposure of a JPEG, another finished picture or a RAW file, from its EXIF and maker notes.
 
     A picture that LutForge wrote has the settings that its Software tag names, whatever its maker notes still say. The
-    RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not tell. Raises ImageError for
-    what is no image.
+    RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not tell. Raises ImageError.
     """
     is_raw = path.suffix.lower() in RAW_SUFFIXES
     require_file(path, "a RAW file" if is_raw else "an image", ImageError)
     found = tags(path) if is_raw else _picture_tags(path)
     camera = camera_of(found)
-    raw, raw_tags = (path, found) if is_raw else _raw_of(path, camera)
+    raw = path if is_raw else raw_beside(path) if camera else None
+    raw_tags = found if is_raw else {} if raw is None else tags(raw)
+    if camera_of(raw_tags) != camera:
+        raw, raw_tags = None, {}
     stated = zip(_exposure_of(found), _exposure_of(raw_tags), strict=True)
     time_s, aperture, iso = (one or other or math.nan for one, other in stated)
     made = None if is_raw else _made_by_lutforge(found)
@@ -169,15 +161,10 @@ def read_picture_settings(path: Path) -> ShotMetadata:
         except ImageError:
             multipliers = None  # then the RAW file is of no help; the picture itself may be fine
     return ShotMetadata(
-        camera=camera,
-        style=setting_name(style_of(found) or UNKNOWN),
-        white_balance=setting_name(white_balance_of(found) or UNKNOWN),
-        multipliers=multipliers,
-        exposure_s=time_s,
-        iso=iso,
-        notes=(*notes_of(found), *edited_notes(found)),
-        aperture=aperture,
-    )
+        camera=camera, style=setting_name(style_of(found) or UNKNOWN),
+        white_balance=setting_name(white_balance_of(found) or UNKNOWN), multipliers=multipliers, exposure_s=time_s,
+        iso=iso, notes=(*notes_of(found), *edited_notes(found)), aperture=aperture,
+    )  # fmt: skip
 
 
 def _exposure_of(found: Tags) -> list[float]:
@@ -189,13 +176,6 @@ def _exposure_of(found: Tags) -> list[float]:
         number, unit = (*parts, 1)[:2]
         stated.append(number / unit if number > 0 and unit > 0 else 0.0)
     return stated
-
-
-def _raw_of(picture: Path, camera: str) -> tuple[Path | None, Tags]:
-    """The RAW file of the same camera beside a picture, and its tags; none where there is none."""
-    raw = raw_beside(picture) if camera else None
-    found = {} if raw is None else tags(raw)
-    return (raw, found) if camera_of(found) == camera else (None, {})
 
 
 def camera_of(found: Tags) -> str:

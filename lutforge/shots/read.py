@@ -1,15 +1,16 @@
 """Read a shot: RAW, the JPEG that the camera made of it, settings, and the registration of the two."""
 
+import importlib
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.arrays import Codes
-from lutforge.atomic_write import scratch_folder
+from lutforge.arrays import Array, Codes
 from lutforge.boundary import MAX_SAMPLES
 from lutforge.errors import ImageError, ShotError
 from lutforge.images.heif import is_heif, read_heif
@@ -18,12 +19,80 @@ from lutforge.images.jpeg import decode, read_header
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import Development, read_image
 from lutforge.shots.align import IS_WARPED, register_rotated
+from lutforge.shots.cells import CellStatistics
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.maker_settings import edited_notes, in_adobe_rgb
-from lutforge.shots.metadata import read_metadata
-from lutforge.shots.shot import Shot
+from lutforge.shots.metadata import ShotMetadata, camera_of, read_metadata, read_picture_settings
 from lutforge.shots.tags import tags, tags_of
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A RAW/JPEG pair, both oriented like the sensor.
+
+    name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the file beside it.
+    development: the picture that stands in the RAW's place. raw_camera: the other camera that the RAW is of, or "".
+    fine: the same picture, 0 … 65535, where its file has more than 8 bits. drawn: where the JPEG lies on the RAW as the
+    lens drew it, where the camera straightened the JPEG: raw is then straightened, and the registration on that.
+    """
+
+    name: str
+    path: Path
+    raw: RawImage
+    jpeg: NDArray[np.uint8]
+    jpeg_source: str
+    metadata: ShotMetadata
+    registration: Registration
+    development: Development | None = None
+    raw_camera: str = ""
+    fine: NDArray[np.uint16] | None = None
+    drawn: Placement | None = None
+
+    @property
+    def placement(self) -> Placement:
+        """The place of the JPEG on the RAW as the lens drew it, at which other shots can be sought first."""
+        if self.drawn is not None:
+            return self.drawn
+        height, width = self.raw.pixels.shape[:2]
+        return Placement((height, width, self.raw.pixel_size), self.jpeg.shape[:2], self.registration)
+
+    @property
+    def lens_note(self) -> str:
+        """What the camera corrected of the lens in its JPEG, in words for a user; "" where nothing."""
+        lens = self.placement.registration.distortion
+        if lens is None:
+            return ""
+        height, width = self.jpeg.shape[:2]
+        corners = np.array([[0, 0], [width, 0], [0, height], [width, height]])
+        at_corners = self.placement.registration.straight(corners)
+        drawn = np.linalg.norm(lens.drawn(at_corners) - (lens.x, lens.y), axis=1)
+        share = float(np.mean(drawn / np.linalg.norm(at_corners - (lens.x, lens.y), axis=1))) - 1
+        mustache = lens.k1 * lens.k2 < 0 and abs(share) < abs(lens.k1) / 4
+        shape = "mustache" if mustache else ("barrel", "pincushion")[share > 0]
+        parts = [f"{shape} distortion of {100 * share:+.1f} % in the corners"] if lens.k1 or lens.k2 else []
+        if lens.red or lens.blue:
+            parts.append(f"red {100 * lens.red:+.2f} % and blue {100 * lens.blue:+.2f} % beside green")
+        return "corrected in the JPEG, and followed: " + ", ".join(parts)
+
+    def raw_cells(self, cell: int, hot: bool = False) -> CellStatistics:
+        """RAW statistics under the blocks of cell × cell JPEG pixels; a rest at the right and bottom is left out."""
+        shape = self.jpeg.shape[0] // cell, self.jpeg.shape[1] // cell
+        return CellStatistics.of(self.raw.pixels, *self.registration.borders(shape, cell, self.raw.pixel_size), hot)
+
+    def jpeg_cells(self, cell: int, hot: bool = False) -> CellStatistics:
+        """Statistics of the JPEG over the same blocks, in codes 0 … 255."""
+        jpeg = self.jpeg if self.fine is None else self.fine
+        rows, columns = (cell * np.arange(side // cell + 1.0) for side in jpeg.shape[:2])
+        return CellStatistics.of(jpeg, rows, columns, hot)
+
+    def straightened(self) -> "Shot":
+        """The shot with a RAW as straight as its JPEG, where the registration says how the lens bent it."""
+        if self.registration.distortion is None:
+            return self
+        pixels, place = self.registration.straightened(self.raw.pixels, self.raw.pixel_size, self.jpeg.shape)
+        return replace(self, raw=replace(self.raw, pixels=pixels), registration=place, drawn=self.placement)
+
 
 EMBEDDED = "embedded preview"
 
@@ -33,20 +102,17 @@ orientation."""
 
 
 def read_shot(
-    path: Path | str,
-    development: Development | None = None,
-    expected: Callable[[], Placement | None] = lambda: None,
+    path: Path | str, development: Development | None = None, expected: Callable[[], Placement | None] = lambda: None,
     source: str | None = None,
-) -> Shot:
+) -> Shot:  # fmt: skip
     """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
 
     The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; one that another program
     wrote (a converter's DNG holds that converter's rendering) comes last. metadata.notes says so, and which was passed
-    over and why. development: a picture that a program made of the RAW, which then takes the RAW's place: balanced, so
-    that its multipliers are 1; its tones may let a JPEG seem warped, which then is no reason to refuse it. expected:
-    called once the RAW is decoded, for where another shot of the camera lies; the place is looked at first. source: the
-    JPEG to take and no other, as `Shot.jpeg_source` names it. Raises ImageError where the RAW cannot be decoded,
-    ShotError where no JPEG matches it.
+    over and why. development: a picture that a program made of the RAW, which takes the RAW's place: balanced, so that
+    its multipliers are 1; its tones may let a JPEG seem warped, which then is no reason to refuse it. expected: called
+    once the RAW is decoded, for where another shot of the camera lies; the place is looked at first. source: the JPEG
+    to take and no other, as `Shot.jpeg_source` names it. Raises ImageError or ShotError.
     """
     path = Path(path)
     if path.suffix.lower() in JPEG_SUFFIXES or is_heif(path):
@@ -56,9 +122,8 @@ def read_shot(
     except ImageError as error:
         if path.suffix.lower() in RAW_SUFFIXES or error.__cause__ is None:
             raise
-        raise ImageError(
-            f"{path}: not a RAW file that LibRaw can read; a table of samples is a .csv or .npz file"
-        ) from None
+        table = "a table of samples is a .csv or .npz file"
+        raise ImageError(f"{path}: not a RAW file that LibRaw can read; {table}") from None
     if development is not None:
         ones = np.ones(3)
         raw = replace(raw, pixels=development.pixels, pixel_size=1.0, multipliers=ones, clip_level=ones)
@@ -81,28 +146,16 @@ def read_shot(
         metadata = replace(metadata, notes=metadata.notes + notes)
         shot = Shot(path.stem, path, raw, jpeg, name, metadata, registration, development, fine=fine)
         return shot.straightened()
-    size = (
-        "" if development is None else "; the picture in the RAW's place, {1} × {0}, must be the whole frame, uncropped"
-    )
-    raise ShotError(
-        f"{path}: no camera JPEG to pair it with: {'; '.join(reasons)}" + size.format(*raw.pixels.shape[:2])
-    )
+    if development is not None:
+        height, width = raw.pixels.shape[:2]
+        reasons.append(f"the picture in the RAW's place, {width} × {height}, must be the whole frame, uncropped")
+    raise ShotError(f"{path}: no camera JPEG to pair it with: {'; '.join(reasons)}")
 
 
 def read_pair(picture: Path, development: Development) -> Shot:
     """Register a finished sRGB picture on a developed one in the place of the RAW. Raises ImageError or ShotError."""
     ones = np.ones(3)
-    left = RawImage(
-        pixels=development.pixels,
-        pixel_size=1.0,
-        flip=0,
-        multipliers=ones,
-        preview=None,
-        preview_note="a developed picture",
-        exposure_s=math.nan,
-        iso=math.nan,
-        clip_level=ones,
-    )
+    left = RawImage(development.pixels, 1.0, 0, ones, None, "a developed picture", math.nan, math.nan, ones)
     codes = np.rint(np.clip(read_image(picture).pixels[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
     turned, registration = register_rotated(left, codes)
     metadata = read_metadata(picture, left, None)
@@ -123,18 +176,16 @@ def _registered(
             data = raw.preview if source == EMBEDDED and raw.preview is not None else Path(source).read_bytes()
         except OSError as error:
             raise ImageError(f"{source}: cannot be read ({error.strerror or error})") from None
-        jpeg, fine = _decode(data, source), None
-        header = read_header(data)
+        (jpeg, profile), fine = _decoded(data, source), None
         # A camera's Adobe RGB is a style of its own.
-        profile = header.icc if header is not None and not in_adobe_rgb(tags_of(data)) else b""
+        profile = b"" if in_adobe_rgb(tags_of(data)) else profile
     notes = []
     if heif is not None and heif.hdr:
         raise ShotError(f"{source}: encoded for HDR ({heif.hdr}), unlike a JPEG; set the camera to SDR")
     if profile and not is_srgb(profile):
         jpeg, fine = to_srgb(jpeg, profile), None
-        notes.append(
-            f"the picture is in {profile_name(profile)}: converted to sRGB, so grade pictures that are converted"
-        )
+        so = "converted to sRGB, so grade pictures that are converted"
+        notes.append(f"the picture is in {profile_name(profile)}: {so}")
     # Previews lie like the sensor or upright; a file beside may have been turned by any program.
     likely = (0, TURNS.get(raw.flip, 0), 1, 2, 3)
     try:
@@ -147,22 +198,106 @@ def _registered(
     return turned, fine, registration, tuple(notes)
 
 
-def _decode(data: bytes, source: str) -> NDArray[np.uint8]:
-    """(h, w, 3) of JPEG bytes, as stored. Raises ImageError: damaged, not RGB, or too large."""
-    if not data.startswith(b"\xff\xd8"):
-        raise ImageError(f"{source}: not a JPEG file")
+def _decoded(data: bytes, source: str) -> tuple[NDArray[np.uint8], bytes]:
+    """(h, w, 3) of JPEG bytes, as stored, and their ICC profile. Raises ImageError: damaged, not RGB, or too large."""
     header = read_header(data)
-    if header is not None and header.plain and header.width * header.height * 3 <= MAX_SAMPLES:
-        pixels = np.empty((header.height, header.width, 3), np.uint8)
-        decode(Path(source), data, pixels)
-        return pixels
-    with scratch_folder() as folder:
-        file = folder / "preview.jpg"
-        file.write_bytes(data)
-        try:
-            picture = read_image(file).pixels
-        except ImageError as error:
-            raise ImageError(str(error).replace(str(file), source)) from None
-    if picture.ndim != 3 or picture.shape[2] != 3:
-        raise ImageError(f"{source}: decodes to {picture.shape} pixels, not to a colour image")
-    return np.rint(picture * 255).astype(np.uint8)
+    if header is None:
+        raise ImageError(f"{source}: not a JPEG file, or a damaged one")
+    if len(header.tables) != 3:
+        raise ImageError(f"{source}: a JPEG of {len(header.tables)} channels, not a colour image")
+    if header.width * header.height * 3 > MAX_SAMPLES:
+        raise ImageError(f"{source}: claims {header.width} × {header.height} pixels, more than is read at once")
+    pixels = np.empty((header.height, header.width, 3), np.uint8)
+    decode(Path(source), data, pixels)
+    return pixels, header.icc
+
+
+# --- A JPEG of a camera without RAW against another camera's RAW of the same scene, from another place ----------------
+# What both show of a plane, or of anything far away, differs by a homography. Features that both pictures have (SIFT,
+# Lowe 2004, https://doi.org/10.1023/B:VISI.0000029664.99615.94) are matched, and the homography that most of them agree
+# on is found by a robust estimator (MAGSAC++, Barath et al. 2020, https://doi.org/10.1109/CVPR42600.2020.00138). The
+# RAW is then resampled to the JPEG's frame; where the two still disagree, as on near objects, tiles are rejected.
+
+
+LONGEST = 1600
+"""Pixels of the longer side of the pictures that features are looked for in."""
+
+
+def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
+    """A JPEG of one camera with the RAW of another in its frame, and its exposure over the RAW's, NaN where unknown."""
+    raw = read_raw(raw_file, half_size=True)
+    shown = read_image(picture).pixels
+    if shown.shape[2] < 3:
+        raise ShotError(f"{picture}: not a colour picture")
+    jpeg = np.rint(np.clip(shown[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
+    try:
+        cv2: Any = importlib.import_module("cv2")
+    except ImportError:
+        raise ShotError("pictures of two cameras are registered by OpenCV: pip install 'lutforge[views]'") from None
+    # RAW as a picture in codes (h, w): green, brought to a usual brightness, on a gamma curve
+    green = raw.pixels[..., 1]
+    bright = np.clip(green / max(float(np.quantile(green[::4, ::4], 0.98)), 1e-6), 0.0, 1.0)
+    try:
+        matrix, share = _homography(cv2, np.rint(255 * np.power(bright, 1 / 2.2)).astype(np.uint8), jpeg)
+    except ShotError as error:
+        raise ShotError(f"{picture}: {raw_file.name}: {error}") from None
+    # RAW in the frame of the JPEG, about as many pixels as it had: its own values, none mixed, 0 outside
+    height, width = jpeg.shape[:2]
+    size = float(np.clip(np.sqrt(np.linalg.det(_local(matrix, raw.pixels.shape)[0])), 0.25, 8.0))
+    centre = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])  # OpenCV counts from the centre of the first pixel
+    whole = np.linalg.inv(centre) @ np.diag([1 / size, 1 / size, 1.0]) @ centre @ matrix
+    pixels = cv2.warpPerspective(
+        raw.pixels, whole, (int(width / size), int(height / size)), flags=cv2.INTER_NEAREST, borderValue=0.0
+    )
+    warped = replace(raw, pixels=pixels, pixel_size=size, flip=0, preview=None)
+    metadata = read_metadata(picture, replace(warped, multipliers=None, exposure_s=np.nan, iso=np.nan), None)
+    metadata = replace(metadata, notes=())
+    shot = Shot(picture.stem, picture, warped, jpeg, str(picture), metadata, Registration(1.0, 0.0, 0.0, share))
+    aperture = raw.aperture if raw.aperture > 0 else 1.0
+    exposure = raw.exposure_s * (raw.iso if raw.iso > 0 else 100.0) / 100.0 / aperture**2
+    named = replace(shot, raw_camera=camera_of(tags(raw_file)) or "reference camera")
+    return named, read_picture_settings(picture).exposure / exposure
+
+
+def _homography(cv2: Any, grey: Codes, jpeg: Codes) -> tuple[Array, float]:
+    """(3, 3) from pixels of a grey picture (h, w) to those of a JPEG (h, w, 3), and the share of matches that agree."""
+    small, scales = [], []
+    for picture in (grey, cv2.cvtColor(jpeg, cv2.COLOR_RGB2GRAY)):
+        scale = min(1.0, LONGEST / max(picture.shape))
+        resized = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        small.append(cv2.createCLAHE(4.0, (8, 8)).apply(resized))
+        scales.append(scale)
+    finder = cv2.SIFT_create(nfeatures=6000)
+    (keys_a, found_a), (keys_b, found_b) = (finder.detectAndCompute(picture, None) for picture in small)
+    if found_a is None or found_b is None or min(len(keys_a), len(keys_b)) < 8:
+        raise ShotError("too little structure to register")
+    # A feature whose second nearest is nearly as near may be either (Lowe 2004, 7.1).
+    pairs = [pair for pair in cv2.BFMatcher().knnMatch(found_a, found_b, k=2) if len(pair) == 2]
+    good = [first for first, second in pairs if first.distance < 0.8 * second.distance]
+    points = [
+        (np.array([keys[getattr(match, name)].pt for match in good]).reshape(-1, 2) + 0.5) / scale - 0.5
+        for keys, name, scale in ((keys_a, "queryIdx", scales[0]), (keys_b, "trainIdx", scales[1]))
+    ]
+    matrix = inside = None
+    if len(good) >= 8:
+        matrix, inside = cv2.findHomography(
+            *points, cv2.USAC_MAGSAC, 3.0 / scales[1], maxIters=20_000, confidence=0.9999
+        )
+    agreeing = 0 if inside is None else int(inside.sum())
+    # By chance a dozen of thousands of wrong matches may agree on some homography.
+    if matrix is None or agreeing < max(20, 0.1 * len(good)):
+        agree = f"{agreeing} of {len(good)} features of the two pictures agree"
+        raise ShotError(f"{agree}: another scene, or too little in common")
+    if not np.all(np.linalg.det(_local(matrix, grey.shape)) > 0) or np.linalg.cond(_local(matrix, grey.shape)[0]) > 5:
+        raise ShotError("the two pictures agree on a distortion that no camera makes: another scene")
+    return np.asarray(matrix, dtype=np.float64), agreeing / len(good)
+
+
+def _local(matrix: Array, shape: tuple[int, ...]) -> Array:
+    """The derivative (5, 2, 2) of a homography at the middle and near the corners of a picture."""
+    h, w = shape[:2]
+    at = np.array([[0.5, 0.5], [0.2, 0.2], [0.8, 0.2], [0.2, 0.8], [0.8, 0.8]]) * (w, h)
+    homogeneous = np.column_stack([at, np.ones(5)]) @ matrix.T
+    x, y = homogeneous[:, 0] / homogeneous[:, 2], homogeneous[:, 1] / homogeneous[:, 2]
+    rows = [matrix[None, row, :2] - value[:, None] * matrix[2, :2] for row, value in ((0, x), (1, y))]
+    return np.asarray(np.stack(rows, axis=1) / homogeneous[:, 2, None, None])

@@ -33,8 +33,7 @@ LIGHT_OF_WHITE_BALANCE: Mapping[str, float | str] = MappingProxyType(
 class ToneResponse:
     """f(x) = S(srgb(x)): the sRGB curve (IEC 61966-2-1), then a cubic Bézier curve from (0, 0) to (1, 1).
 
-    S(v) = 3 toe v (1 − v)² + 3 shoulder v² (1 − v) + v³: slope 3 toe at black and 3 (1 − shoulder) at
-    white. It increases strictly, f(0) = 0 and f(1) = 1, where 0 < toe ≤ shoulder < 1 in each channel.
+    S(v) = 3 toe v (1 − v)² + 3 shoulder v² (1 − v) + v³ increases strictly where 0 < toe ≤ shoulder < 1.
     """
 
     toe: tuple[float, float, float]
@@ -74,9 +73,9 @@ DARKEST = 1e-12
 class SimulatedGamutMap:
     """The map h: it compresses saturated colours into the cube, and for a vivid style boosts and turns them first.
 
-    signal: w (3,), sum 1. knee: the saturation (1 = face of the RGB cube) from which colours are
-    compressed. boost: gain of saturations beyond `onset`. turn: radians by which full saturations turn;
-    bend: a part of the turn that depends on the hue. It does not fold where knee and |bend| are below 1.
+    signal: w (3,), sum 1. knee: the saturation (1 = face of the RGB cube) from which colours are compressed. boost:
+    gain of saturations beyond `onset`. turn: radians by which full saturations turn; bend: a part of the turn that
+    depends on the hue. It does not fold where knee and |bend| are below 1.
     """
 
     signal: tuple[float, float, float]
@@ -154,11 +153,10 @@ class SimulatedGamutMap:
 class SimulatedCamera:
     """The ground truth: sensor and rendering of one camera.
 
-    sensitivity: (L, 3) over `spectra.WAVELENGTHS`, scaled so that E = reflectance · light · sensitivity.
-    matrix: Ts (3, 3), white-balanced camera RGB to linear sRGB; rows sum to 1.
-    nominal_exposure_s: the exposure at which a perfect diffuser reads 0.9 in its strongest channel.
-    white_balances: Tw of each setting. styles: h and f of each. black, white: sensor codes of no light and of
-    saturation. full_well, read_noise: electrons.
+    sensitivity: (L, 3) over `spectra.WAVELENGTHS`, scaled so that E = reflectance · light · sensitivity. matrix: Ts
+    (3, 3), white-balanced camera RGB to linear sRGB; rows sum to 1. white_balances: Tw of each setting. styles: h and f
+    of each. nominal_exposure_s: the exposure at which a perfect diffuser reads 0.9 in its strongest channel. black,
+    white: sensor codes of no light and of saturation. full_well, read_noise: electrons.
     """
 
     make: str
@@ -180,10 +178,7 @@ class SimulatedCamera:
         return f"{self.make} {self.model}"
 
     def expose(self, reflectances: ArrayLike, white_balance: str, exposure_s: float | None = None) -> Array:
-        """E of surfaces under the light of a white-balance setting; no noise, no clipping at saturation.
-
-        reflectances: (…, L) over `spectra.WAVELENGTHS`. exposure_s: None for the nominal exposure. Returns (…, 3).
-        """
+        """E (…, 3) of reflectances (…, L) under the light of a white-balance setting: no noise, not clipped."""
         spectrum = light(LIGHT_OF_WHITE_BALANCE[white_balance])
         responses = spectrum[:, None] * self.sensitivity
         responses = responses * (0.9 / responses.sum(axis=0).max())
@@ -203,11 +198,7 @@ class SimulatedCamera:
         return response(gamut_map(balanced @ self.matrix.T))
 
     def linearize(self, encoded: ArrayLike, style: str, white_balance: str | ArrayLike, ev: float = 0.0) -> Array:
-        """E = (k Tw)⁻¹ Ts⁻¹ h⁻¹(f⁻¹(I)): encoded values (…, 3) to RAW.
-
-        Exact to about 1e-9 for values strictly between 0 and 1 that the camera can make; a value of 0 or 1
-        may be clipped, and then the result is one of many.
-        """
+        """E = (k Tw)⁻¹ Ts⁻¹ h⁻¹(f⁻¹(I)): encoded values (…, 3) to RAW, to about 1e-9 where none is 0 or 1."""
         gamut_map, response = self.styles[style]
         linear = gamut_map.inverse(response.inverse(encoded))
         balanced = linear @ np.linalg.inv(self.matrix).T
@@ -228,10 +219,7 @@ def nikon_d5100() -> SimulatedCamera:
 
 @cache
 def sigma_sd_merrill() -> SimulatedCamera:
-    """A camera with other filters: the NPL's Sigma SD Merrill (Darrodi et al. 2015), its layers unmixed.
-
-    The real sensor stacks layers that overlap widely; unmixed and cut at 0 they could be Bayer filters.
-    """
+    """A camera with other filters: the NPL's Sigma SD Merrill (Darrodi et al. 2015), its layers unmixed, cut at 0."""
     unmixing = np.array([[1.0, -0.6, 0.0], [-0.64, 1.0, -0.64], [0.0, -0.52, 1.0]])  # what neighbouring layers see too
     unmixed = np.maximum(sensitivities("Sigma SDMerill (NPL)") @ unmixing, 0.0)
     return _build("Simulated SD Merrill", unmixed / unmixed.max(axis=0) * (1.0, 1.0, 0.78), warmth=0.03)

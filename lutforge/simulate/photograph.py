@@ -1,8 +1,6 @@
-"""Take a photograph with the simulated camera: a DNG of the noisy mosaic, and the JPEG developed from it.
+"""Take photographs with the simulated camera: DNGs of the noisy mosaic, and the JPEGs developed from it; the demo's."""
 
-JPEGs have 8 bits and the Exif tags that say how they were made.
-"""
-
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,22 +10,23 @@ from zlib import crc32
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 -- the name that its own documentation uses
 import rawpy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from lutforge.arrays import Array, Pixels
+from lutforge.atomic_write import atomic_path
+from lutforge.colour.srgb import SRGB_TO_XYZ
+from lutforge.images.jpeg import read_header
 from lutforge.images.read import Image
+from lutforge.images.tiff import Field, TiffWriter, byte_field, long_field, rational_field, short_field, text_field
 from lutforge.images.write import write_image
 from lutforge.model.falloff import Falloff
 from lutforge.model.white_balance import LIGHT_SOURCES
 from lutforge.shots.geometry import Distortion
-from lutforge.simulate.camera import SimulatedCamera
-from lutforge.simulate.dng import write_dng
-from lutforge.simulate.scene import Scene
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
+from lutforge.simulate.scene import SCENES, Scene
 
 Subsampling = Literal["4:4:4", "4:2:2", "4:2:0"]
-
-
 BORDER = 8
 """Sensor pixels left out of the JPEG at the left and at the right; half as many above and below."""
 
@@ -75,48 +74,30 @@ class Photograph:
 
 
 def write_jpeg(path: Path, pixels: NDArray[np.uint8], camera: SimulatedCamera, settings: CameraSettings) -> None:
-    """Write a JPEG file of encoded sRGB (h, w, 3), with the tags that say how it was made.
-
-    ImageDescription says "PictureStyle=vivid; WhiteBalance=daylight". Raises ImageError where it cannot be written.
-    """
+    """Write encoded sRGB (h, w, 3) as a JPEG file, with the tags that say how it was made."""
     height, width, _ = pixels.shape
     spec = oiio.ImageSpec(width, height, 3, "uint8")
     for key, value in {
-        "jpeg:quality": settings.quality,
-        "jpeg:subsampling": settings.subsampling,
-        "oiio:ColorSpace": "sRGB",
-        "Make": camera.make,
-        "Model": camera.model,
-        "Orientation": settings.orientation,
+        "jpeg:quality": settings.quality, "jpeg:subsampling": settings.subsampling, "oiio:ColorSpace": "sRGB",
+        "Make": camera.make, "Model": camera.model, "Orientation": settings.orientation,
         "ImageDescription": f"PictureStyle={settings.style}; WhiteBalance={settings.white_balance}",
-        "ExposureTime": float(settings.exposure_s),
-        "FNumber": float(settings.f_number),
-        "Exif:PhotographicSensitivity": settings.iso,
-        "Exif:LightSource": settings.light_source,
-        "Exif:WhiteBalance": int(settings.light_source != 0),
-        "Exif:Saturation": settings.saturation,
+        "ExposureTime": float(settings.exposure_s), "FNumber": float(settings.f_number),
+        "Exif:PhotographicSensitivity": settings.iso, "Exif:LightSource": settings.light_source,
+        "Exif:WhiteBalance": int(settings.light_source != 0), "Exif:Saturation": settings.saturation,
         "Exif:ExposureMode": 1,
-    }.items():
+    }.items():  # fmt: skip
         spec.attribute(key, value)
     values = np.divide(pixels, 255, dtype=np.float32)
     write_image(path, values, Image(values, spec, "jpeg"))
 
 
 def photograph(
-    camera: SimulatedCamera,
-    scene: Scene,
-    settings: CameraSettings,
-    folder: str | Path,
-    name: str,
-    *,
-    jpeg_beside: bool = True,
-    light: str | None = None,
-    seed: int = 0,
-) -> Photograph:
+    camera: SimulatedCamera, scene: Scene, settings: CameraSettings, folder: str | Path, name: str, *,
+    jpeg_beside: bool = True, light: str | None = None, seed: int = 0,
+) -> Photograph:  # fmt: skip
     """Write `name`.dng, with an embedded preview, and `name`.JPG beside it unless it is not wanted.
 
-    light: the white-balance name whose light falls on the scene; None for the one that the camera is set to. The noise
-    depends on seed and name only.
+    light: the white-balance name whose light falls on the scene, if not the camera's. The noise is of seed and name.
     """
     irradiance = scene.irradiance(camera, light or settings.white_balance, settings.exposure_s)
     if settings.falloff is not None:
@@ -135,24 +116,12 @@ def photograph(
         preview = (Path(scratch) / "preview.jpg").read_bytes()
     dng, jpeg = Path(folder) / f"{name}.dng", Path(folder) / f"{name}.JPG"
     write_dng(
-        dng,
-        mosaic,
-        black=camera.black,
-        white=camera.white,
-        cfa=camera.cfa,
-        as_shot_neutral=1 / camera.multipliers(settings.white_balance),
-        color_matrix=camera.color_matrix(),
-        make=camera.make,
-        model=camera.model,
-        exposure_s=settings.exposure_s,
-        f_number=settings.f_number,
-        iso=settings.iso,
-        light_source=settings.light_source,
-        saturation=settings.saturation,
-        profile_name=settings.style,
-        preview_jpeg=preview,
-        orientation=settings.orientation,
-    )
+        dng, mosaic, black=camera.black, white=camera.white, cfa=camera.cfa,
+        as_shot_neutral=1 / camera.multipliers(settings.white_balance), color_matrix=camera.color_matrix(),
+        make=camera.make, model=camera.model, exposure_s=settings.exposure_s, f_number=settings.f_number,
+        iso=settings.iso, light_source=settings.light_source, saturation=settings.saturation,
+        profile_name=settings.style, preview_jpeg=preview, orientation=settings.orientation,
+    )  # fmt: skip
     if not jpeg_beside:
         return Photograph(dng, None)
     write_jpeg(jpeg, picture, camera, settings)
@@ -213,15 +182,12 @@ def shrink(picture: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
 # --- The sensor: lens blur, filter array, photon and read noise, quantization; and demosaicking ----------------------
 
 
-def capture(
-    camera: SimulatedCamera, irradiance: Pixels, rng: np.random.Generator, iso: int = 100
-) -> NDArray[np.uint16]:
-    """One exposure: irradiance (h, w, 3), 1 = saturation, to a mosaic (h, w) of sensor codes.
+def capture(camera: SimulatedCamera, light: Pixels, rng: np.random.Generator, iso: int = 100) -> NDArray[np.uint16]:
+    """One exposure: light on the sensor (h, w, 3), 1 = saturation, to a mosaic (h, w) of sensor codes.
 
-    Shot noise is Poisson's, as a normal distribution: variance = electrons; read noise is added, then the
-    value is clipped at saturation and rounded. A higher ISO fills less of the well.
+    Shot noise is Poisson's, as a normal distribution: variance = electrons. A higher ISO fills less of the well.
     """
-    blurred = ndimage.gaussian_filter(irradiance, (0.7, 0.7, 0), mode="nearest")  # pixels: lens and low-pass filter
+    blurred = ndimage.gaussian_filter(light, (0.7, 0.7, 0), mode="nearest")  # pixels: lens and low-pass filter
     well = camera.full_well * 100 / iso
     electrons = np.minimum(filtered(blurred, camera.cfa), 1.5) * well
     noise = rng.standard_normal(electrons.shape, dtype=np.float32)
@@ -248,8 +214,7 @@ def demosaic(mosaic: Pixels, cfa: str) -> Pixels:
     """Full colour (h, w, 3) from a Bayer mosaic: gradient-corrected linear interpolation.
 
     Malvar, He & Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned color images" (ICASSP
-    2004), figure 2: kernels times 16 for green at red or blue, red at green in a red row, red at green in a blue row,
-    red at blue.
+    2004), figure 2: kernels times 16 for green at red or blue, red at green in a red or blue row, red at blue.
     """
     at_colour = [[0, 0, -2, 0, 0], [0, 0, 4, 0, 0], [-2, 4, 8, 4, -2], [0, 0, 4, 0, 0], [0, 0, -2, 0, 0]]
     in_row = [[0, 0, 1, 0, 0], [0, -2, 0, -2, 0], [-2, 8, 10, 8, -2], [0, -2, 0, -2, 0], [0, 0, 1, 0, 0]]
@@ -272,3 +237,203 @@ def demosaic(mosaic: Pixels, cfa: str) -> Pixels:
             image[..., 1][area] = green[area]
             image[..., 2 - own][area] = diagonal[area]
     return image
+
+
+# --- A Bayer mosaic as a DNG 1.4 file (Adobe, "Digital Negative Specification", 2012; TIFF 6.0; Exif) -----------------
+# IFD 0 holds the embedded JPEG preview and the camera's metadata, its SubIFD the mosaic, its Exif IFD the exposure, as
+# the specification recommends. Without a preview the mosaic is in IFD 0.
+
+
+DATE_TIME = "2015:06:15 12:00:00"
+
+
+def write_dng(
+    path: str | Path, mosaic: NDArray[np.uint16], *, black: int = 0, white: int = 65535, cfa: str = "RGGB",
+    as_shot_neutral: Iterable[float] = (1.0, 1.0, 1.0), color_matrix: ArrayLike | None = None, make: str = "LutForge",
+    model: str = "Simulated", exposure_s: float = 1 / 60, f_number: float = 8.0, iso: int = 100, light_source: int = 0,
+    saturation: int = 0, profile_name: str | None = None, preview_jpeg: bytes | None = None, orientation: int = 1,
+) -> None:  # fmt: skip
+    """Write a mosaic (h, w) of sensor codes, with the metadata that RAW converters need, atomically.
+
+    black, white: the codes of no light and of saturation. cfa: colours of the top-left 2 × 2 pixels by row.
+    as_shot_neutral: camera RGB of a neutral surface; its reciprocals are the multipliers. color_matrix: XYZ →
+    camera RGB (3, 3), None where the sensor sees linear sRGB. light_source, saturation: codes of the Exif tags.
+    profile_name: the picture style. preview_jpeg: a whole JPEG file. orientation: 1 … 8 (TIFF).
+    """
+    matrix = np.asarray(np.linalg.inv(SRGB_TO_XYZ) if color_matrix is None else color_matrix, dtype=np.float64)
+    tiff = TiffWriter()
+    raw = _mosaic_fields(tiff, mosaic, black, white, cfa)
+    first = raw if preview_jpeg is None else _preview_fields(tiff, preview_jpeg)
+    if preview_jpeg is not None:
+        first[330] = long_field(tiff.directory(raw))  # SubIFDs
+    first |= {
+        271: text_field(make),
+        272: text_field(model),
+        274: short_field(orientation),
+        305: text_field("LutForge simulated camera"),
+        306: text_field(DATE_TIME),
+        50706: byte_field(1, 4, 0, 0),  # DNGVersion
+        50707: byte_field(1, 1, 0, 0),  # DNGBackwardVersion
+        50708: text_field(model if model.lower().startswith(make.lower()) else f"{make} {model}"),  # UniqueCameraModel
+        50721: rational_field(matrix.ravel(), signed=True),  # ColorMatrix1
+        50728: rational_field(as_shot_neutral),
+        50778: short_field(21),  # CalibrationIlluminant1: D65
+    }
+    if profile_name is not None:
+        first |= {50934: text_field(profile_name), 50936: text_field(profile_name)}  # AsShotProfileName, ProfileName
+    exif: dict[int, Field] = {
+        33434: rational_field([exposure_s]),
+        33437: rational_field([f_number]),
+        34850: short_field(1),  # ExposureProgram: manual
+        34855: short_field(iso),
+        36864: (7, 4, b"0232"),  # ExifVersion, of type UNDEFINED
+        36867: text_field(DATE_TIME),
+        37384: short_field(light_source),
+        41986: short_field(1),  # ExposureMode: manual
+        41987: short_field(int(light_source != 0)),  # WhiteBalance: 0 auto, 1 manual
+        41993: short_field(saturation),
+    }
+    first[34665] = long_field(tiff.directory(exif))
+    content = tiff.finish(tiff.directory(first))
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def _mosaic_fields(tiff: TiffWriter, mosaic: NDArray[np.uint16], black: int, white: int, cfa: str) -> dict[int, Field]:
+    height, width = mosaic.shape
+    pixels = mosaic.astype("<u2", copy=False).tobytes()
+    return {
+        254: long_field(0),  # NewSubfileType: the main image
+        256: long_field(width),
+        257: long_field(height),
+        258: short_field(16),
+        259: short_field(1),  # uncompressed
+        262: short_field(32803),  # PhotometricInterpretation: colour filter array
+        273: long_field(tiff.append(pixels)),
+        277: short_field(1),
+        278: long_field(height),
+        279: long_field(len(pixels)),
+        284: short_field(1),
+        33421: short_field(2, 2),
+        33422: byte_field(*("RGB".index(color) for color in cfa)),  # CFAPattern (TIFF/EP)
+        50710: byte_field(0, 1, 2),  # CFAPlaneColor
+        50711: short_field(1),  # CFALayout: rectangular
+        50713: short_field(1, 1),
+        50714: short_field(black),
+        50717: short_field(white),
+        50718: rational_field([1.0, 1.0]),
+        50719: long_field(0, 0),  # DefaultCropOrigin
+        50720: long_field(width, height),
+        50829: long_field(0, 0, height, width),  # ActiveArea
+    }
+
+
+def _preview_fields(tiff: TiffWriter, jpeg: bytes) -> dict[int, Field]:
+    header = read_header(jpeg)
+    assert header is not None
+    return {
+        254: long_field(1),  # NewSubfileType: a reduced-resolution image
+        256: long_field(header.width),
+        257: long_field(header.height),
+        258: short_field(8, 8, 8),
+        259: short_field(7),  # JPEG
+        262: short_field(6),  # YCbCr
+        273: long_field(tiff.append(jpeg)),
+        277: short_field(3),
+        278: long_field(header.height),
+        279: long_field(len(jpeg)),
+        284: short_field(1),
+        530: short_field(*header.sampling[0]),
+        532: rational_field([0, 255, 128, 255, 128, 255]),
+        50970: long_field(2),  # PreviewColorSpace: sRGB
+    }
+
+
+# --- The shots of the demo: two picture styles, five lights, bracketed exposures, and a picture to grade --------------
+
+
+@dataclass(frozen=True)
+class DemoShot:
+    """One shot to take: the camera's dials, the scene and its seed, relative exposure, and the light.
+
+    The light is the one that the dial is made for, unless it is named: a dial that is wrong for the light gives strong
+    colours, and so covers the corners of the colour space, as the thesis's shots do (4.2.3).
+    """
+
+    style: str
+    white_balance: str
+    scene: str
+    seed: int
+    exposure: float
+    light: str | None = None
+
+    def settings(self, camera: SimulatedCamera) -> CameraSettings:
+        """The dials of the camera."""
+        return CameraSettings(self.style, self.white_balance, camera.nominal_exposure_s * self.exposure)
+
+
+SHOTS = (
+    DemoShot("standard", "daylight", "chart", 0, 1.0),
+    DemoShot("standard", "daylight", "wall", 0, 1.4),
+    DemoShot("standard", "daylight", "wall", 1, 0.35),
+    DemoShot("standard", "tungsten", "wall", 2, 1.0),
+    DemoShot("standard", "tungsten", "wall", 3, 0.6, light="daylight"),
+    DemoShot("standard", "tungsten", "still-life", 0, 0.8, light="daylight"),
+    DemoShot("standard", "fluorescent", "wall", 4, 0.8),
+    DemoShot("standard", "cloudy", "wall", 3, 1.2),
+    DemoShot("vivid", "daylight", "chart", 0, 1.0),
+    DemoShot("vivid", "daylight", "wall", 0, 1.4),
+    DemoShot("vivid", "daylight", "wall", 1, 0.35),
+    DemoShot("vivid", "tungsten", "wall", 2, 1.0),
+    DemoShot("vivid", "daylight", "wall", 3, 0.8, light="tungsten"),
+    DemoShot("vivid", "shade", "wall", 4, 1.2),
+    DemoShot("vivid", "cloudy", "still-life", 0, 1.4),
+)
+"""What the demo calibrates from; every other shot has no JPEG beside it, only the preview in the DNG."""
+
+HELD_OUT = DemoShot("standard", "tungsten", "still-life", 7, 0.6, light="daylight")
+"""What the demo grades, never calibrated from: the camera was left on tungsten in daylight, the exposure is short."""
+
+
+@dataclass(frozen=True)
+class DemoShots:
+    """What `demo_shots` wrote: RAW files to calibrate from, a spoilt photograph, and the JPEG that it should be.
+
+    source, target: its settings as selectors, now and wanted; ev: the stops that it lacks.
+    """
+
+    camera: SimulatedCamera
+    calibration: tuple[Path, ...]
+    held_out: Photograph
+    wanted: Path
+    source: str
+    target: str
+    ev: float
+
+
+def demo_shots(
+    folder: str | Path, progress: Callable[[str], None] = lambda _: None, camera: SimulatedCamera | None = None,
+    shape: tuple[int, int] = (808, 1216),
+) -> DemoShots:  # fmt: skip
+    """Photograph the demo's scenes into `folder`, and one into its "held-out". shape: of the sensor, even numbers."""
+    camera, folder = nikon_d5100() if camera is None else camera, Path(folder)
+    scenes: dict[tuple[str, int], Scene] = {}
+
+    def take(shot: DemoShot, where: Path, name: str, jpeg_beside: bool) -> Photograph:
+        progress(name)
+        key = (shot.scene, shot.seed)
+        if key not in scenes:
+            scenes[key] = SCENES[shot.scene](*shape, shot.seed)
+        settings = shot.settings(camera)
+        return photograph(camera, scenes[key], settings, where, name, jpeg_beside=jpeg_beside, light=shot.light)
+
+    calibration = tuple(
+        take(shot, folder, f"LF{number:04d}-{shot.style}-{shot.white_balance}-{shot.scene}", number % 2 == 1).dng
+        for number, shot in enumerate(SHOTS, start=1)
+    )
+    held_out = take(HELD_OUT, folder / "held-out", "held-out", True)
+    style, white_balance, ev = "vivid", "daylight", 0.7  # what it should have had
+    right = replace(HELD_OUT.settings(camera), style=style, white_balance=white_balance, push_ev=ev)
+    wanted = develop_again(camera, held_out, right, folder / "held-out" / "wanted.JPG")
+    source, target = f"{HELD_OUT.style}/{HELD_OUT.white_balance}", f"{style}/{white_balance}"
+    return DemoShots(camera, calibration, held_out, wanted, source, target, ev)

@@ -1,8 +1,7 @@
 """A scene as the simulated camera sees it: which surface is at each pixel, how it is lit, how glossy it is.
 
-No spectral image is ever made: every pixel blends two surfaces of a short list, so its RAW value is the
-same blend of their RAW values, times the light that falls there, plus a share of the light source itself (a
-highlight).
+No spectral image is ever made: every pixel blends two surfaces of a short list, so its RAW value is the same blend of
+their RAW values, times the light that falls there, plus a share of the light source itself (a highlight).
 """
 
 from collections.abc import Callable, Mapping
@@ -99,10 +98,7 @@ class Scene:
         return (u >= 0) & (u < 1) & (v >= 0) & (v < 1), u, v
 
     def chart(self, x: float, y: float, width: float, angle: float, shade: Array | float = 1.0) -> None:
-        """A ColorChecker Classic: six by four patches, black gaps and frame; surfaces 0 … 23 are the patches.
-
-        Of the real chart: pitch 1, patch side 0.86, frame 0.18 of a pitch around them.
-        """
+        """A ColorChecker Classic: pitch 1, patches 0.86, frame 0.18; surfaces 0 … 23 are the patches."""
         pitch = width / 6.22
         mask, u, v = self.card(x, y, width, pitch * 4.22, angle)
         self.paint(mask, 23, shade=np.asarray(shade) * 0.8)
@@ -146,10 +142,9 @@ class Scene:
 
 
 def palette(count: int, rng: np.random.Generator) -> Array:
-    """Reflectances (24 + count, L): the chart's patches, then mixtures of measured surfaces.
+    """Reflectances (24 + count, L): the chart's patches, then mixtures of up to three measured surfaces.
 
-    A mixture is a convex combination of up to three, raised to a power: above 1 deepens the colour, below 1
-    bleaches it; then scaled in lightness.
+    They are raised to a power, above 1 deepens the colour, below 1 bleaches it; then scaled in lightness.
     """
     measured = np.vstack([chart_reflectances()[:18], surface_reflectances()])
     parts = rng.integers(0, len(measured), (count, 3))
@@ -165,13 +160,9 @@ def smooth_noise(shape: tuple[int, int], grain: float, rng: np.random.Generator)
     height, width = shape
     coarse = rng.normal(size=(int(height / grain) + 4, int(width / grain) + 4))
     rows, columns = np.arange(height) / grain + 1, np.arange(width) / grain + 1
-    along = ndimage.map_coordinates(
-        coarse, np.meshgrid(rows, np.arange(coarse.shape[1]), indexing="ij"), order=3, mode="nearest"
-    )
-    fine: Array = ndimage.map_coordinates(
-        along, np.meshgrid(np.arange(height), columns, indexing="ij"), order=1, mode="nearest"
-    )
-    return fine / 0.6
+    for place, order in (((rows, np.arange(coarse.shape[1])), 3), ((np.arange(height), columns), 1)):
+        coarse = ndimage.map_coordinates(coarse, np.meshgrid(*place, indexing="ij"), order=order, mode="nearest")
+    return coarse / 0.6
 
 
 # --- The scenes that the demo photographs: a colour chart, a wall of paint cards, a still life -----------------------

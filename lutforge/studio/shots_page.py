@@ -21,7 +21,7 @@ from lutforge.pipeline.response import Bracket, FittedResponse
 from lutforge.pipeline.sampling import file_notes
 from lutforge.report.figures import bracket_figure
 from lutforge.report.tables import response_table
-from lutforge.samples.chart_kinds import chart_names
+from lutforge.samples.chart import chart_names
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui

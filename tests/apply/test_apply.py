@@ -12,18 +12,15 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
 
-from lutforge.apply.batch import apply_batch, plan_jobs
-from lutforge.apply.blocks import BLOCK
+from lutforge.apply.batch import apply_batch, oiiotool_commands, plan_jobs
 from lutforge.apply.grade import ConfigRecipe, Grade, LutRecipe, Recipe
-from lutforge.apply.image import apply_image
+from lutforge.apply.image import BLOCK, apply_image
 from lutforge.apply.inputs import JOURNAL, Failure, Input
-from lutforge.apply.oiiotool_commands import oiiotool_commands
 from lutforge.errors import ImageError
 from lutforge.images.read import is_premultiplied, read_image
-from lutforge.luts.ops import Cube
+from lutforge.luts.ops import SHAPER_SIZE, Cube
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels
 from tests.cases.pictures import Pixels, apply_to_pixels, lut_of_nodes, write_cube, write_picture
 

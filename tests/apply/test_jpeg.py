@@ -14,9 +14,8 @@ from PIL import Image as Pillow
 from PIL import ImageCms
 
 from lutforge.apply.batch import apply_batch
-from lutforge.apply.blocks import grade_codes
 from lutforge.apply.grade import Grade, LutRecipe
-from lutforge.apply.image import apply_image
+from lutforge.apply.image import apply_image, grade_codes
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.images.jpeg import JpegHeader, Segment, exif_places, read_header
 from lutforge.images.read import read_image

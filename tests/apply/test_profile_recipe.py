@@ -13,9 +13,8 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.apply.batch import apply_batch
-from lutforge.apply.profile_recipe import ProfileRecipe, source_selector
+from lutforge.apply.profile_recipe import BakedGrades, ProfileRecipe, SettingChange, source_selector
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer

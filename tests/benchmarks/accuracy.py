@@ -47,8 +47,7 @@ from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import match, raw_to_balanced
 from lutforge.model.transform import through_stages
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.demo import HELD_OUT, DemoShots
-from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
+from lutforge.simulate.photograph import HELD_OUT, CameraSettings, DemoShots, Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, palette
 from tests.benchmarks import common, lattices
 from tests.benchmarks.common import ROOT, Figure, Figures, Parts

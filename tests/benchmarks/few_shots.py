@@ -23,7 +23,7 @@ from lutforge.calibration.style import style_data
 from lutforge.evaluation.methods import fit_baselines, fits_of_profile
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
-from lutforge.simulate.demo import demo_shots
+from lutforge.simulate.photograph import demo_shots
 from tests.benchmarks.common import heading, row
 from tests.cases.real_data import CHARTS, S40
 

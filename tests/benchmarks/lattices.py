@@ -22,9 +22,9 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
+from lutforge.luts.ops import lattice_ops
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut, evaluate
-from lutforge.luts.shaper import lattice_ops
 from tests.benchmarks.common import heading, row
 from tests.cases.real_data import radial_basis_functions, read_published_pairs, split
 from tests.cases.samples import style_of

@@ -19,8 +19,7 @@ from lutforge.evaluation.methods import RBF
 from lutforge.model.camera_profile import match, profile_of_response
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.pipeline.calibration import calibrate
-from lutforge.samples.clipping import unclipped_colours
-from lutforge.samples.sample_set import SampleSet, concatenate
+from lutforge.samples.sample_set import SampleSet, concatenate, unclipped_colours
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
 from tests.cases.samples import chart_140, photograph_patches, surfaces

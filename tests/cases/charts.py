@@ -8,7 +8,7 @@ from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
 from lutforge.arrays import Array
-from lutforge.samples.chart_kinds import ChartKind
+from lutforge.samples.chart import ChartKind
 from lutforge.simulate.camera import SimulatedCamera
 
 STOPS = (-4.0, -3.25, -2.5, -1.75, -1.0, -0.25, 0.5, 1.25, 2.0)

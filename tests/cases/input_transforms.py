@@ -17,7 +17,7 @@ from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.spectra import light, linear_srgb_under, reflectances, surface_reflectances
 from lutforge.pipeline.charts import SPACE, write_input_transform
-from lutforge.samples.chart_kinds import chart_kind
+from lutforge.samples.chart import chart_kind
 from lutforge.samples.sample_set import Text
 from lutforge.simulate.camera import LIGHT_OF_WHITE_BALANCE, SimulatedCamera
 from tests.cases.charts import STOPS, photograph_chart

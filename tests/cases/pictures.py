@@ -1,5 +1,6 @@
 """Small LUTs and images."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -7,13 +8,12 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
-from lutforge.apply.blocks import grade_floats, threads_of
+from lutforge.apply.image import grade_floats
 from lutforge.arrays import Array
 from lutforge.interpolation import Interpolation, Levels
 from lutforge.luts.bake import joined
-from lutforge.luts.ops import Cube, Matrix, Range
+from lutforge.luts.ops import SHAPER_SIZE, Cube, Matrix, Range, is_even, shaper
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHAPER_SIZE, is_even, shaper
 
 Pixels = NDArray[np.float32]
 
@@ -78,6 +78,6 @@ def apply_to_pixels(
     """Pixels (h, w, c ≥ 3) graded as `apply` grades those of a picture, on so many threads."""
     source = np.ascontiguousarray(pixels, dtype=np.float32)
     result = np.empty_like(source)
-    with threads_of(workers) as threads:
+    with ThreadPoolExecutor(workers) as threads:
         grade_floats(processor, source, result, premultiplied, threads)
     return result

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from lutforge.images.raw import RawImage
 from lutforge.shots.geometry import Registration
 from lutforge.shots.metadata import ShotMetadata
-from lutforge.shots.shot import Shot
+from lutforge.shots.read import Shot
 
 MULTIPLIERS = np.array([2.0, 1.0, 1.5])
 

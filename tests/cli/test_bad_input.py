@@ -17,12 +17,12 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.bake import PROGRAMS as LISTED
 from lutforge.cli.kit import kit
 from lutforge.cli.main import main
+from lutforge.kits.programs import KITS
 from lutforge.luts.programs import PROGRAMS
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.kits import KITS
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.dng import write_dng
+from lutforge.simulate.photograph import write_dng
 from tests.cases.pictures import write_picture
 from tests.cases.samples import chart_140, made_samples, photograph_patches, spread_over_picture, with_gamma
 from tests.conftest import CommandLine, Refused

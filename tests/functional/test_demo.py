@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lutforge as lf
-from lutforge.apply.baked_grades import BakedGrades, SettingChange
+from lutforge.apply.profile_recipe import BakedGrades, SettingChange
 from lutforge.images.read import read_image
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100

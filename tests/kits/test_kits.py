@@ -28,9 +28,10 @@ from lutforge.images.read import read_image
 from lutforge.kits.dcp import fit_dng_profile, read_dcp
 from lutforge.kits.icc import VARIANTS, fit_icc_profile, icc_lines, read_icc, scene_linear, write_icc
 from lutforge.kits.kit import look_of
+from lutforge.kits.programs import KITS
 from lutforge.luts.reading import read_lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, match
-from lutforge.pipeline.kits import KITS, KitCheck, check_kit, compare_with_jpeg, write_kit
+from lutforge.pipeline.kits import KitCheck, check_kit, compare_with_jpeg, write_kit
 from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_picture

@@ -17,10 +17,10 @@ from PIL import Image
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import LutForgeError
 from lutforge.images.read import read_image
-from lutforge.kits.darktable import NEUTRAL
+from lutforge.kits.programs import KITS, NEUTRAL
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.kits import KITS, check_kit, write_kit
+from lutforge.pipeline.kits import check_kit, write_kit
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_picture

@@ -12,10 +12,9 @@ import pytest
 from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.luts.check import check_lut, report_lines
-from lutforge.luts.input_and_output import input_and_output_of
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import Lut, evaluate
+from lutforge.luts.sequence import Lut, evaluate, input_and_output_of
 from lutforge.model.lattice import grid, uniform_levels
 from tests.cases.pictures import lut_of_nodes
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
-from lutforge.luts.formats import clf
+from lutforge.luts.formats import clf_text
 from lutforge.luts.ops import Cube, Curve, Matrix, Range
 from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
@@ -29,11 +29,11 @@ from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.ocio import config as written_config
-from lutforge.ocio.base_config import DISPLAYS, base_config
 from lutforge.ocio.cameras import file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config
 from lutforge.ocio.renderings import compact_text
+from lutforge.ocio.spaces import DISPLAYS, base_config
 from tests.cases.profiles import MATRIX, plain_profile, small_profile
 from tests.conftest import CommandLine, Refused
 
@@ -404,7 +404,7 @@ def lut(size: int = 5) -> Lut:
 
 
 def test_the_compact_text_is_that_of_opencolorio(tmp_path: Path) -> None:
-    own, compact = clf.text_of(lut()), compact_text(lut())
+    own, compact = clf_text(lut()), compact_text(lut())
     empty = (re.sub(r">[^<]*</Array>", "></Array>", text) for text in (compact, own))
     ours, theirs = (ElementTree.canonicalize(text) for text in empty)
     assert ours == theirs  # the identifier and the sizes of arrays too

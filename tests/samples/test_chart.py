@@ -15,10 +15,19 @@ from lutforge.colour.spectra import WAVELENGTHS, reflectances
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
-from lutforge.samples.chart import REFERENCE, Chart, detector_note, find_chart, likeness, patch_codes, sample_chart
-from lutforge.samples.chart_kinds import chart_kind, parse_corners
-from lutforge.samples.clipping import clipping
+from lutforge.samples.chart import (
+    REFERENCE,
+    Chart,
+    chart_kind,
+    detector_note,
+    find_chart,
+    likeness,
+    parse_corners,
+    patch_codes,
+    sample_chart,
+)
 from lutforge.samples.extract import extract
+from lutforge.samples.tiles import clipping
 from lutforge.shots.read import read_shot
 from tests.cases.charts import chart_picture
 from tests.cases.shots import MULTIPLIERS, render, synthetic_shot

@@ -10,13 +10,21 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array
-from lutforge.samples.clipping import clipping, saturation_levels
 from lutforge.samples.extract import extract
-from lutforge.samples.tiles import LEVELS, PER_BIN, PER_BIN_RELAXED, PER_SHOT, cell_size, choose_evenly, flatness
+from lutforge.samples.tiles import (
+    LEVELS,
+    PER_BIN,
+    PER_BIN_RELAXED,
+    PER_SHOT,
+    cell_size,
+    choose_evenly,
+    clipping,
+    flatness,
+    saturation_levels,
+)
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Registration
-from lutforge.shots.read import read_shot
-from lutforge.shots.shot import Shot
+from lutforge.shots.read import Shot, read_shot
 from tests.cases.shots import MULTIPLIERS, render, synthetic_shot
 
 

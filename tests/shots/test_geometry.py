@@ -20,8 +20,7 @@ from lutforge.pipeline.sampling import sample
 from lutforge.samples.extract import extract, places_in_picture
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Distortion, Registration
-from lutforge.shots.read import EMBEDDED, read_shot
-from lutforge.shots.shot import Shot
+from lutforge.shots.read import EMBEDDED, Shot, read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES, Scene

@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from lutforge.colour.spectra import WAVELENGTHS, chart_reflectances, light, linear_srgb_under, surface_reflectances
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.demo import SHOTS, demo_shots
-from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import (
     BORDER,
+    SHOTS,
     CameraSettings,
+    demo_shots,
     develop,
     develop_again,
     photograph,
+    write_dng,
     write_jpeg,
 )
 from lutforge.simulate.scene import SCENES, Scene, chart_scene

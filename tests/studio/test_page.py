@@ -32,11 +32,11 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
-from lutforge.samples.chart_kinds import chart_kind
+from lutforge.samples.chart import chart_kind
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.demo import demo_shots
+from lutforge.simulate.photograph import demo_shots
 from lutforge.studio.page import STEPS
 from lutforge.studio.workspace import Workspace
 

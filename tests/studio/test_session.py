@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 from lutforge.cli.main import command_line
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.progress import silent
-from lutforge.samples.chart_kinds import chart_kind
+from lutforge.samples.chart import chart_kind
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.brackets import bracket
 from tests.cases.charts import photograph_chart

@@ -10,7 +10,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import pytest
 
 import lutforge as lf
-from lutforge.apply.baked_grades import BakedGrades, SettingChange
+from lutforge.apply.profile_recipe import BakedGrades, SettingChange
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.inverse.linearization import SIZE

@@ -34,8 +34,7 @@ from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, s
 from lutforge.calibration.physical.white_balance import estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
-from lutforge.samples.clipping import unclipped_colours
-from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.sample_set import SampleSet, unclipped_colours
 from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 

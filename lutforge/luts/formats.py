@@ -1,21 +1,23 @@
-"""LUT formats that are tables of numbers in text: `.cube`, `.csp`, `.spi1d` with `.spi3d`, `.3dl` and `.vlt`.
+"""LUT file formats: each says which sequences of operations a file can hold, and writes them.
 
-They share plain ASCII comments and fixed-point numbers. Each writer takes a LUT whose form has been checked.
+Most are tables of numbers in text, with plain ASCII comments. Each writer takes a LUT whose form has been checked.
 """
 
+import hashlib
 import unicodedata
+from math import isqrt
 from pathlib import Path
 
 import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.compiled import compiled
 from lutforge.errors import LutError, one_line
-from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.sequence import FileFormat, Lut
-from lutforge.luts.shaper import node_levels
+from lutforge.luts.ops import Cube, Curve, node_levels
+from lutforge.luts.sequence import FORMATS, FileFormat, Lut, group_of
 
 DIGITS = 10
 """Decimals of a number: float32 values on [0, 1] survive, and no reader has to know exponents."""
@@ -38,7 +40,7 @@ def plain(text: str, limit: int = 200) -> str:
 
 
 def comment_lines(title: str, comments: tuple[str, ...]) -> list[str]:
-    """Return title and comments as lines that begin with "# "; empty ones are left out."""
+    """Title and comments as lines that begin with "# "; empty ones are left out."""
     return [f"# {plain(line)}" for line in (title, *comments) if plain(line)]
 
 
@@ -184,7 +186,7 @@ def write_spi(lut: Lut, path: Path) -> None:
 
 
 SPI = FileFormat(
-    ".spi1d (shaper) and .spi3d (cube), to be used one after the other", SPI_PAIR, ("shaper",), write_spi, size=33
+    ".spi1d (shaper) and .spi3d (cube), used one after the other", SPI_PAIR, ("shaper",), write_spi, size=33
 )
 
 
@@ -235,3 +237,114 @@ def read_vlt(path: Path) -> Lut:
 
 THREEDL = FileFormat(".3dl", (".3dl",), ("plain",), write_3dl, (17, 33, 65), 33, 12)
 VLT = FileFormat(".vlt", (".vlt",), ("plain",), write_vlt, (VLT_SIZE,), VLT_SIZE, 12, read=read_vlt)
+
+
+# --- .clf and .ctf: the Academy/ASC Common LUT Format (SMPTE ST 2136-1) and Autodesk's superset of it -----------------
+# OpenColorIO reads and writes them: it is the reference implementation of both.
+
+
+ACES_ID = "ACEStransformID"
+"""The element of Info that names an ACES transform (SMPTE ST 2136-1, Info), and its key in the metadata of a Lut."""
+
+PROCESS_LISTS = {".clf": "Academy/ASC Common LUT Format", ".ctf": "Color Transform Format"}
+
+
+def write_clf(lut: Lut, path: Path) -> None:
+    """Write any LUT; the suffix says whether CLF or CTF. Raises LutError."""
+    write_text(path, clf_text(lut, path.suffix.lower()), "utf-8")
+
+
+def clf_text(lut: Lut, suffix: str = ".clf") -> str:
+    """The text of a process list. Raises LutError where OpenColorIO cannot write it."""
+    group = group_of(lut.ops)
+    metadata = group.getFormatMetadata()
+    metadata.setID(clf_identifier(lut))
+    if lut.title:
+        metadata.setName(one_line(lut.title))
+    for comment in lut.comments:
+        if comment.strip():
+            metadata.addChildElement("Description", one_line(comment, 500))
+    if ACES_ID in lut.metadata:
+        metadata.addChildElement("Info", "")
+        info = list(metadata.getChildElements())[-1]
+        info.addChildElement(ACES_ID, lut.metadata[ACES_ID])
+        info.addChildElement("ACESuserName", one_line(lut.title))
+    try:
+        return str(group.write(PROCESS_LISTS[suffix], OCIO.Config.CreateRaw()))
+    except OCIO.Exception as error:
+        raise LutError(f"LUT: OpenColorIO cannot write it as {suffix}: {error}") from error
+
+
+def clf_identifier(lut: Lut) -> str:
+    """An id that depends on the content alone, so that the same LUT is the same file."""
+    digest = hashlib.sha256()
+    for op in lut.ops:
+        digest.update(str(op).encode())  # of a range, it is all
+        for name in ("matrix", "offset", "outputs", "values"):
+            if hasattr(op, name):
+                digest.update(np.ascontiguousarray(getattr(op, name), dtype=np.float64).tobytes())
+    h = digest.hexdigest()
+    return f"urn:uuid:{h[:8]}-{h[8:12]}-8{h[13:16]}-8{h[17:20]}-{h[20:32]}"
+
+
+CLF = FileFormat("CLF", tuple(PROCESS_LISTS), ("full",), write_clf, size=33)
+
+
+# --- HaldCLUT: a uniform cube of L² nodes per axis as an image of L³ × L³ pixels, red fastest (Eskil Steenberg's Hald)
+
+
+HALD_SIZES = tuple(level * level for level in range(2, 12))
+"""Nodes per axis that a Hald image can have."""
+
+
+def write_hald(lut: Lut, path: Path) -> None:
+    """Write a cube in 16 bits, outputs clamped to [0, 1]. Raises LutError, and ImageError where the disk is full."""
+    import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+
+    from lutforge.images.read import Region
+    from lutforge.images.write import image_writer
+
+    _, cube = lut.shaper_and_cube()
+    side = isqrt(lut.size) ** 3
+    codes = np.rint(np.clip(rows_of_cube(cube.values), 0.0, 1.0) * 65535).astype(np.uint16).reshape(side, side, 3)
+    spec = oiio.ImageSpec(side, side, 3, oiio.UINT16)
+    spec["ImageDescription"] = "; ".join(plain(text) for text in (lut.title, *lut.comments) if plain(text))
+    with image_writer(path, spec) as output:
+        output.write(Region(0, 0, side, side), codes)
+
+
+def read_hald(path: Path) -> Lut:
+    """Read it through OpenImageIO, after its size is known to be a Hald's. Raises LutError."""
+    import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+    from PIL.PngImagePlugin import PngImageFile
+
+    from lutforge.images.read import ImageReader
+
+    with path.open("rb") as file:
+        head = file.read(4)
+    if head not in (b"\x89PNG", b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+"):
+        raise LutError(f"{path}: neither a PNG nor a TIFF image")
+    if head == b"\x89PNG":
+        with PngImageFile(path) as picture:
+            picture.verify()  # libpng would say on the terminal what is damaged
+    with ImageReader(path) as reader:
+        spec = reader.spec
+        level = next((level for level in range(2, 13) if level**3 == spec.width), None)
+        if level is None or spec.height != spec.width:
+            raise LutError(
+                f"{path}: {spec.width} × {spec.height} pixels; a Hald image is square, of 8, 27, 64, 125, 216, 343, "
+                "512 … pixels a side"
+            )
+        if not 3 <= spec.nchannels <= 4:
+            raise LutError(f"{path}: {spec.nchannels} channels; a Hald image has three")
+        table = reader.read(reader.whole).astype(np.float64).reshape(spec.width**2, -1)[:, :3]
+    bits = {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype)
+    title, *comments = str(spec.get_string_attribute("ImageDescription"))[:1000].split("; ")
+    cube = Cube(cube_of_rows(table, level * level), "trilinear")
+    return Lut((cube,), title[:200], tuple(comments), {"format": "Hald image", **({"bits": str(bits)} if bits else {})})
+
+
+HALD = FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), write_hald, HALD_SIZES, 64, 16, read=read_hald)
+
+for _known in (CLF, CSP, CUBE, HALD, SPI, THREEDL, VLT):
+    FORMATS.update(dict.fromkeys(_known.suffixes, _known))
