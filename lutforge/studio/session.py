@@ -384,6 +384,8 @@ class Session:
 
     def poll(self) -> None:
         """Begin the work whose turn it is, and take over what the jobs have reported."""
+        if not pn.state.loaded:
+            return  # Panel loses what changes while a page loads
         for short in (False, True):
             work = next((work for work in self._works if work.short == short), None)
             if work is None:

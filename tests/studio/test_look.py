@@ -11,6 +11,7 @@ from concurrent.futures import Future
 from functools import partial
 from io import BytesIO
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -97,16 +98,17 @@ def browsers() -> Iterator[Callable[..., Browser]]:
 class Served:
     """A view, served alone, and a page that shows it."""
 
-    def __init__(self, page: Page, url: str, views: list[tuple[LookView, Any]]) -> None:
+    def __init__(self, page: Page, url: str, views: SimpleQueue[tuple[LookView, Any]]) -> None:
         self.errors: list[str] = []
         self.page = page
         page.set_default_timeout(30_000)
+        expect.set_options(timeout=30_000)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("console", lambda message: self.errors.append(message.text) if message.type == "error" else None)
         page.goto(url)
         self.root = page.locator(".look")
         self.root.wait_for()
-        self.view, self._document = views[-1]
+        self.view, self._document = views.get(timeout=30)
 
     def do(self, action: Callable[[LookView], Any]) -> Any:
         """Act on the view as a callback of the server would; return what the action returns."""
@@ -134,12 +136,13 @@ class Served:
 
 
 @pytest.fixture(scope="module")
-def served() -> Iterator[tuple[str, list[tuple[LookView, Any]]]]:
-    views: list[tuple[LookView, Any]] = []
+def served() -> Iterator[tuple[str, SimpleQueue[tuple[LookView, Any]]]]:
+    views: SimpleQueue[tuple[LookView, Any]] = SimpleQueue()
 
     def page() -> Any:
-        views.append((LookView(), pn.state.curdoc))
-        return views[-1][0]
+        view, document = LookView(), pn.state.curdoc
+        pn.state.onload(lambda: views.put((view, document)))  # Panel loses changes made while a page loads
+        return view
 
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -150,7 +153,7 @@ def served() -> Iterator[tuple[str, list[tuple[LookView, Any]]]]:
 
 
 @pytest.fixture
-def look(browsers: Callable[..., Browser], served: tuple[str, list[tuple[LookView, Any]]]) -> Iterator[Served]:
+def look(browsers: Callable[..., Browser], served: tuple[str, SimpleQueue[tuple[LookView, Any]]]) -> Iterator[Served]:
     """A view of the picture at 100 %, graded, with no scopes."""
     page = browsers().new_page(viewport={"width": 900, "height": 640})
     look = Served(page, *served)
@@ -321,7 +324,7 @@ def test_overlays_and_scopes(look: Served) -> None:
 
 @needs_chromium
 def test_a_browser_without_webgl_is_told(
-    browsers: Callable[..., Browser], served: tuple[str, list[tuple[LookView, Any]]]
+    browsers: Callable[..., Browser], served: tuple[str, SimpleQueue[tuple[LookView, Any]]]
 ) -> None:
     page = browsers("--disable-software-rasterizer").new_page()
     expect(Served(page, *served).root).to_contain_text("no WebGL2")

@@ -213,6 +213,7 @@ def served(tmp_path: Path) -> Iterator[tuple[Page, Document]]:
     """A page as it is while a browser shows it, whose callbacks are due when the test says so."""
     page, document, context = opened(tmp_path, workspace=Workspace(chart_samples(patches=9))), Document(), object()
     document._session_context = lambda: context
+    pn.state._loaded[document] = True  # what a browser reports
     with set_curdoc(document):
         yield page, document
         page.session.close()
