@@ -80,10 +80,7 @@ class DngProfile:
 
 
 def fit_dng_profile(look: Look) -> DngProfile:
-    """Express the look of a profile of RAW files as a DNG profile.
-
-    At every node of the look table that lies in the camera's range, table and tone curve together give the rendering.
-    """
+    """Express the look of a profile of RAW files as a DNG profile: at the nodes of its table it is the rendering."""
     # Developers scale a forward matrix so that a balanced white stays white (chapter 6): here it does so itself.
     to_srgb = look.to_srgb / look.to_srgb.sum(axis=1, keepdims=True)
     to_prophoto = matrix_between("linear-srgb", "linear-prophoto") @ to_srgb

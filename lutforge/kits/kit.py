@@ -128,10 +128,8 @@ here=$(cd "$(dirname "$0")" && pwd)
 
 
 def write_develop_script(path: Path, script: Script, look: str) -> None:
-    """Write `develop.sh RAW OUT.tif [LOOK]`. look: the name of the preset that is taken where none is named.
-
-    It compares the camera profiles beside it with their SHA-256 of now: programs pass over a damaged one in silence.
-    """
+    """Write `develop.sh RAW OUT.tif [LOOK]`. look: the name of the preset that is taken where none is named."""
+    # Programs pass over a damaged profile in silence: the script compares those beside it with their SHA-256 of now.
     profiles = sorted(file for file in path.parent.iterdir() if file.suffix in (".icc", ".dcp"))
     sums = "".join(f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in profiles)
     begin = f"""# Develops a RAW file with the camera's look: develop.sh RAW OUT.tif [LOOK] (sRGB, 16 bit).

@@ -175,17 +175,14 @@ def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] |
 
 
 def _folded(ops: tuple[Op, ...], behind: Parts) -> tuple[Op, ...] | None:
-    """A lattice with its gain in the shaper and its matrix in the cube; None where an output curve is behind it.
-
-    Node levels L / gain are moved to the shaper's grid, and the cube is evaluated there, so that an output changes by
-    less than its kinks do over one step of the shaper.
-    """
+    """A lattice with its gain in the shaper and its matrix in the cube; None where an output curve is behind it."""
     if not Lut(ops).has_form("shaper"):
         return None
     curve, cube = Lut(ops).shaper_and_cube()
     gain, matrix = behind.gain, behind.matrix
     if np.all(gain == 1):
         return (*ops[:-1], Cube(cube.values @ matrix.T, cube.interpolation))
+    # The cube is evaluated at the moved levels: outputs change by less than kinks do over one step of the shaper.
     levels = levels_behind_gain(node_levels(curve, cube), gain)
     values = Lut(ops)(np.clip(grid(levels) * gain, 0.0, 1.0)) @ matrix.T
     return shaper(levels), Cube(values, cube.interpolation)

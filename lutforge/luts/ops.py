@@ -235,10 +235,8 @@ def levels_behind_gain(levels: Levels, gain: Array) -> Levels:
 
 
 def lattice_ops(lattice: Lattice) -> tuple[Op, ...]:
-    """A lattice as shaper, cube and output curve; exact where its levels are on a shaper's grid and equal in number.
-
-    Else levels are moved to the grid, or added in the widest cells, and the cube is evaluated there.
-    """
+    """A lattice as shaper, cube and output curve; exact where its levels are on a shaper's grid and equal in number."""
+    # Else levels are moved to the grid, or added in the widest cells, and the cube is evaluated there.
     size = max(lattice.size)
     padded = []
     for axis in lattice.levels:

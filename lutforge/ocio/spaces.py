@@ -216,10 +216,8 @@ def add_contextual(config: OCIO.Config, cameras: Sequence[Camera], any_camera: t
 def add_views(
     config: OCIO.Config, renderings: Sequence[Rendering], defaults: dict[tuple[str, str], str], views: UniqueNames
 ) -> tuple[str, ...]:
-    """A view transform and a shared view for each style of each camera; their names. views: names taken.
-
-    The camera's JPEG is sRGB: it is taken to CIE XYZ, and from there to each display by OpenColorIO's own spaces.
-    """
+    """A view transform and a shared view for each style of each camera; their names. views: names taken."""
+    # The camera's JPEG is sRGB: it is taken to CIE XYZ, and from there to each display by OpenColorIO's own spaces.
     added = []
     for rendering in renderings:
         camera, style = rendering.camera, rendering.style

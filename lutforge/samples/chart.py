@@ -313,10 +313,8 @@ def likeness(codes: Array, deviation: Array) -> float | None:
 
 
 def resemblance(codes: Array, reference: Array) -> float:
-    """The share of the variance of chroma that an affine map of the reference explains; both (n, 3) in codes.
-
-    It is 0 where there is hardly any colour. Brightness does not count: it would make any dark-to-light grid alike.
-    """
+    """The share of the variance of chroma that an affine map of the reference explains; both (n, 3) in codes."""
+    # Brightness does not count: it would make any dark-to-light grid alike.
     design = np.column_stack([reference, np.ones(len(reference))])
     residual = codes - design @ np.linalg.lstsq(design, codes, rcond=None)[0]
     chroma = codes - codes.mean(axis=1, keepdims=True)
@@ -365,10 +363,8 @@ def _detect(jpeg: NDArray[np.uint8], kind: ChartKind) -> list[Array]:
 
 
 def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
-    """The corners (4, 2), moved to where the patches of a grey picture (h, w) are plainest.
-
-    OpenCV's are off by up to a quarter of a pitch. Points over most of each patch should have the patch's mean.
-    """
+    """The corners (4, 2), moved to where the patches of a grey picture (h, w) are plainest."""
+    # OpenCV's are off by up to a quarter of a pitch. Points over most of each patch should have the patch's mean.
     pitch = float(np.linalg.norm(corners[2] - corners[0]) / np.linalg.norm(kind.outline[2]))
     blurred = gaussian_filter(grey, 0.08 * pitch)  # so that edges pull from afar
     side = np.linspace(-0.38, 0.38, 7)

@@ -219,10 +219,8 @@ ENOUGH = 4_000
 
 
 def explained(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> float:
-    """Share of the variance of the JPEG's colours that a quadratic of the RAW's channels explains at a place.
-
-    At a wrong place the layout may agree by chance or symmetry; the colours hardly do.
-    """
+    """Share of the variance of the JPEG's colours that a quadratic of the RAW's channels explains at a place."""
+    # At a wrong place the layout may agree by chance or symmetry; the colours hardly do.
     roots, use = _roots_at(raw, jpeg, place)
     codes = jpeg.codes.reshape(-1, 3)[use].astype(np.float64)
     if len(codes) < 200:

@@ -91,10 +91,7 @@ class Registration:
         return np.asarray(inverse @ np.stack(changes, axis=-1))
 
     def straightened(self, pixels: Pixels, pixel_size: float, shape: tuple[int, ...]) -> tuple[Pixels, "Registration"]:
-        """RAW (h, w, 3) in the frame of its JPEG of this shape, and where the JPEG lies on that; 0 where it has none.
-
-        As it is where there is no distortion. Interpolated, but what is clipped stays so.
-        """
+        """RAW (h, w, 3) in the frame of its JPEG of this shape, 0 where it has none, and the place on that."""
         lens = self.distortion
         if lens is None or not any((lens.k1, lens.k2, lens.red, lens.blue)):
             return pixels, replace(self, distortion=None)

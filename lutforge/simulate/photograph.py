@@ -183,10 +183,8 @@ def shrink(picture: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
 
 
 def capture(camera: SimulatedCamera, light: Pixels, rng: np.random.Generator, iso: int = 100) -> NDArray[np.uint16]:
-    """One exposure: light on the sensor (h, w, 3), 1 = saturation, to a mosaic (h, w) of sensor codes.
-
-    Shot noise is Poisson's, as a normal distribution: variance = electrons. A higher ISO fills less of the well.
-    """
+    """One exposure: light on the sensor (h, w, 3), 1 = saturation, to a mosaic (h, w) of sensor codes."""
+    # Shot noise is Poisson's, as a normal distribution: variance = electrons. A higher ISO fills less of the well.
     blurred = ndimage.gaussian_filter(light, (0.7, 0.7, 0), mode="nearest")  # pixels: lens and low-pass filter
     well = camera.full_well * 100 / iso
     electrons = np.minimum(filtered(blurred, camera.cfa), 1.5) * well

@@ -142,15 +142,12 @@ class Scene:
 
 
 def palette(count: int, rng: np.random.Generator) -> Array:
-    """Reflectances (24 + count, L): the chart's patches, then mixtures of up to three measured surfaces.
-
-    They are raised to a power, above 1 deepens the colour, below 1 bleaches it; then scaled in lightness.
-    """
+    """Reflectances (24 + count, L): the chart's patches, then mixtures of up to three measured surfaces."""
     measured = np.vstack([chart_reflectances()[:18], surface_reflectances()])
     parts = rng.integers(0, len(measured), (count, 3))
     shares = rng.dirichlet((0.6, 0.4, 0.3), count)
     mixed = np.einsum("ns,nsl->nl", shares, measured[parts])
-    mixed **= rng.uniform(0.7, 1.7, (count, 1))
+    mixed **= rng.uniform(0.7, 1.7, (count, 1))  # above 1 deepens the colour, below 1 bleaches it
     mixed *= rng.uniform(0.5, 1.1, (count, 1))
     return np.vstack([chart_reflectances(), np.clip(mixed, 0.0, 0.97)])
 
