@@ -13,7 +13,6 @@ import lutforge as lf
 from lutforge.apply.profile_recipe import BakedGrades, SettingChange
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.inverse.linearization import SIZE
 from lutforge.luts.bake import bake_steps
 from lutforge.luts.programs import target_of
 from lutforge.luts.sequence import Lut
@@ -31,6 +30,8 @@ from tests.cases.profiles import GAMMA, MATRIX, small_profile
 from tests.cases.samples import samples_of_settings
 
 TINTS = ((254, 254, 254), (254, 250, 245), (245, 250, 254), (250, 254, 250), (254, 248, 254))
+DEFAULT = target_of(Path("x.resolve.cube")).default
+"""Nodes per axis of a cube for Resolve."""
 STOPS = (0.0, -1.0, 0.0, 1.0, -2.0, 2.0)
 
 
@@ -54,8 +55,8 @@ class Ways:
     bare: float
 
 
-def measured(profile: CameraProfile, folder: Path, count: int, inverse_size: int = SIZE) -> Iterator[Ways]:
-    """The first `count` combinations of a profile's settings, in a fixed order; a config of it is made in `folder`."""
+def measured(profile: CameraProfile, folder: Path, count: int, inverse_size: int, size: int) -> Iterator[Ways]:
+    """The first `count` combinations of a profile's settings, in a fixed order; `size`: of the cubes."""
     config = OCIO.Config.CreateFromFile(str(write_config([profile], folder / "config", inverse_size=inverse_size)))
     camera, grades = name_cameras([profile])[0], BakedGrades()
     named = [(style, balance) for style in profile.styles for balance in profile.white_balances]
@@ -69,9 +70,9 @@ def measured(profile: CameraProfile, folder: Path, count: int, inverse_size: int
         graded = grades.refinish(SettingChange(profile, given, profile, wanted, ev))
         made = {"apply": _codes(graded.processor(), colours)}
         made["clf"] = _codes(bake_steps(transform).processor(), colours)
-        made["cube"] = _codes(_shaped(transform).processor(), colours)
+        made["cube"] = _codes(_shaped(transform, size).processor(), colours)
         bare = profile.refinish(given, wanted, ev, neutral_highlights=False)
-        off = _codes(_shaped(bare).processor(), colours) - np.clip(bare(colours), 0.0, 1.0) * 255
+        off = _codes(_shaped(bare, size).processor(), colours) - np.clip(bare(colours), 0.0, 1.0) * 255
         if ev == 0:
             name, between = camera.jpeg(*source), camera.jpeg(source[0], target[1])
             steps: list[OCIO.Transform] = []
@@ -94,8 +95,8 @@ def measured(profile: CameraProfile, folder: Path, count: int, inverse_size: int
         )
 
 
-def _shaped(transform: Transform) -> Lut:
-    return lf.bake(transform, form="shaper", size=target_of(Path("x.resolve.cube")).default)
+def _shaped(transform: Transform, size: int) -> Lut:
+    return lf.bake(transform, form="shaper", size=size)
 
 
 def _processor(config: OCIO.Config, steps: list[OCIO.Transform]) -> OCIO.CPUProcessor:
@@ -109,7 +110,7 @@ def _codes(processor: OCIO.CPUProcessor, colours: Array) -> Array:
 
 
 def test_white_is_white_by_every_way(tmp_path: Path) -> None:
-    found = list(measured(small_profile(), tmp_path, 12, 17))
+    found = list(measured(small_profile(), tmp_path, 12, 17, 17))
     assert any("view" in ways.apart for ways in found)
     for ways in found:
         assert ways.tint <= 2.0, ways
@@ -121,7 +122,7 @@ def test_a_cube_keeps_the_colours_beside_white() -> None:
     beside = np.array([np.where(np.arange(3) == c, code, 255) for c in range(3) for code in range(250, 255)]) / 255
     for source, target in permutations(("standard/daylight", "standard/tungsten", "standard/auto"), 2):
         transform = profile.refinish(profile.selector(source), profile.selector(target))
-        shaped = np.clip(_shaped(transform)(beside), 0.0, 1.0)
+        shaped = np.clip(_shaped(transform, DEFAULT)(beside), 0.0, 1.0)
         error = 255 * np.abs(shaped - np.clip(transform(beside), 0.0, 1.0)).max()
         assert error <= 1.0, (source, target, error)
 
@@ -143,7 +144,7 @@ def test_white_stays_white_in_the_published_configs() -> None:
 @pytest.mark.parametrize("camera", [nikon_d5100(), sigma_sd_merrill()], ids=lambda camera: camera.name)
 def test_ramps_of_a_calibrated_camera_rise_to_a_neutral_white(camera: SimulatedCamera, tmp_path: Path) -> None:
     profile = calibrate(samples_of_settings(camera, 1, ("standard",)), CalibrationOptions(size=17))
-    for ways in measured(profile, tmp_path, 12, 33):
+    for ways in measured(profile, tmp_path, 12, 33, DEFAULT):
         assert ways.fall <= 5.0, ways
         assert ways.tint <= 2.0, ways
         assert ways.apart.pop("clf") <= 0.01, ways
