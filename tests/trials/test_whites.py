@@ -30,8 +30,7 @@ from tests.cases.profiles import GAMMA, MATRIX, small_profile
 from tests.cases.samples import samples_of_settings
 
 TINTS = ((254, 254, 254), (254, 250, 245), (245, 250, 254), (250, 254, 250), (254, 248, 254))
-DEFAULT = target_of(Path("x.resolve.cube")).default
-"""Nodes per axis of a cube for Resolve."""
+DEFAULT = target_of(Path("x.resolve.cube")).default  # nodes per axis of a cube for Resolve
 STOPS = (0.0, -1.0, 0.0, 1.0, -2.0, 2.0)
 
 
