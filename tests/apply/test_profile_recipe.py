@@ -93,9 +93,7 @@ def error(before: NDArray[np.float32], after: NDArray[np.float32], wanted: NDArr
 
 
 @pytest.mark.slow
-def test_every_pair_on_an_unseen_scene(
-    recipe_of: Recipes, profile: CameraProfile, shot: Photograph, folder: Path
-) -> None:
+def test_pairs_on_an_unseen_scene(recipe_of: Recipes, profile: CameraProfile, shot: Photograph, folder: Path) -> None:
     settings = [(style, balance) for style in STYLES for balance in SETTINGS]
     pictures = {setting: truth(shot, folder, *setting) for setting in settings}
     errors = {}

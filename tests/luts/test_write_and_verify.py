@@ -342,9 +342,7 @@ def test_numbers_that_are_none_are_the_lowest() -> None:
 def test_a_curve_at_free_knots_draws_straight_lines() -> None:
     knots = np.array([[0.0, 0.0, -1.0], [0.1, 0.5, 0.0], [1.0, 2.0, 1.0]])
     curve = Curve(np.array([[0.0] * 3, [0.5] * 3, [1.0] * 3]), inputs=knots)
-    np.testing.assert_allclose(
-        curve(np.array([[0.05, 1.25, -0.5], [9.0, -9.0, 0.5]])), [[0.25, 0.75, 0.25], [1, 0, 0.75]]
-    )
+    np.testing.assert_allclose(curve(np.array([[0.05, 1.25, -0.5], [9, -9, 0.5]])), [[0.25, 0.75, 0.25], [1, 0, 0.75]])
     with pytest.raises(LutError, match="free knots"):
         Lut((curve,)).processor()
 

@@ -10,18 +10,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array
+from lutforge.samples import tiles
 from lutforge.samples.extract import extract
-from lutforge.samples.tiles import (
-    LEVELS,
-    PER_BIN,
-    PER_BIN_RELAXED,
-    PER_SHOT,
-    cell_size,
-    choose_evenly,
-    clipping,
-    flatness,
-    saturation_levels,
-)
+from lutforge.samples.tiles import cell_size, choose_evenly, clipping, flatness, saturation_levels
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Registration
 from lutforge.shots.read import Shot, read_shot
@@ -206,7 +197,7 @@ def test_texture_in_either_picture_rejects() -> None:
     half[:, 80:] = textured[:, 80:]
     for raw, jpeg in ((half, encoded(flat)), (flat, encoded(half)), (half, encoded(half))):
         found = levels(raw, jpeg)
-        assert (found[:, :9] == 0).all() and (found[:, 11:] == len(LEVELS)).all()
+        assert (found[:, :9] == 0).all() and (found[:, 11:] == len(tiles.LEVELS)).all()
 
 
 def test_clipping_counts_each_area_once() -> None:
@@ -238,8 +229,8 @@ def test_a_common_colour_keeps_its_flattest_tiles_and_a_rare_one_all() -> None:
     level = np.zeros(100, dtype=np.intp)
     level[:50] = 1
     roughness, places = np.linspace(1, 0, 100), np.zeros((100, 2))
-    assert choose_evenly(codes, places, level, roughness).tolist() == [*range(99 - PER_BIN, 99), 99]
-    assert len(choose_evenly(codes[:50], places[:50], level[:50], roughness[:50])) == PER_BIN_RELAXED
+    assert choose_evenly(codes, places, level, roughness).tolist() == [*range(99 - tiles.PER_BIN, 99), 99]
+    assert len(choose_evenly(codes[:50], places[:50], level[:50], roughness[:50])) == tiles.PER_BIN_RELAXED
     assert choose_evenly(codes[:0], places[:0], level[:0], roughness[:0]).shape == (0,)
 
 
@@ -258,8 +249,8 @@ def test_a_choice_covers_the_colours_and_never_depends_on_chance(seed: int, coun
     level, roughness = rng.integers(0, 3, count), rng.integers(0, 5, count) / 5
     places = rng.uniform(-1, 1, (count, 2))
     chosen = choose_evenly(codes, places, level, roughness)
-    assert 1 <= len(chosen) <= PER_SHOT and (np.diff(chosen) > 0).all()
+    assert 1 <= len(chosen) <= tiles.PER_SHOT and (np.diff(chosen) > 0).all()
     np.testing.assert_array_equal(chosen, choose_evenly(codes, places, level, roughness))
     bins = {tuple(row) for row in (codes // 16).astype(int).tolist()}
     covered = {tuple(row) for row in (codes[chosen] // 16).astype(int).tolist()}
-    assert covered == bins or len(chosen) == PER_SHOT
+    assert covered == bins or len(chosen) == tiles.PER_SHOT

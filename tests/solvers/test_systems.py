@@ -345,9 +345,7 @@ def test_many_samples_are_summed_as_a_few_are(method: Interpolation) -> None:
         normal_equations(x[start : start + 999], y[start : start + 999], levels, method)
         for start in range(0, len(x), 999)
     ]
-    np.testing.assert_allclose(
-        whole.matrix.toarray(), sum(part.matrix.toarray() for part in parts), rtol=1e-11, atol=1e-9
-    )
+    np.testing.assert_allclose(whole.matrix.toarray(), sum(part.matrix.toarray() for part in parts), 1e-11, 1e-9)
     np.testing.assert_allclose(whole.right, sum(part.right for part in parts), rtol=1e-11, atol=1e-9)
     assert whole.matrix.sum() == pytest.approx(len(x))  # the weights of a sample sum to 1
 

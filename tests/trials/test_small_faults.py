@@ -177,9 +177,7 @@ def test_closed_streams_are_no_fault(profile: Path) -> None:
     assert subprocess.run(f"{words} >&- 2>&-", shell=True).returncode == 0
 
 
-def test_scene_linear_light_is_told_where_encoded_is_graded(
-    lutforge: CommandLine, profile: Path, tmp_path: Path
-) -> None:
+def test_scene_linear_is_told_where_encoded_is_graded(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
     write_picture(tmp_path / "a.exr", (16, 16), "half")
     words = ("--from", "standard/daylight", "--to", "vivid/daylight", "-o", tmp_path / "out")
     done = lutforge("apply", profile, tmp_path / "a.exr", picture(tmp_path / "a.jpg"), *words)
