@@ -11,7 +11,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import pytest
 
 import lutforge as lf
-from lutforge.cli.response import response as response_command
+from lutforge.cli.profiles import response as response_command
 from lutforge.colour.spectra import chart_reflectances, reflectances
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.images.read import read_image

@@ -126,15 +126,3 @@ def option(help: str, *names: str, **more: Any) -> Any:
 
 
 Profile = Annotated[Path, argument("The profile (.npz).")]
-Shots = Annotated[list[Path], argument("RAW files, or folders of them.")]
-Sources = Annotated[list[Path], argument("Sample tables (.csv, .npz), RAW files, folders of RAW files.")]
-ProfileOutput = Annotated[
-    Path | None, option("The profile to write (.npz).", "-o", "--output", show_default="camera.npz, if it is new")
-]
-AsJson = Annotated[bool, option("Print everything as JSON, for programs.", "--json")]
-DevelopedFolder = Annotated[
-    Path | None, option("A folder of pictures that another program developed, one a shot, same stem.")
-]
-DevelopedSpace = Annotated[
-    str | None, option("The colour space of those pictures, such as prophoto.", "--developed-space")
-]

@@ -6,13 +6,13 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import lutforge as lf
 from lutforge import child_processes
 from lutforge.cli.console import note, option, print_tables, progress_bar, say
 from lutforge.report.tables import Table, held_out_table
 
 if TYPE_CHECKING:
     from lutforge.evaluation.errors_table import ErrorFigures
-    from lutforge.model.camera_profile import CameraProfile
     from lutforge.simulate.photograph import DemoShots
 
 
@@ -21,12 +21,8 @@ def demo(
     size: Annotated[int, option("Nodes per axis of the lattices.")] = 33,
 ) -> None:
     """Photograph with a simulated camera, calibrate it, bake, write a config, grade, and compare with the truth."""
-    from lutforge.calibration.options import CalibrationOptions
     from lutforge.pipeline.baking import bake_files
-    from lutforge.pipeline.calibration import calibrate
-    from lutforge.pipeline.configs import write_config
     from lutforge.pipeline.outputs import check_output
-    from lutforge.pipeline.reports import report as write_report
     from lutforge.pipeline.sampling import sample_shots
     from lutforge.pipeline.transforms import TransformRequest
     from lutforge.report.matplotlib_figure import calibration_sheet
@@ -49,7 +45,7 @@ def demo(
 
     say("3. Calibrate")
     with progress_bar("calibrating") as progress:
-        profile = calibrate(sampled.samples, CalibrationOptions(size=size), progress)
+        profile = lf.calibrate(sampled.samples, lf.CalibrationOptions(size=size), progress)
     note(*map(str, profile.diagnoses), *profile.notes)
     profile.save(output / "camera.npz")
     calibration_sheet(profile, "standard", output / "calibration.png")
@@ -66,7 +62,7 @@ def demo(
             say(f"   {file.path}: {file.summary}; {file.error}")
 
     say("5. Config: OpenColorIO")
-    written = write_config([profile], output / "ocio", replace=True)
+    written = lf.write_config([profile], output / "ocio", replace=True)
     verdict = "sound"
     program = Path(sys.executable).with_name("ociocheck")
     if program.exists():
@@ -83,7 +79,7 @@ def demo(
     print_tables(Table("Error against the known truth (1 = full scale)", header, rows))
     say("8. Report")
     with progress_bar("reporting") as progress:
-        page = write_report(profile, sampled, output / "report.html", progress=progress)
+        page = lf.report(profile, sampled, output / "report.html", progress=progress)
     say(f"   {output / 'report.html'}: {len(page.pictures)} figures")
     say(f"Everything is in {output}; look at {output / 'refinish.png'} first")
 
@@ -91,12 +87,11 @@ def demo(
 def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
     from lutforge.evaluation.errors_table import error_figures
     from lutforge.images.read import read_image
-    from lutforge.pipeline.grading import apply
     from lutforge.report.matplotlib_figure import refinish_sheet
 
     spoilt = shots.held_out.jpeg
     assert spoilt is not None
-    (applied,) = apply(output / "luts" / "refinish.clf", spoilt, output / "graded").done
+    (applied,) = lf.apply(output / "luts" / "refinish.clf", spoilt, output / "graded").done
     before, after, wanted = (read_image(path).pixels[..., :3] for path in (spoilt, applied.target, shots.wanted))
     graded = f"graded: {shots.target}, {shots.ev:+g} EV"
     titles = (f"as shot: {shots.source}", graded, "as the camera would have made it")
@@ -112,12 +107,11 @@ def _cells(what: str, figures: "ErrorFigures") -> tuple[str, ...]:
     return (what, str(figures.count), *numbers, "–" if figures.de00_mean is None else f"{figures.de00_mean:.2f}")
 
 
-def _truth(profile: "CameraProfile", shots: "DemoShots") -> Iterator[tuple[str, ...]]:
+def _truth(profile: lf.CameraProfile, shots: "DemoShots") -> Iterator[tuple[str, ...]]:
     """Render, linearize and refinish on the colours of the held-out shot, against the camera's own functions."""
     from lutforge.evaluation.errors_table import error_figures
-    from lutforge.pipeline.sampling import sample
 
-    raw, camera, ev = sample(shots.held_out.dng).raw, shots.camera, shots.ev
+    raw, camera, ev = lf.sample(shots.held_out.dng).raw, shots.camera, shots.ev
     (style, balance), (wanted_style, wanted_balance) = shots.source.split("/"), shots.target.split("/")
     before, after = camera.render(raw, style, balance), camera.render(raw, wanted_style, wanted_balance, ev)
     usable = ((before > 0.002) & (before < 0.998) & (after > 0.002) & (after < 0.998)).all(axis=-1)

@@ -1,4 +1,4 @@
-"""The command line: one file per command; errors are one line on stderr and exit status 2."""
+"""The command line; errors are one line on stderr and exit status 2."""
 
 import io
 import os
@@ -15,14 +15,13 @@ from lutforge.errors import LutForgeError
 
 PURPOSE = "Calibrate a camera from its RAW and JPEG files, and bake its rendering into LUTs and OpenColorIO configs."
 
-COMMANDS = (
-    "demo", "inspect", "sample", "calibrate", "response", "evaluate", "bake", "kit", "config", "apply", "transfer",
-    "check", "report", "compare", "studio", "import-nus", "export-nus",
-)  # fmt: skip
-"""In the order of the help."""
-
-FILES = {"check": "inspect", "compare": "report", "export-nus": "import_nus"}
-"""Commands that stand in the file of another, and its name."""
+COMMANDS = {
+    "demo": "demo",
+    **dict.fromkeys(("inspect", "sample", "calibrate", "response", "evaluate"), "profiles"),
+    **dict.fromkeys(("bake", "kit", "config", "apply"), "looks"),
+    **dict.fromkeys(("transfer", "check", "report", "compare", "studio", "import-nus", "export-nus"), "profiles"),
+}
+"""In the order of the help, and the file that each stands in."""
 
 UsageErrors: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 """The root of typer's errors of usage, which typer itself does not name."""
@@ -49,9 +48,8 @@ def command_line(first: str = "") -> typer.Typer:
             print(context.get_help())
 
     for name in (first,) if first in COMMANDS else COMMANDS:
-        function = name.replace("-", "_")
-        module = import_module(f"lutforge.cli.{FILES.get(name, function)}")
-        app.command(name)(getattr(module, function))
+        module = import_module(f"lutforge.cli.{COMMANDS[name]}")
+        app.command(name)(getattr(module, name.replace("-", "_")))
     return app
 
 

@@ -14,8 +14,8 @@ import PIL.Image
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.cli.bake import PROGRAMS as LISTED
-from lutforge.cli.kit import kit
+from lutforge.cli.looks import PROGRAMS as LISTED
+from lutforge.cli.looks import kit
 from lutforge.cli.main import main
 from lutforge.kits.programs import KITS
 from lutforge.luts.programs import PROGRAMS

@@ -12,7 +12,7 @@ import pytest
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import style_data
-from lutforge.cli.report import compare as compare_command
+from lutforge.cli.profiles import compare as compare_command
 from lutforge.errors import SettingsError
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, as_profile, load_profile

@@ -1,0 +1,244 @@
+"""The commands that use profiles: LUTs, kits, configs and graded pictures; each loads what it runs when it runs."""
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import lutforge as lf
+from lutforge.cli.console import (
+    Profile,
+    argument,
+    complain,
+    note,
+    option,
+    print_tables,
+    progress_bar,
+    quiet_codecs,
+    say,
+)
+from lutforge.errors import SettingsError, in_common
+from lutforge.report.tables import Table
+
+if TYPE_CHECKING:
+    from lutforge.pipeline.grading import Grading
+
+
+PROGRAMS = (
+    "resolve, nuke, ocio, oiio, baselight, flame, houdini, blender, photoshop, lightroom, premiere, aftereffects, "
+    "finalcut, affinity, ffmpeg, mlt, obs, darktable, rawtherapee, art, captureone, digikam, rapidraw, gmic, gimp, "
+    "imagemagick"
+)
+"""As `lutforge.luts.programs` has them, which takes a second to load."""
+
+
+def bake(
+    profile: Profile,
+    kind: Annotated[str, argument("render, linearize, refinish or match.")],
+    other: Annotated[Path | None, argument("For match: the profile whose look is wanted.")] = None,
+    output: Annotated[
+        list[Path] | None, option("A LUT file; may repeat. The suffix picks the format.", "-o", "--output")
+    ] = None,
+    source: Annotated[str | None, option("STYLE/WB of the JPEG that comes in.", "--from")] = None,
+    target: Annotated[
+        str | None, option("STYLE/WB of the JPEG that comes out; of .icc and .dcp STYLE.", "--to")
+    ] = None,
+    ev: Annotated[float, option("Exposure change in stops (refinish, match; render from scene-linear light).")] = 0.0,
+    space: Annotated[
+        str,
+        option(
+            "What render takes and linearize gives: raw, or a colour space, linear (acescg, linear-rec2020 …) or "
+            "encoded (vlog, slog3, logc4, acescct, davinci-intermediate …)."
+        ),
+    ] = "raw",
+    reader: Annotated[
+        str | None,
+        option(
+            f"The program that will read it, which without -o names the files: {PROGRAMS}.",
+            "--for",
+            autocompletion=lambda: PROGRAMS.split(", "),
+        ),
+    ] = None,
+    size: Annotated[int | None, option("Nodes per axis of the cube.")] = None,
+    tolerance: Annotated[float | None, option("Instead of a size: the ΔE00 that 99 % of colours keep within.")] = None,
+    interpolation: Annotated[str | None, option("trilinear or tetrahedral: how the reader interpolates.")] = None,
+    model: Annotated[str | None, option("lattice or rbf, where the profile holds both.")] = None,
+    transfer: Annotated[
+        list[Path] | None, option("For match: RAW to RAW, from `lutforge transfer`; may repeat, in steps.")
+    ] = None,
+    colours: Annotated[
+        bool, option(".icc: without the camera's tone curve, scene-linear, for one's own tone mapper.", "--colours")
+    ] = False,
+) -> None:
+    """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
+    from lutforge.pipeline.baking import bake_files
+    from lutforge.pipeline.transforms import TransformRequest
+
+    wanted = TransformRequest(kind, source, target, ev, space, model, other, tuple(transfer or ()))
+    with progress_bar("baking") as progress:
+        files, notes = bake_files(
+            profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
+            colours=colours, progress=progress,
+        )  # fmt: skip
+    for file in files:
+        say(*str(file).splitlines())
+    note(*notes)
+
+
+def kit(
+    profile: Profile,
+    to: Annotated[str, option("The look: STYLE or STYLE/WB; all for every style.", "--to")],
+    more: Annotated[list[Path] | None, argument("Further RAW files of --check.", metavar="[SHOT]...")] = None,
+    output: Annotated[Path, option("The folder to write.", "-o", "--output")] = Path("kit"),
+    program: Annotated[
+        str,
+        option(
+            "darktable, rawtherapee, art, lightroom, captureone, digikam, rapidraw, resolve, nuke, blender, ffmpeg, "
+            "obs, gimp or lumix.",
+            "--for",
+        ),
+    ] = "rawtherapee",
+    base: Annotated[str | None, option("For lumix: the camera's style that the LUT lies on; else V-Log.")] = None,
+    look: Annotated[Path | None, option("With --base: another camera's profile, which has the look.", "--as")] = None,
+    check: Annotated[
+        list[Path] | None,
+        option("RAW files, better such that the profile is not from, to develop with the kit and compare.", "--check"),
+    ] = None,
+) -> None:
+    """Write a kit: camera profile or LUT, the preset that places it, and a page that says what to do."""
+    from lutforge.pipeline.kits import check_kit
+
+    if more and not check:
+        raise SettingsError(f"{more[0]}: shots go with --check")
+    with progress_bar("writing a kit") as progress:
+        folder = lf.write_kit(profile, to, output, program, base=base, look=look, progress=progress)
+    say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")
+    if not check:
+        return
+    with progress_bar("developing") as progress:
+        checks, notes = check_kit(folder, [*check, *(more or [])], progress)
+    note(*notes)
+    rows = []
+    for each in checks:
+        figures = (f"{value:.2f}" for value in (each.mean, each.p95, each.maximum))
+        rows.append((each.shot, str(each.tiles), *figures, "yes" if each.calibrated else "no"))
+    header = ("shot", "tiles", "mean", "95 %", "max", "calibrated from")
+    print_tables(Table("What the program shows against the camera's JPEG, ΔE00", header, rows))
+    if any(each.calibrated for each in checks):
+        note("shots that the profile was calibrated from flatter it: check others, too")
+
+
+def config(
+    profiles: Annotated[list[Path], argument("Profiles (.npz).")],
+    output: Annotated[Path, option("A folder, or one archive (.ocioz).", "-o", "--output")] = Path("ocio"),
+    merge: Annotated[
+        str | None, option("A config (.ocio, .ocioz, or the name of a built-in one) to add the cameras to.")
+    ] = None,
+    replace: Annotated[bool, option("Replace the config that the folder holds.", "--replace")] = False,
+) -> None:
+    """Write an OpenColorIO config with the cameras' RAW and JPEG colour spaces, views and refinish looks."""
+    with progress_bar("config") as progress:
+        written = lf.write_config(profiles, output, merge=merge, replace=replace, progress=progress)
+    counts = ((written.spaces, "input colour spaces"), (written.views, "view transforms"), (written.looks, "looks"))
+    held = ", ".join(f"{len(entries)} {title}" for entries, title in counts)
+    say(f"{written.path}: profile version {written.version}, checked: {held}")
+
+
+def apply(
+    grade: Annotated[Path, argument("A LUT file, a profile (.npz) or a config.")],
+    images: Annotated[
+        list[Path], argument("Images: JPEG, PNG, TIFF, EXR, with a profile RAW; before them further profiles.")
+    ],
+    output: Annotated[Path | None, option("The folder for the graded images.", "-o", "--output")] = None,
+    source: Annotated[
+        str | None,
+        option("STYLE/WB of the images, where they do not tell; with a config, their colour space.", "--from"),
+    ] = None,
+    target: Annotated[
+        str | None, option("STYLE/WB wanted, as-shot to keep either; with a config, the colour space wanted.", "--to")
+    ] = None,
+    ev: Annotated[float, option("Exposure change in stops, with a profile.")] = 0.0,
+    space: Annotated[
+        str | None, option("Linear light instead of a look, with profiles: acescg, aces2065-1, linear-srgb … in .exr.")
+    ] = None,
+    exposure: Annotated[
+        str | None, option("With --space: exif divides by time, ISO and aperture, so that pictures of a scene agree.")
+    ] = None,
+    look: Annotated[Path | None, option("The profile of the camera whose look is wanted.", "--as")] = None,
+    transfer: Annotated[
+        list[Path] | None, option("With --as: RAW to RAW, from `lutforge transfer`; may repeat.")
+    ] = None,
+    suffix: Annotated[str | None, option("Another format for the output, such as .png or .exr.")] = None,
+    quality: Annotated[int | None, option("Of JPEG files, 1 to 100, if not as their sources.")] = None,
+    interpolation: Annotated[str, option("trilinear or tetrahedral, for LUTs that do not say it.")] = "tetrahedral",
+    workers: Annotated[int | None, option("Threads; one per core by default.")] = None,
+    frames: Annotated[str | None, option("Frames of sequences: 1001-1100, 1-9x2, 1,5,9.")] = None,
+    recursive: Annotated[bool, option("Folders with their subfolders.", "--recursive")] = False,
+    resume: Annotated[bool, option("Skip what an earlier run did that is still right.", "--resume")] = False,
+    scheduler: Annotated[str | None, option("A Dask cluster that does the work: tcp://HOST:PORT.")] = None,
+    print_commands: Annotated[
+        bool, option("Grade nothing: print oiiotool lines that would, for a farm.", "--print-commands")
+    ] = False,
+    as_json: Annotated[bool, option("Print the summary as JSON, for programs.", "--json")] = False,
+) -> None:
+    """Grade images through OpenColorIO; metadata, bit depth and extra channels are kept.
+
+    IMAGES are files, folders, and sequences: shot.####.exr, shot.1001-1100####.exr, shot.%04d.exr.
+    """
+    from lutforge.child_processes import prepare
+
+    if grade.suffix.lower() not in (".npz", ".ocio", ".ocioz"):
+        prepare("lutforge.luts.reading")  # what reads the LUT first loads beside what grades
+    from lutforge.pipeline.grading import Grading
+
+    grading = Grading(
+        (grade, *images), output, source, target, ev, look, tuple(transfer or ()), interpolation, suffix, workers,
+        frames, recursive, resume, scheduler, quality, space, exposure,
+    )  # fmt: skip
+    failed = False
+    if print_commands:
+        for command in grading.commands():
+            if isinstance(command, str):
+                print(command)
+            else:
+                failed = True
+                complain(command.reason)
+    else:
+        failed = _run(grading, as_json)
+    if failed:
+        raise typer.Exit(1 if grading.asked > 1 else 2)
+
+
+def _run(grading: "Grading", as_json: bool) -> bool:
+    """Grade, and say what became of the images. Returns whether one failed."""
+    from lutforge.apply.batch import rate
+
+    began = time.monotonic()
+    with quiet_codecs(), progress_bar("grading") as progress:
+        result = grading.run(progress)
+    seconds = time.monotonic() - began
+    notes = ((done.source, text) for done in result.done for text in done.notes)
+    note(*result.notes, *in_common(notes, "images"))
+    first: dict[str, Path] = {}
+    for failure in result.failed:
+        reason = failure.reason.removeprefix(f"{failure.source}: ")
+        same = first.setdefault(reason, failure.source)
+        complain(failure.reason if same == failure.source else f"{failure.source}: as {same}")
+    if as_json:
+        graded = [
+            {"source": str(done.source), "output": str(done.target)}
+            | {"width": done.width, "height": done.height, "notes": done.notes}
+            for done in result.done
+        ]
+        failed = [{"source": str(failure.source), "reason": failure.reason} for failure in result.failed]
+        document = {"graded": graded, "skipped": list(map(str, result.skipped)), "failed": failed}
+        print(json.dumps({**document, "seconds": round(seconds, 3)}, indent=1))
+    else:
+        say(*(str(done.target) for done in result.done))
+    if grading.asked > 1:
+        pixels = sum(done.width * done.height for done in result.done)
+        counts = f"{len(result.done)} graded, {len(result.skipped)} skipped, {len(result.failed)} failed"
+        note(f"{counts} in {seconds:.1f} s: {rate(len(result.done), pixels, seconds)}")
+    return bool(result.failed)
