@@ -21,7 +21,7 @@ from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.linearization import model_delta
+from lutforge.evaluation.further_errors import model_delta
 from lutforge.evaluation.methods import colour_polynomial, mixed_channel_polynomials
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.samples.sample_set import SampleSet

@@ -27,6 +27,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -39,10 +40,8 @@ from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_gains
 from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.errors_table import ErrorFigures, MethodError, error_figures
-from lutforge.evaluation.linearization import edited_errors, linearization_errors
-from lutforge.evaluation.methods import LATTICE, RBF, Predictions, predict
-from lutforge.evaluation.refinish_errors import RefinishError, refinish_errors
+from lutforge.evaluation import further_errors as further
+from lutforge.evaluation.methods import LATTICE, RBF, ErrorFigures, Predictions, error_figures, predict
 from lutforge.model.camera_profile import CameraProfile, is_response_alone
 from lutforge.model.profile_data import Direction
 from lutforge.model.reference_raw import with_own_raw
@@ -81,10 +80,10 @@ class Evaluation:
     camera: str
     rows: tuple[EvaluationRow, ...]
     notes: tuple[str, ...]
-    raw: tuple[MethodError, ...] = ()
-    linearization: tuple[MethodError, ...] = ()
-    refinish: tuple[RefinishError, ...] = ()
-    edited: tuple[MethodError, ...] = ()
+    raw: tuple[further.MethodError, ...] = ()
+    linearization: tuple[further.MethodError, ...] = ()
+    refinish: tuple[further.RefinishError, ...] = ()
+    edited: tuple[further.MethodError, ...] = ()
     tables: bool = False
     predictions: Mapping[str, Predictions] = field(default_factory=dict, repr=False)  # long arrays
     departures: tuple[Departure, ...] = ()
@@ -130,28 +129,14 @@ def error_rows(style: str, predictions: Predictions) -> Iterator[EvaluationRow]:
         display, measured = direction == "render", data.both[direction][1]
         for method in predictions.methods:
             values = np.clip(predicted[method], 0.0, 1.0)
-            said = np.all(np.isfinite(values), axis=1)
-            parts = {"all": said}
+            known = np.all(np.isfinite(values), axis=1)
+            parts = {"all": known}
             if method in (LATTICE, RBF):
-                parts |= {str(shot): said & (data.shot == shot) for shot in np.unique(data.shot[said])}
+                parts |= {str(shot): known & (data.shot == shot) for shot in np.unique(data.shot[known])}
             for shot, rows in parts.items():
                 figures = error_figures(values[rows], measured[rows], display=display)
                 held_out = bool(np.all(predictions.held_out[rows]))
                 yield EvaluationRow(direction, style, shot, method, held_out, figures)
-
-
-def raw_errors(style: str, predictions: Predictions) -> Iterator[MethodError]:
-    """JPEG → RAW before white balance, as the sensor gives it, by method: root mean square, 1 = full scale."""
-    data = predictions.data
-    gain = data.balanced / data.samples.raw
-    for method in predictions.methods:
-        error = np.clip(predictions.predicted.linearize[method], 0.0, 1.0) / gain - data.samples.raw
-        said = np.all(np.isfinite(error), axis=1)
-        squares = error[said] ** 2
-        rms = np.sqrt([np.mean(squares), *np.mean(squares, axis=0)]).tolist()
-        held_out = bool(np.all(predictions.held_out[said]))
-        values = dict(zip(("RMSE", *"RGB"), rms, strict=True))
-        yield MethodError(style, method, held_out, int(said.sum()), values)
 
 
 def evaluate(
@@ -176,7 +161,7 @@ def evaluate(
     samples = at_the_centre(with_own_raw(profile, samples), profile.falloffs)
     multipliers, of_balances = complete_multipliers(samples)
     multipliers = with_gains(samples, multipliers, profile.white_balances)
-    known, strange = _known_styles(profile, samples)
+    known, strange = known_styles(profile, samples)
     samples, multipliers = samples.select(known), multipliers[known]
     data, clipped = style_data(samples, multipliers)
     notes = [*of_balances, *strange, *styles_with_enough(samples, multipliers)[1]]
@@ -190,27 +175,24 @@ def evaluate(
         )
     if tables and not np.isin(samples.shot, profile.shots).any():
         notes.append("no shot of the calibration is among these: add them for the baselines and the lattice sizes")
-    options, predictions = options_from_json(profile.options), {}
+    options, sizes, predictions = options_from_json(profile.options), sizes if tables else (), dict[str, Predictions]()
     for index, (name, style) in enumerate(data.items()):
-        telling = part(progress, index / len(data), (index + 1) / len(data), name)
-        left_out = partial(telling, "leaving shots out")
-        size = sizes if tables else ()
-        found = predict(profile.styles[name], name, style, profile.shots, options, sizes=size, progress=left_out)
-        predictions[name] = found
-        notes += [*found.notes, *([monochrome_note(name)] if style.monochrome else [])]
+        within = partial(part(progress, index / len(data), (index + 1) / len(data), name), "leaving shots out")
+        made = predict(profile.styles[name], name, style, profile.shots, options, sizes=sizes, progress=within)
+        predictions[name] = made
+        notes += [*made.notes, *([monochrome_note(name)] if style.monochrome else [])]
     departures = departures_from(profile, samples, multipliers)
     notes += [f"{each.shot} departs from the fixed rendering: {each.words}" for each in departures]
-    rows = [row for name, found in predictions.items() for row in error_rows(name, found)]
+    rows = [row for each in predictions.items() for row in error_rows(*each)]
+    linear = (further.linearization_errors(*each, profile.matrix) for each in predictions.items())
     evaluation = Evaluation(
         camera=profile.camera,
         rows=tuple(_timed(rows, predictions) if tables else rows),
         notes=tuple(notes),
-        raw=tuple(row for name, found in predictions.items() for row in raw_errors(name, found)),
-        linearization=tuple(
-            row for name, found in predictions.items() for row in linearization_errors(name, found, profile.matrix)
-        ),
-        edited=tuple(row for name, found in predictions.items() for row in edited_errors(name, found)),
-        refinish=refinish_errors(predictions),
+        raw=tuple(row for each in predictions.items() for row in further.raw_errors(*each)),
+        linearization=tuple(chain.from_iterable(linear)),
+        edited=tuple(row for each in predictions.items() for row in further.edited_errors(*each)),
+        refinish=further.refinish_errors(predictions),
         departures=departures,
         tables=tables,
         predictions=predictions,
@@ -221,14 +203,13 @@ def evaluate(
 
 def departures_from(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> tuple[Departure, ...]:
     """The shots that depart clearly from the profile's rendering, beside the others of their style."""
-    usable = unclipped(samples, multipliers)
-    found: list[Departure] = []
+    usable, departures = unclipped(samples, multipliers), list[Departure]()
     for name, style in profile.styles.items():
         rows = usable & (samples.style == name)
         if style.linearize is not None and rows.any() and not is_monochrome(samples.raw[rows], samples.srgb[rows]):
             balanced = samples.raw[rows] * multipliers[rows]
-            found.extend(find_departures(style.linearize(samples.srgb[rows]), balanced, samples.shot[rows]))
-    return tuple(found)
+            departures.extend(find_departures(style.linearize(samples.srgb[rows]), balanced, samples.shot[rows]))
+    return tuple(departures)
 
 
 def scene_departures(profile: CameraProfile, samples: SampleSet) -> tuple[Departure, ...]:
@@ -238,7 +219,7 @@ def scene_departures(profile: CameraProfile, samples: SampleSet) -> tuple[Depart
     return departures_from(profile, samples, multipliers)
 
 
-def _known_styles(profile: CameraProfile, samples: SampleSet) -> tuple[Mask, tuple[str, ...]]:
+def known_styles(profile: CameraProfile, samples: SampleSet) -> tuple[Mask, tuple[str, ...]]:
     """(n,): the samples of styles that the profile has, and notes on the others. Raises CalibrationError."""
     notes = []
     others = [str(name) for name in np.unique(samples.camera) if name != profile.camera]

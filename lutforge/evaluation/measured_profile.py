@@ -13,8 +13,7 @@ from lutforge.calibration.physical.kriging import OFFSET, posterior_deviation
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, encoding_slope
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.errors_table import error_figures
-from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, Predictions, Predictor, predict
+from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, Predictions, Predictor, error_figures, predict
 from lutforge.interpolation import Levels, interpolate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import even_slope

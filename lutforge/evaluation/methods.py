@@ -1,4 +1,7 @@
-"""Predictions by the methods that are compared: the profile's own models, the thesis's tables', plain baselines."""
+"""Predictions by the methods that are compared: the profile's own models, the thesis's tables', plain baselines.
+
+Their error figures are those of the thesis (chapter 5), with ΔE00 beside them.
+"""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,6 +17,7 @@ from lutforge.calibration.lattice.thesis import fit_uniform
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.style import LEAST_SAMPLES, StyleData, fit_lattices, fit_physical
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import Levels
 from lutforge.model.profile_data import Both, Direction, PhysicalModel, PictureStyle
@@ -25,6 +29,50 @@ LATTICE, RBF, NO_GAMUT_MAP = "lattice", "rbf", "f and T, no h"
 MATRIX_AND_RESPONSE = "matrix and response"
 CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL = "polynomial per channel", "polynomial of all channels"
 BASELINES = (MATRIX_AND_RESPONSE, CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL)
+FIGURES = ("n", "mean", "max", "Q1", "median", "Q3", "RMSE", "ΔE00", "max ΔE00")
+
+
+@dataclass(frozen=True)
+class ErrorFigures:
+    """Pixel error: the Euclidean norm of the RGB difference, 1 = full scale. rmse: per channel, root mean square.
+
+    de00_mean, de00_max: ΔE00 between encoded sRGB colours; None where the values are not display colours.
+    """
+
+    count: int
+    mean: float
+    maximum: float
+    q1: float
+    median: float
+    q3: float
+    rmse: float
+    de00_mean: float | None = None
+    de00_max: float | None = None
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The figures as cells of a table, whose columns FIGURES names."""
+        numbers = (self.mean, self.maximum, self.q1, self.median, self.q3, self.rmse)
+        differences = ("–" if value is None else f"{value:.2f}" for value in (self.de00_mean, self.de00_max))
+        return (str(self.count), *(f"{value:.4f}" for value in numbers), *differences)
+
+
+def error_figures(predicted: Array, measured: Array, *, display: bool) -> ErrorFigures:
+    """Figures of predicted (n, 3) against measured (n, 3); display: both are encoded sRGB."""
+    distance = np.linalg.norm(predicted - measured, axis=1)
+    q1, median, q3 = np.percentile(distance, [25, 50, 75])
+    difference = delta_e_2000(predicted, measured) if display else None
+    return ErrorFigures(
+        count=len(distance),
+        mean=float(distance.mean()),
+        maximum=float(distance.max()),
+        q1=float(q1),
+        median=float(median),
+        q3=float(q3),
+        rmse=float(np.sqrt(np.mean((predicted - measured) ** 2))),
+        de00_mean=None if difference is None else float(difference.mean()),
+        de00_max=None if difference is None else float(difference.max()),
+    )
 
 
 def lattice_name(size: int, *, nonuniform: bool) -> str:
@@ -69,61 +117,43 @@ def _physical_fits(model: PhysicalModel, seconds: float | None = None) -> dict[s
     }
 
 
+@dataclass(frozen=True)
 class Fitter:
     """Fits all methods to parts of a style's shots.
 
     The model is fitted again to each part, and baked to lattices whose node levels are those of the profile's lattices.
+    notes: is told what could not be done; sizes: of the lattices of the thesis's tables, with its other methods; own:
+    no model but the one that the options ask for.
     """
 
-    def __init__(
-        self,
-        name: str,
-        style: PictureStyle,
-        options: CalibrationOptions,
-        notes: list[str],
-        *,
-        sizes: Sequence[int] = (),
-        own: bool = False,
-    ) -> None:
-        """Plan the methods of a style.
-
-        sizes: of the lattices of the thesis's tables, with its other methods; own: no model but the one asked for;
-        notes: is told what could not be done.
-        """
-        self.name, self.style, self.options, self.notes, self.sizes = name, style, options, notes, tuple(sizes)
-        self.lattice = style.render is not None and not (own and options.model == "rbf")
-        self.physical = bool(sizes) or (bool(style.physical) and not (own and options.model == "lattice"))
+    name: str
+    style: PictureStyle
+    options: CalibrationOptions
+    notes: list[str]
+    sizes: Sequence[int] = ()
+    own: bool = False
 
     def fit(self, train: StyleData, asked: Both[Array] | None = None) -> dict[str, Fit]:
         """All methods by name, fitted to these samples. asked: as of `fit_lattices`, for the profile's own lattices."""
-        fits = {LATTICE: self._profile_lattices(train, asked)} if self.lattice else {}
+        fits, render, linearize = dict[str, Fit](), self.style.render, self.style.linearize
+        if render is not None and linearize is not None and not (self.own and self.options.model == "rbf"):
+            fits[LATTICE] = _timed_lattices(train, self.options, Both(render.levels, linearize.levels), asked)
         for size in self.sizes:
             for nonuniform in (False, True):
                 options = replace(self.options, size=size, nonuniform=nonuniform)
                 fits[lattice_name(size, nonuniform=nonuniform)] = _timed_lattices(train, options)
             # What the thesis compares itself with: evenly spaced nodes, no smoothness but λ_K.
             options, start = replace(self.options, size=size), time.perf_counter()
-            render = fit_uniform(train.balanced, train.encoded, options)
+            even_render = fit_uniform(train.balanced, train.encoded, options)
             middle = time.perf_counter()
-            linearize = fit_uniform(train.encoded, train.balanced, options)
+            even_linearize = fit_uniform(train.encoded, train.balanced, options)
             seconds = Both[float | None](middle - start, time.perf_counter() - middle)
-            fits[f"lattice by (5.3) {size}"] = Fit(render, linearize, seconds)
-        return {**fits, **self._physical(train), **fit_baselines(train)}
+            fits[f"lattice by (5.3) {size}"] = Fit(even_render, even_linearize, seconds)
+        return {**fits, **self.physical(train), **fit_baselines(train)}
 
-    def compared(self, train: StyleData) -> dict[str, Fit]:
-        """Return what the thesis's error maps show beside its own model: a uniform lattice, and the model by RBFs."""
-        even = fit_lattices(train, replace(self.options, nonuniform=False))
-        lattice = Fit(even.render, even.linearize)
-        return {lattice_name(self.options.size, nonuniform=False): lattice, **self._physical(train)}
-
-    def _profile_lattices(self, train: StyleData, asked: Both[Array] | None) -> Fit:
-        render, linearize = self.style.render, self.style.linearize
-        if render is None or linearize is None:
-            return _timed_lattices(train, self.options)
-        return _timed_lattices(train, self.options, Both(render.levels, linearize.levels), asked)
-
-    def _physical(self, train: StyleData) -> dict[str, Fit]:
-        if not self.physical:
+    def physical(self, train: StyleData) -> dict[str, Fit]:
+        """The model of the thesis's chapter 4, where it is asked for or the profile has it."""
+        if not (self.sizes or (self.style.physical and not (self.own and self.options.model == "lattice"))):
             return {}
         start = time.perf_counter()
         try:
@@ -221,7 +251,7 @@ def predict(
     if seen.any() and not left_out:
         notes.append(f"{name}: one shot only; its error is on the samples that it was fitted to")
     inside = data if seen.all() else data.select(seen)
-    fitter = Fitter(name, style, options, notes, sizes=sizes, own=own_only)
+    fitter = Fitter(name, style, options, notes, sizes, own_only)
     if as_is.any():
         others: dict[str, Fit] = {}
         if left_out and seen.sum() >= LEAST_SAMPLES:
@@ -246,17 +276,11 @@ def predict(
             fits.append(refitted)
             progress(number / len(trains))
     methods = tuple(dict.fromkeys(method for fitted in fits for method in fitted))
-    return Predictions(
-        data,
-        fold,
-        tuple(fits),
-        held_out,
-        tuple(dict.fromkeys(notes)),
-        Both(
-            {method: _by_fold(fits, fold, method, "render", data.balanced) for method in methods},
-            {method: _by_fold(fits, fold, method, "linearize", data.encoded) for method in methods},
-        ),
+    predicted = Both[Mapping[str, Array]](
+        {method: _by_fold(fits, fold, method, "render", data.balanced) for method in methods},
+        {method: _by_fold(fits, fold, method, "linearize", data.encoded) for method in methods},
     )
+    return Predictions(data, fold, tuple(fits), held_out, tuple(dict.fromkeys(notes)), predicted)
 
 
 def with_compared(
@@ -275,7 +299,9 @@ def with_compared(
     if train.sum() < LEAST_SAMPLES:
         return predictions
     inside = data.select(train)
-    more = Fitter("", style, options, [], sizes=(options.size,)).compared(inside)
+    even = fit_lattices(inside, replace(options, nonuniform=False))
+    more = {lattice_name(options.size, nonuniform=False): Fit(even.render, even.linearize)}
+    more |= Fitter("", style, options, [], (options.size,)).physical(inside)
     fits = tuple({**more, **fits} if place == index else fits for place, fits in enumerate(predictions.fits))
     return replace(predictions, fits=fits)
 

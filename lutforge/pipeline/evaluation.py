@@ -14,8 +14,8 @@ from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_known_balances
 from lutforge.calibration.style import style_data, uniform_lattice_errors
 from lutforge.colour.srgb import srgb_encode
-from lutforge.errors import CalibrationError, LutForgeError
-from lutforge.evaluation.evaluation import Evaluation, scene_departures
+from lutforge.errors import LutForgeError
+from lutforge.evaluation.evaluation import Evaluation, known_styles, scene_departures
 from lutforge.evaluation.evaluation import evaluate as evaluate_profile
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.falloff import falloff_of
@@ -73,13 +73,7 @@ def inspect_scene(
     camera = as_profile(profile)
     gathered = gather_samples(shots, progress)
     samples = with_setting_names(gathered.samples)
-    known = np.isin(samples.style, list(camera.styles))
-    if not known.any():
-        raise CalibrationError(
-            f"the shots' styles ({', '.join(np.unique(samples.style))}) are not in the profile "
-            f"({', '.join(camera.styles)})"
-        )
-    samples = samples.select(known)
+    samples = samples.select(known_styles(camera, samples)[0])
     departures = {departure.shot: departure.cells for departure in scene_departures(camera, samples)}
     rows = []
     for name, shot in samples.by_shot():

@@ -1,35 +1,149 @@
-"""What each figure of a profile, its samples and its errors shows."""
+"""What figures show, as records: matplotlib draws them in files (`matplotlib_figure`), Bokeh in the studio's page."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.calibration.physical.bracket import BracketFit
 from lutforge.calibration.physical.brightness_transfer import TransferFunction
 from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode, srgb_encode, srgb_to_lab
-from lutforge.evaluation.errors_table import ErrorFigures
+from lutforge.evaluation.methods import ErrorFigures
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import Direction, PictureStyle
 from lutforge.model.response import mean_response
-from lutforge.report.drawing import (
-    CHANNELS,
-    ERROR_SCALE,
-    GREY,
-    Arrows,
-    Bars,
-    Dots,
-    Drawing,
-    Labels,
-    Line,
-    Lines,
-    Mark,
-    Panel,
-    Raster,
-    thinned,
-)
+
+CHANNELS = (("Red", "#d0432f", "solid"), ("Green", "#2f9e63", "dashed"), ("Blue", "#4f83e0", "dotted"))
+"""Name, colour and line style of each channel: the style tells them apart where the colours do not."""
+MAP = "cividis"
+"""The colour scale of values: even in lightness, the same to colour-blind eyes."""
+ERROR_SCALE = 0.1
+"""The error that is drawn brightest, as a norm of RGB, 1 = full scale."""
+GREY = "#8c8c8c"
+"""A grey that stands out from white and from black."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A curve through points x, y (n,). label: in the legend, "" for none."""
+
+    x: Array
+    y: Array
+    colour: str = GREY
+    dash: str = "solid"
+    width: float = 1.5
+    label: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Many curves of one colour, each (k, 2)."""
+
+    curves: Sequence[Array]
+    colour: str = GREY
+
+
+@dataclass(frozen=True, eq=False)
+class Dots:
+    """Points (n, 2): all in one colour, each in its own encoded RGB (n, 3), or by values (n,) on the panel's scale."""
+
+    points: Array
+    colour: str | Array = GREY
+    values: Array | None = None
+    marker: str = "circle"
+    size: float = 4.0
+    label: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Arrows:
+    """Arrows from points (n, 2) to points (n, 2), coloured by values (n,) on the panel's scale."""
+
+    start: Array
+    end: Array
+    values: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """A picture (h, w, 3), encoded, or values (h, w) on the panel's scale, grey where NaN; the first row is on top.
+
+    size: its width and height on the axes; None counts pixels.
+    """
+
+    values: Array
+    size: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Bars:
+    """Rectangles: left, right, bottom, top (n,) each."""
+
+    left: Array
+    right: Array
+    bottom: Array
+    top: Array
+    colour: str = GREY
+    label: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """Short texts over points (n, 2)."""
+
+    points: Array
+    texts: Sequence[str]
+
+
+Mark = Line | Lines | Dots | Arrows | Raster | Bars | Labels
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes with marks.
+
+    x_range, y_range: None: as wide as the marks; equal: one unit is as long on both axes; scale: of the values that
+    colours stand for, (low, high), and in words what they are, "" for no colour bar; bare: without axes; log: the x
+    axis is logarithmic; rows: names of the places 0, 1, … on the y axis.
+    """
+
+    title: str
+    marks: tuple[Mark, ...]
+    x: str = ""
+    y: str = ""
+    x_range: tuple[float, float] | None = None
+    y_range: tuple[float, float] | None = None
+    equal: bool = False
+    scale: tuple[float, float] = (0.0, 1.0)
+    scale_name: str = ""
+    bare: bool = False
+    log: bool = False
+    rows: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Rows of panels. height: of a row in inches where the whole is `width` wide, for files."""
+
+    rows: tuple[tuple[Panel, ...], ...]
+    height: float = 3.4
+    width: float = 9.0
+
+    @property
+    def panels(self) -> tuple[Panel, ...]:
+        """All panels in order."""
+        return tuple(panel for row in self.rows for panel in row)
+
+
+def thinned(count: int, most: int = 6000) -> NDArray[np.intp]:
+    """Choose at most so many of `count` rows, at random: figures stay small, and points no longer hide each other."""
+    return np.sort(np.random.default_rng(0).permutation(count)[:most])
+
+
+# --- What each figure of a profile, its samples and its errors shows -------------------------------------------------
 
 ENDS = {"render": ("RAW after white balance", "JPEG"), "linearize": ("JPEG", "RAW after white balance")}
 """Per direction: what goes in, what comes out."""

@@ -15,26 +15,12 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.report.drawing import (
-    ERROR_SCALE,
-    MAP,
-    Arrows,
-    Bars,
-    Dots,
-    Drawing,
-    Labels,
-    Line,
-    Lines,
-    Mark,
-    Panel,
-    Raster,
-)
-from lutforge.report.figures import lattice_figure
+from lutforge.report import figures
 
 MARKERS = {"circle": "o", "x": "x", "cross": "+", "diamond": "D", "dash": "|", "square": "s"}
 
 
-def figure_of(drawing: Drawing) -> Figure:
+def figure_of(drawing: figures.Drawing) -> Figure:
     """Draw all panels; a row has one colour bar, that of its last panel with a scale's name."""
     columns = max(map(len, drawing.rows))
     height = drawing.height * len(drawing.rows)
@@ -70,45 +56,47 @@ def figure_of(drawing: Drawing) -> Figure:
                 axis.legend(frameon=False, fontsize=8)
         scaled = [(axis, panel) for axis, panel in zip(row, panels, strict=False) if panel.scale_name]
         if scaled:
-            values = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(*scaled[-1][1].scale), MAP)
+            values = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(*scaled[-1][1].scale), figures.MAP)
             beside = [axis for axis, _ in scaled]
             figure.colorbar(values, ax=beside, label=scaled[-1][1].scale_name, extend="max", shrink=0.8, aspect=20)
     return figure
 
 
-def _draw(axis: Axes, mark: Mark, scale: tuple[float, float]) -> None:
+def _draw(axis: Axes, mark: figures.Mark, scale: tuple[float, float]) -> None:
     low, high = scale
     match mark:
-        case Line():
+        case figures.Line():
             axis.plot(mark.x, mark.y, color=mark.colour, linestyle=mark.dash, linewidth=mark.width, label=mark.label)
-        case Lines():
+        case figures.Lines():
             axis.add_collection(LineCollection(list(mark.curves), colors=mark.colour, linewidths=0.6, alpha=0.8))
             axis.autoscale()
-        case Dots():
-            of_scale: dict[str, Any] = {} if mark.values is None else {"cmap": MAP, "vmin": low, "vmax": high}
+        case figures.Dots():
+            of_scale: dict[str, Any] = {} if mark.values is None else {"cmap": figures.MAP, "vmin": low, "vmax": high}
             x, y = mark.points.T
             axis.scatter(
                 x, y, c=mark.colour if mark.values is None else mark.values, s=mark.size**2 / 2,
                 marker=MARKERS[mark.marker], label=mark.label, linewidths=0 if mark.marker == "circle" else 0.8,
                 rasterized=len(mark.points) > 100, **of_scale,
             )  # fmt: skip
-        case Arrows():
+        case figures.Arrows():
             axis.quiver(
-                *mark.start.T, *(mark.end - mark.start).T, mark.values, cmap=MAP, clim=scale, angles="xy",
+                *mark.start.T, *(mark.end - mark.start).T, mark.values, cmap=figures.MAP, clim=scale, angles="xy",
                 scale_units="xy", scale=1, width=0.006, rasterized=True,
             )  # fmt: skip
-        case Raster():
+        case figures.Raster():
             shown = mark.values if mark.values.ndim == 2 else np.clip(mark.values, 0.0, 1.0)
             height, width = mark.values.shape[:2]
             right, top = mark.size or (width, height)
-            axis.imshow(shown, cmap=MAP, vmin=low, vmax=high, extent=(0, right, 0, top), interpolation="nearest")
+            axis.imshow(
+                shown, cmap=figures.MAP, vmin=low, vmax=high, extent=(0, right, 0, top), interpolation="nearest"
+            )
             axis.set_facecolor("0.85")
-        case Bars():
+        case figures.Bars():
             width, height = mark.right - mark.left, mark.top - mark.bottom
             axis.bar(
                 mark.left, height, width, mark.bottom, align="edge", color=mark.colour, alpha=0.6, label=mark.label
             )
-        case Labels():
+        case figures.Labels():
             for (x, y), text in zip(mark.points, mark.texts, strict=True):
                 axis.text(x, y, text, ha="center", va="bottom", fontsize=7)
 
@@ -140,18 +128,18 @@ def refinish_sheet(
     error = np.linalg.norm(after.astype(np.float64) - wanted, axis=-1)
     told = f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}"
     first, second, third = (
-        Panel(title, (Raster(np.asarray(image, dtype=np.float64)),), bare=True, equal=True)
+        figures.Panel(title, (figures.Raster(np.asarray(image, dtype=np.float64)),), bare=True, equal=True)
         for title, image in zip(titles, (before, after, wanted), strict=True)
     )
-    scale = (0.0, ERROR_SCALE)
-    errors = Panel(told, (Raster(error),), bare=True, equal=True, scale=scale, scale_name="norm of RGB")
-    drawing = Drawing(((first, second), (third, errors)), 6 * height / width + 0.4, 12.0)
+    scale = (0.0, figures.ERROR_SCALE)
+    errors = figures.Panel(told, (figures.Raster(error),), bare=True, equal=True, scale=scale, scale_name="norm of RGB")
+    drawing = figures.Drawing(((first, second), (third, errors)), 6 * height / width + 0.4, 12.0)
     save_png(figure_of(drawing), path)
 
 
 def calibration_sheet(profile: CameraProfile, style: str, path: str | Path) -> None:
     """Node levels of both lattices, the grey axis through them, and where samples support the nodes, as one PNG."""
     chosen = profile.styles[style]
-    figure = figure_of(lattice_figure(chosen, list(chosen.lattices)))
+    figure = figure_of(figures.lattice_figure(chosen, list(chosen.lattices)))
     figure.suptitle(f"{profile.camera}, style {style}: above render, below linearize")
     save_png(figure, path, dpi=133)

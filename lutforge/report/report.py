@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -15,31 +16,32 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
+from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
 from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
 from lutforge.calibration.style import StyleData, uniform_lattice_errors
-from lutforge.colour.srgb import delta_e_2000, srgb_to_lab
+from lutforge.colour.srgb import delta_e_2000, srgb_encode, srgb_to_lab
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.errors_table import visibility
-from lutforge.evaluation.evaluation import Evaluation, evaluate
-from lutforge.evaluation.linearization import response_deltas
-from lutforge.evaluation.methods import LATTICE
+from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, evaluate
+from lutforge.evaluation.further_errors import response_deltas
+from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, Predictions, lattice_name, with_compared
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, is_response_alone, through_camera
 from lutforge.model.coverage import linearizing_error
-from lutforge.model.falloff import Falloff
+from lutforge.model.falloff import Falloff, falloff_of
 from lutforge.model.profile_data import PictureStyle
 from lutforge.progress import Progress, part, silent
 from lutforge.report import figures
-from lutforge.report.drawing import Drawing, Line, Panel, Raster
-from lutforge.report.error_maps import maps_of_shot, own_method
+from lutforge.report.figures import ERROR_SCALE, Drawing, Line, Panel, Raster
 from lutforge.report.matplotlib_figure import figure_of, save_png, to_svg
 from lutforge.report.tables import TITLES, Table, balance_table, error_table, matrix_table, more_tables
-from lutforge.samples.extract import ShotSamples
+from lutforge.samples.extract import ShotSamples, places_in_picture
 from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.tiles import clipping, saturation_levels
 from lutforge.settings import setting_name
+from lutforge.shots.read import TURNS, read_shot
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,17 +136,24 @@ def build_report(
     )
 
 
+def own_method(profile: CameraProfile, evaluation: Evaluation) -> str:
+    """The method that is the profile's own model."""
+    methods = {row.method for row in evaluation.rows}
+    physical = LATTICE not in methods or options_from_json(profile.options).model == "rbf"
+    return RBF if physical and RBF in methods else LATTICE
+
+
 # --- Answers: how good a profile is, what it is fit for, what to photograph next -------------------------------------
 
 
 YES = "yes, on colours like those of the shots"
-FIT = {
-    "less than an eye sees side by side": YES,
-    "what an eye just sees side by side": YES,
-    "visible": "with care",
-    "far off": "not yet: add shots",
-}
-"""By what `visibility` says of an error: whether a profile is fit for a use."""
+VISIBILITY = (
+    (1.0, "less than an eye sees side by side", YES),  # about what is just noticed (CIE 142-2001)
+    (2.0, "what an eye just sees side by side", YES),
+    (5.0, "visible", "with care"),
+    (np.inf, "far off", "not yet: add shots"),
+)
+"""By upper bound of a mean ΔE00: what it looks like, and whether a profile with it is fit for use."""
 
 Errors = tuple[float, float | None, float | None, bool]
 """A style's mean error RAW → JPEG, its mean ΔE00, its mean error JPEG → RAW, and whether shots were held out."""
@@ -199,9 +208,9 @@ def _how_good(style: str, mean: float, de00: float | None, backward: float | Non
             f"{style}: on these shots, to which it was fitted in part or in whole, {off}. How well it predicts "
             "others is not known: calibrate from two shots or more."
         )
-    judged = "" if de00 is None else f": {visibility(de00)}"
+    seen_as = "" if de00 is None else f": {judged(de00)[0]}"
     back = "" if backward is None else f" RAW recovered from the JPEG is {backward:.4f} of full scale off."
-    return f"{style}: on shots that it had not seen, {off}{judged}.{back}"
+    return f"{style}: on shots that it had not seen, {off}{seen_as}.{back}"
 
 
 def _uses(own: str, evaluation: Evaluation | None, errors: Mapping[str, Errors]) -> Iterator[tuple[str, ...]]:
@@ -213,27 +222,31 @@ def _uses(own: str, evaluation: Evaluation | None, errors: Mapping[str, Errors])
         for job, command in (look, light, other):
             yield job, "not known", "one shot only: none is left to try it on", command
         return
+
+    def verdict(de00: Mapping[str, float]) -> tuple[str, str]:
+        worst = max(de00, key=lambda name: de00[name])
+        words, fit = judged(de00[worst])
+        where = f", at worst ({worst})" if len(de00) > 1 else ""
+        return fit, f"ΔE00 {de00[worst]:.2f} in the mean{where}: {words}"
+
     rendered = {name: de00 for name, (_, de00, _, _) in errors.items() if de00 is not None}
     if rendered:
-        worst = max(rendered, key=lambda name: rendered[name])
-        yield look[0], FIT[visibility(rendered[worst])], _said(rendered[worst], worst, len(rendered)), look[1]
+        yield look[0], *verdict(rendered), look[1]
     linear = {name: back for name, (_, _, back, _) in errors.items() if back is not None}
     if linear:
         worst = max(linear, key=lambda name: linear[name])
-        named = f" ({worst})" if len(linear) > 1 else ""
-        reason = f"{linear[worst]:.4f} of full scale off in the mean{named}; what the JPEG clipped is lost"
-        yield light[0], FIT[visibility(rendered[worst])] if worst in rendered else YES, reason, light[1]
-    pairs = [row for row in (evaluation.refinish if evaluation else ()) if row.method == own and row.figures.de00_mean]
-    if not pairs:
-        yield other[0], "not measured", "no two of the shots show one scene under two settings", other[1]
-        return
-    pair = max(pairs, key=lambda row: row.figures.de00_mean or 0.0)
-    de00 = pair.figures.de00_mean or 0.0
-    yield other[0], FIT[visibility(de00)], _said(de00, f"{pair.source} → {pair.target}", len(pairs)), other[1]
+        where = f" ({worst})" if len(linear) > 1 else ""
+        reason = f"{linear[worst]:.4f} of full scale off in the mean{where}; what the JPEG clipped is lost"
+        yield light[0], judged(rendered.get(worst, 0.0))[1], reason, light[1]
+    rows = [row for row in (evaluation.refinish if evaluation else ()) if row.method == own]
+    pairs = {f"{row.source} → {row.target}": row.figures.de00_mean or 0.0 for row in rows}
+    reason = "no two of the shots show one scene under two settings"
+    yield other[0], *(verdict(pairs) if pairs else ("not measured", reason)), other[1]
 
 
-def _said(de00: float, name: str, count: int) -> str:
-    return f"ΔE00 {de00:.2f} in the mean{f', at worst ({name})' if count > 1 else ''}: {visibility(de00)}"
+def judged(de00: float) -> tuple[str, str]:
+    """Say what a mean ΔE00 looks like, and whether a profile with it is fit for use."""
+    return next((words, fit) for bound, words, fit in VISIBILITY if de00 < bound)
 
 
 MAPS_TEXT = (
@@ -288,10 +301,71 @@ def error_map_pictures(
     if chosen:
         yield MAPS_TEXT
     for name, row in chosen.items():
-        drawing, setting, held_out = maps_of_shot(profile, evaluation, name, files[name])
-        held = "not seen by the fits" if held_out else "the fit had seen it"
-        caption = f"{name}, {setting}; {held}; mean error of the shot's samples {row.figures.mean:.4f}."
-        yield Picture(f"error_map_{setting_name(name)}", drawing, caption)
+        yield error_map(profile, own, row, evaluation.predictions[row.style], files[name])
+
+
+def error_map(
+    profile: CameraProfile, own: str, row: EvaluationRow, predictions: Predictions, raw_file: Path
+) -> Picture:
+    """Draw the errors of a shot, pixel by pixel, in both directions, by fits that never saw it (thesis 5.5 and 5.6).
+
+    They are norms of RGB, of RAW with white balance, a row for each direction: of the camera's JPEG and of its RAW,
+    balanced and stretched, before the maps of what predicts it; grey where it is clipped or outside the RAW. The RAW is
+    brightened away from the middle by the profile's falloffs, as that of the samples was.
+    """
+    name, options = row.shot, options_from_json(profile.options)
+    predictions = with_compared(predictions, name, profile.styles[row.style], profile.shots, options)
+    of_shot = np.flatnonzero(predictions.data.shot == name)
+    fits = predictions.fits[predictions.fold[of_shot[0]]]
+    uniform = lattice_name(options.size, nonuniform=False)
+    methods = [each for each in dict.fromkeys((own, LATTICE, uniform, RBF, COLOUR_POLYNOMIAL)) if each in fits]
+
+    # Averages over cells take some noise and compression away
+    shot, samples = read_shot(raw_file), predictions.data.samples
+    cell = max(2, round(shot.jpeg.shape[0] / 240))
+    jpeg, raw = shot.jpeg_cells(cell), shot.raw_cells(cell)
+    clips = clipping(jpeg, raw, saturation_levels(shot.raw.pixels))
+    usable = np.isfinite(raw.mean[..., 0]) & ~np.any(list(clips.values()), axis=0)
+    gain = np.median(predictions.data.balanced[of_shot] / samples.raw[of_shot], axis=0)
+    bright = np.nanpercentile(raw.mean * gain, 99)
+    scene = np.nan_to_num(srgb_encode(np.clip(raw.mean * gain / bright, 0.0, 1.0)), nan=0.5)
+    falloff = falloff_of(profile.falloffs, shot.metadata.lens, shot.metadata.focal_mm, shot.metadata.aperture)
+    if falloff is not None:
+        centres = cell * (np.argwhere(usable)[:, ::-1] + 0.5)
+        gain = gain * 2.0 ** falloff.stops(places_in_picture(shot, centres))[:, None]
+    balanced, encoded = raw.mean[usable] * gain, jpeg.mean[usable] / 255.0
+    fold = np.repeat(of_shot[:1], len(balanced))
+    turns = -TURNS.get(shot.raw.flip, 0)
+
+    def panel(title: str, values: Array, **scale: Any) -> Panel:
+        return Panel(title, (Raster(np.rot90(values, turns)),), bare=True, equal=True, **scale)
+
+    rows: list[tuple[Panel, ...]] = []
+    for direction, predict, source, wanted, picture, most in (
+        ("RAW → JPEG", predictions.render, balanced, encoded, ("the camera's JPEG", jpeg.mean / 255.0), ERROR_SCALE),
+        # Linear values are small where encoded ones are not; so are errors
+        (
+            "JPEG → RAW",
+            predictions.linearize,
+            encoded,
+            balanced,
+            ("the RAW, balanced, stretched", scene),
+            0.3 * ERROR_SCALE,
+        ),
+    ):
+        panels = [panel(*picture)]
+        for method in methods:
+            errors = np.full(usable.shape, np.nan)
+            errors[usable] = np.linalg.norm(np.clip(predict(method, source, fold), 0, 1) - wanted, axis=1)
+            words = f"{direction}\n{method}: mean {np.nanmean(errors):.4f}"
+            panels.append(panel(words, errors, scale=(0.0, most), scale_name=" "))
+        rows.append(tuple(panels))
+    height, width = np.rot90(jpeg.mean, turns).shape[:2]
+    drawing = Drawing(tuple(rows), 11 / len(rows[0]) * height / width + 0.6, 11.0)
+    held_out = "not seen by the fits" if predictions.held_out[of_shot].all() else "the fit had seen it"
+    setting = f"{samples.style[of_shot[0]]}/{samples.white_balance[of_shot[0]]}"
+    caption = f"{name}, {setting}; {held_out}; mean error of the shot's samples {row.figures.mean:.4f}."
+    return Picture(f"error_map_{setting_name(name)}", drawing, caption)
 
 
 def sample_blocks(samples: SampleSet, accounts: Sequence[ShotSamples]) -> Iterator[Block]:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lutforge.calibration.physical.bracket import BracketFit
-    from lutforge.evaluation.errors_table import MethodError
     from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
+    from lutforge.evaluation.further_errors import MethodError
     from lutforge.model.camera_profile import CameraProfile
 
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
@@ -75,7 +75,7 @@ def response_table(fit: BracketFit) -> Table:
 
 def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> Table:
     """Tabulate errors of one direction, with times where these were measured; own: the method that is set bold."""
-    from lutforge.evaluation.errors_table import FIGURES
+    from lutforge.evaluation.methods import FIGURES
 
     timed = any(row.fit_seconds is not None for row in rows)
 
@@ -90,7 +90,7 @@ def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> T
 
 def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
     """Tabulate an evaluation's errors of RAW, over exposure pairs and of refinishing, where there are such."""
-    from lutforge.evaluation.errors_table import FIGURES
+    from lutforge.evaluation.methods import FIGURES
 
     tables = (
         ("JPEG → RAW before white balance: RMSE (1 = saturation)", "n", evaluation.raw, 4),

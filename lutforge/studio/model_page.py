@@ -17,7 +17,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
 from lutforge.pipeline.evaluation import without_a_model
 from lutforge.report import figures
-from lutforge.report.drawing import CHANNELS, Drawing, Panel
+from lutforge.report.figures import CHANNELS, Drawing, Panel
 from lutforge.report.tables import TITLES, Table, balance_table, matrix_table
 from lutforge.studio import ui
 from lutforge.studio.session import Session

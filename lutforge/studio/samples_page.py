@@ -17,8 +17,17 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode
-from lutforge.report.drawing import ERROR_SCALE, GREY, Dots, Drawing, Panel, Raster, thinned
-from lutforge.report.figures import chromaticity_outlines, cube_edges
+from lutforge.report.figures import (
+    ERROR_SCALE,
+    GREY,
+    Dots,
+    Drawing,
+    Panel,
+    Raster,
+    chromaticity_outlines,
+    cube_edges,
+    thinned,
+)
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
 from lutforge.studio.session import Session

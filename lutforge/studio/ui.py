@@ -7,19 +7,12 @@ from typing import Any
 import numpy as np
 import panel as pn
 import panel_material_ui as pmui
-from bokeh.models import (
-    ColumnDataSource,
-    CustomAction,
-    CustomJS,
-    DataRange1d,
-    LinearColorMapper,
-    Range1d,
-)
+from bokeh.models import ColumnDataSource, CustomAction, CustomJS, DataRange1d, LinearColorMapper, Range1d
 from bokeh.plotting import figure
 from panel.models.plotly import PlotlyPlot
 
 from lutforge.arrays import Array
-from lutforge.report.drawing import GREY, Bars, Dots, Drawing, Line, Lines, Mark, Panel, Raster
+from lutforge.report.figures import GREY, Bars, Dots, Drawing, Line, Lines, Mark, Panel, Raster
 from lutforge.report.tables import Table
 
 FILL = {"sizing_mode": "stretch_both", "margin": 0}

@@ -20,8 +20,7 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.pipeline.reports import compare
-from lutforge.report.drawing import Arrows, Dots
-from lutforge.report.figures import LUMINANCE, gamut_figure, slice_grid
+from lutforge.report.figures import LUMINANCE, Arrows, Dots, gamut_figure, slice_grid
 from lutforge.report.report import (
     Picture,
     Report,

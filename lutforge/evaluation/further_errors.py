@@ -1,4 +1,11 @@
-"""The linearization error δ over exposure pairs (thesis 4.3.1, equation 4.11), with and without the gamut map."""
+"""Errors beside those of the two directions: of RAW, over exposure pairs, after edits, and of refinishing.
+
+Each table is of one style's predictions, or of all styles', by method; no shot is judged by a fit that has seen it.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +19,37 @@ from lutforge.calibration.physical.response_from_exposures import (
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.errors_table import MethodError
-from lutforge.evaluation.methods import LATTICE, RBF, Predictions
+from lutforge.evaluation.methods import LATTICE, NO_GAMUT_MAP, RBF, ErrorFigures, Predictions, error_figures
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.solvers.gauss_newton import gauss_newton
+
+
+@dataclass(frozen=True)
+class MethodError:
+    """An error of one method in a style. count: of samples, or of pairs; values: by the titles of their columns."""
+
+    style: str
+    method: str
+    held_out: bool
+    count: int
+    values: dict[str, float]
+
+
+def raw_errors(style: str, predictions: Predictions) -> Iterator[MethodError]:
+    """JPEG → RAW before white balance, as the sensor gives it, by method: root mean square, 1 = full scale."""
+    data = predictions.data
+    gain = data.balanced / data.samples.raw
+    for method in predictions.methods:
+        error = np.clip(predictions.predicted.linearize[method], 0.0, 1.0) / gain - data.samples.raw
+        known = np.all(np.isfinite(error), axis=1)
+        squares = error[known] ** 2
+        rms = np.sqrt([np.mean(squares), *np.mean(squares, axis=0)]).tolist()
+        held_out = bool(np.all(predictions.held_out[known]))
+        values = dict(zip(("RMSE", *"RGB"), rms, strict=True))
+        yield MethodError(style, method, held_out, int(known.sum()), values)
+
+
+# --- Over exposure pairs: the linearization error δ (thesis 4.3.1, equation 4.11), with and without the gamut map -----
 
 
 def delta(first: Array, second: Array, ratio: Array) -> tuple[float, float, float]:
@@ -39,12 +73,12 @@ def linearization_errors(style: str, predictions: Predictions, matrix: Array) ->
     for method in predictions.methods:
         linear = predictions.predicted.linearize[method] @ matrix.T
         first, second = linear[pairs.first_row], linear[pairs.second_row]
-        said = np.all(np.isfinite(first) & np.isfinite(second), axis=1)
-        if said.any():
-            used = np.concatenate([pairs.first_row[said], pairs.second_row[said]])
+        known = np.all(np.isfinite(first) & np.isfinite(second), axis=1)
+        if known.any():
+            used = np.concatenate([pairs.first_row[known], pairs.second_row[known]])
             held_out = bool(np.all(predictions.held_out[used]))
-            error = dict(zip("RGB", delta(first[said], second[said], ratio[said]), strict=True))
-            result.append(MethodError(style, method, held_out, int(said.sum()), error))
+            error = dict(zip("RGB", delta(first[known], second[known], ratio[known]), strict=True))
+            result.append(MethodError(style, method, held_out, int(known.sum()), error))
     light = (predictions.data.balanced @ matrix.T)[pairs.first_row]
     for name, channels in response_deltas(pairs, light).items():
         error = dict(zip("RGB", channels, strict=True))
@@ -153,3 +187,76 @@ def _inverted(predictions: Predictions, model: str, encoded: Array, start: Array
         return residual, np.ascontiguousarray(np.stack(slopes, axis=-1))
 
     return gauss_newton(linearize, start, lower=0.0, upper=1.0).value
+
+
+# --- Refinishing (thesis, Fig. 6.2): a JPEG under one setting → the JPEG of the same scene under another -------------
+# What a camera renders depends on the RAW values and the settings only. So two samples whose RAW values are in one
+# ratio k in all three channels are a true pair, and the second JPEG value is what refinishing the first by k should
+# give.
+
+
+UNCHANGED = "unchanged"
+"""The method that leaves the JPEG as it is: how far apart the two settings are."""
+
+
+@dataclass(frozen=True)
+class RefinishError:
+    """One line of the table.
+
+    source, target: STYLE/WB; method: what refinished, or "unchanged"; shots: pairs of shots; held_out: whether no fit
+    had seen the shot that it was applied to.
+    """
+
+    source: str
+    target: str
+    method: str
+    held_out: bool
+    shots: int
+    figures: ErrorFigures
+
+
+def refinish_errors(styles: Mapping[str, Predictions]) -> tuple[RefinishError, ...]:
+    """Measure every ordered pair of settings under which shots show the same surfaces, by method."""
+    shots = []
+    for name, predictions in styles.items():
+        for shot in np.unique(predictions.data.shot):
+            rows = np.flatnonzero(predictions.data.shot == shot)
+            shots.append((name, str(predictions.data.samples.white_balance[rows[0]]), rows))
+    # By the two settings, of each pair of shots: the rows of their styles' samples that are one surface, and the k of
+    # each row.
+    groups: dict[tuple[str, str, str, str], list[tuple[NDArray[np.intp], NDArray[np.intp], Array]]] = {}
+    for (style_a, balance_a, rows_a), (style_b, balance_b, rows_b) in product(shots, shots):
+        if (style_a, balance_a) == (style_b, balance_b):
+            continue
+        one, other = styles[style_a].data.samples, styles[style_b].data.samples
+        _, a, b = np.intersect1d(one.patch[rows_a], other.patch[rows_b], return_indices=True)
+        if len(a) < 6:  # fewer surfaces may agree by chance
+            continue
+        a, b = rows_a[a], rows_b[b]
+        ratio = float(np.exp(np.median(np.log(other.raw[b] / one.raw[a]))))
+        expected = ratio * one.raw[a]
+        # Equal within 2 % and the noise of dark values; of one scene under one light half the surfaces are.
+        same = np.all(np.abs(other.raw[b] - expected) < 0.02 * expected + 5e-4, axis=1)
+        if same.sum() >= max(6, 0.5 * len(a)) and abs(np.log2(ratio)) <= 3.0:
+            pair = a[same], b[same], np.full((same.sum(), 1), ratio)
+            groups.setdefault((style_a, balance_a, style_b, balance_b), []).append(pair)
+    errors = []
+    for (style_a, balance_a, style_b, balance_b), pairs in groups.items():
+        before, after = styles[style_a], styles[style_b]
+        a, b, k = (np.concatenate(column) for column in zip(*pairs, strict=True))
+        held_out = bool(before.held_out[a].all() and after.held_out[b].all())
+        gain_before = before.data.balanced[a] / before.data.samples.raw[a]
+        gain_after = after.data.balanced[b] / after.data.samples.raw[b]
+        refinished = {UNCHANGED: before.data.encoded[a]}
+        for method in (RBF, NO_GAMUT_MAP, LATTICE):
+            if method in before.methods and method in after.methods:
+                # (6.1); the camera clips RAW after white balance
+                balanced = before.predicted.linearize[method][a] / gain_before * k * gain_after
+                refinished[method] = np.clip(after.render(method, np.clip(balanced, 0.0, 1.0), b), 0.0, 1.0)
+        for method, values in refinished.items():
+            made = np.all(np.isfinite(values), axis=1)
+            if made.any():
+                figures = error_figures(values[made], after.data.encoded[b][made], display=True)
+                source, target = f"{style_a}/{balance_a}", f"{style_b}/{balance_b}"
+                errors.append(RefinishError(source, target, method, held_out, len(pairs), figures))
+    return tuple(errors)
