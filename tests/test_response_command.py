@@ -16,8 +16,7 @@ from lutforge.colour.spectra import chart_reflectances, reflectances
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.images.read import read_image
 from lutforge.luts.formats import ACES_ID
-from lutforge.pipeline.charts import write_input_transform
-from lutforge.pipeline.response import open_bracket, parse_times
+from lutforge.pipeline.response import open_bracket, parse_times, write_input_transform
 from lutforge.report.report import build_report
 from lutforge.samples.chart import chart_kind
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill

@@ -21,10 +21,9 @@ def demo(
     size: Annotated[int, option("Nodes per axis of the lattices.")] = 33,
 ) -> None:
     """Photograph with a simulated camera, calibrate it, bake, write a config, grade, and compare with the truth."""
-    from lutforge.pipeline.baking import bake_files
+    from lutforge.pipeline.baking import TransformRequest, bake_files
     from lutforge.pipeline.outputs import check_output
     from lutforge.pipeline.sampling import sample_shots
-    from lutforge.pipeline.transforms import TransformRequest
     from lutforge.report.matplotlib_figure import calibration_sheet
     from lutforge.samples.table import write_samples
     from lutforge.simulate.photograph import SHOTS, demo_shots

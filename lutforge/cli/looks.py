@@ -73,8 +73,7 @@ def bake(
     ] = False,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
-    from lutforge.pipeline.baking import bake_files
-    from lutforge.pipeline.transforms import TransformRequest
+    from lutforge.pipeline.baking import TransformRequest, bake_files
 
     wanted = TransformRequest(kind, source, target, ev, space, model, other, tuple(transfer or ()))
     with progress_bar("baking") as progress:

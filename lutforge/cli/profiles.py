@@ -174,8 +174,8 @@ def response(
     ] = None,
 ) -> None:
     """Find the response of a camera without RAW from one scene at several exposures, and how exact these were."""
-    from lutforge.pipeline.charts import FittedChart, ResponseRequest
     from lutforge.pipeline.outputs import named_or_new
+    from lutforge.pipeline.response import FittedChart, ResponseRequest
     from lutforge.pipeline.sampling import CHART
 
     output = named_or_new(output, "camera.npz")

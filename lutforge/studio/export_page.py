@@ -17,11 +17,10 @@ from lutforge.colour.rgb_spaces import SPACES
 from lutforge.errors import LutForgeError, one_line
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import export_published
-from lutforge.pipeline.baking import bake_files
+from lutforge.pipeline.baking import TransformRequest, bake_files
 from lutforge.pipeline.configs import write_config
 from lutforge.pipeline.kits import SCRIPT, check_kit, kits_of, write_kit
 from lutforge.pipeline.reports import report
-from lutforge.pipeline.transforms import TransformRequest
 from lutforge.progress import Progress
 from lutforge.samples.table import write_samples
 from lutforge.studio import ui

@@ -18,9 +18,8 @@ from lutforge.arrays import Mask
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import NAMED_KELVIN
-from lutforge.pipeline.charts import ResponseRequest
 from lutforge.pipeline.evaluation import predict
-from lutforge.pipeline.response import FittedResponse
+from lutforge.pipeline.response import FittedResponse, ResponseRequest
 from lutforge.progress import silent
 from lutforge.studio import ui
 from lutforge.studio.jobs import Job

@@ -16,8 +16,7 @@ from PIL import Image, ImageDraw
 from lutforge.arrays import Array, Mask
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
-from lutforge.pipeline.charts import FittedChart, ResponseRequest
-from lutforge.pipeline.response import Bracket, FittedResponse
+from lutforge.pipeline.response import Bracket, FittedChart, FittedResponse, ResponseRequest
 from lutforge.pipeline.sampling import file_notes
 from lutforge.report.figures import bracket_figure
 from lutforge.report.tables import response_table

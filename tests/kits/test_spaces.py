@@ -16,8 +16,7 @@ from lutforge.luts.check import check_lut
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.baking import bake, bake_files
-from lutforge.pipeline.transforms import TransformRequest, transform
+from lutforge.pipeline.baking import TransformRequest, bake, bake_files, transform
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.samples import chart_140, photograph_patches
 
