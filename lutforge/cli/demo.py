@@ -106,7 +106,7 @@ def _cells(what: str, figures: "ErrorFigures") -> tuple[str, ...]:
     return (what, str(figures.count), *numbers, "–" if figures.de00_mean is None else f"{figures.de00_mean:.2f}")
 
 
-def _truth(profile: lf.CameraProfile, shots: "DemoShots") -> Iterator[tuple[str, ...]]:
+def _truth(profile: "lf.CameraProfile", shots: "DemoShots") -> Iterator[tuple[str, ...]]:
     """Render, linearize and refinish on the colours of the held-out shot, against the camera's own functions."""
     from lutforge.evaluation.methods import error_figures
 

@@ -14,7 +14,7 @@ from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse,
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, Predictions, Predictor, error_figures, predict
-from lutforge.interpolation import Levels, interpolate
+from lutforge.interpolation import interpolate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import even_slope
 from lutforge.model.lattice import grid
@@ -51,34 +51,34 @@ def _measured(
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
         return model, weak
     try:
-        found = predict(model, name, data, shots, options, own_only=True, progress=refitted)
+        predictions = predict(model, name, data, shots, options, own_only=True, progress=refitted)
     except CalibrationError:
         weak.append("too few samples to leave a shot out: the error is not known")
         return model, weak
     own = RBF if options.model == "rbf" else LATTICE
-    errors = _errors(found, own)
+    errors = _errors(predictions, own)
     if not errors:
-        reasons = f" ({'; '.join(found.notes)})" if found.notes else ""
+        reasons = f" ({'; '.join(predictions.notes)})" if predictions.notes else ""
         weak.append(f"without one of its shots the rest does not suffice, so the error is not known{reasons}")
-    weak.extend(_worse_than_baselines(found, errors))
+    weak.extend(_worse_than_baselines(predictions, errors))
     model = replace(model, errors=errors)
-    held_out = held_out_errors(found, own, data.base)
+    held_out = held_out_errors(predictions, own)
     for direction, values in held_out.items():
         at_sample, per_deviation = values.coefficients()
         errors |= {f"{direction}_at_sample": float(at_sample), f"{direction}_per_deviation": float(per_deviation)}
-    return replace(model, expected=expected_errors(model, held_out, data.base, data.balanced, data.encoded)), weak
+    return replace(model, expected=expected_errors(model, held_out, data)), weak
 
 
-def _errors(found: Predictions, own: str) -> dict[str, float]:
+def _errors(predictions: Predictions, own: str) -> dict[str, float]:
     """The figures that a profile keeps, by name; none where a sample was not predicted."""
     errors = {}
-    for direction, values_by_method in found.predicted.items():
-        if found.data.monochrome and direction == "linearize":
+    for direction, values_by_method in predictions.predicted.items():
+        if predictions.data.monochrome and direction == "linearize":
             continue  # the colour that its JPEGs do not hold would count
         predicted = values_by_method.get(own)
         if predicted is None or not np.all(np.isfinite(predicted)):
             return {}
-        measured = found.data.both[direction][1]
+        measured = predictions.data.both[direction][1]
         values = error_figures(np.clip(predicted, 0.0, 1.0), measured, display=direction == "render")
         errors[f"{direction}_mean"] = values.mean
         errors[f"{direction}_max"] = values.maximum
@@ -87,11 +87,11 @@ def _errors(found: Predictions, own: str) -> dict[str, float]:
     return errors
 
 
-def _worse_than_baselines(found: Predictions, errors: dict[str, float]) -> list[str]:
+def _worse_than_baselines(predictions: Predictions, errors: dict[str, float]) -> list[str]:
     """A note for each direction in which a plain method predicts the left-out shots better than the model does."""
     notes = []
-    for direction, values in found.predicted.items():
-        wanted = found.data.both[direction][1]
+    for direction, values in predictions.predicted.items():
+        wanted = predictions.data.both[direction][1]
         own = errors.get(f"{direction}_mean", np.inf)
         plain = {
             method: float(np.linalg.norm(np.clip(values[method], 0.0, 1.0) - wanted, axis=1).mean())
@@ -129,7 +129,7 @@ class HeldOut:
         return np.asarray(coefficients)
 
 
-def held_out_errors(predictions: Predictions, method: str, base: MatrixAndResponse) -> dict[Direction, HeldOut]:
+def held_out_errors(predictions: Predictions, method: str) -> dict[Direction, HeldOut]:
     """Measure held-out samples by direction. method: the one that the profile has.
 
     It is empty where the samples are too few, or where one fit predicts them all: what it was fitted to is not there.
@@ -139,7 +139,7 @@ def held_out_errors(predictions: Predictions, method: str, base: MatrixAndRespon
         rows &= np.isfinite(values[method]).all(axis=1) if method in values else False
     if rows.sum() < 24 or data.monochrome or len(np.unique(predictions.fold)) < 2:
         return {}
-    deviation = Both(np.zeros(len(rows)), np.zeros(len(rows)))
+    base, deviation = data.base, Both(np.zeros(len(rows)), np.zeros(len(rows)))
     for fold in np.unique(predictions.fold[rows]):
         inside, train = rows & (predictions.fold == fold), predictions.fold != fold
         of_codes = deviations(base, data.balanced[train], data.encoded[train])
@@ -171,26 +171,22 @@ def deviations(base: MatrixAndResponse, balanced: Array, encoded: Array) -> Both
 
 
 def expected_errors(
-    style: PictureStyle, held_out: Mapping[Direction, HeldOut], base: MatrixAndResponse, balanced: Array, encoded: Array
+    style: PictureStyle, held_out: Mapping[Direction, HeldOut], data: StyleData
 ) -> dict[Direction, Array]:
     """The expected error at the nodes of a style's lattices, by direction, (N_r, N_g, N_b).
 
-    base: matrix and response of the style's samples, balanced and encoded (n, 3). It is computed at every second node,
-    which is as closely as it varies.
+    It is computed at every second node, which is as closely as it varies.
     """
-    deviation, result = deviations(base, balanced, encoded), {}
+    deviation, result = deviations(data.base, data.balanced, data.encoded), {}
     for direction, errors in held_out.items():
         lattice = style.lattices.get(direction)
         if lattice is None:
             continue
         red, green, blue = (np.unique(np.append(level[::2], level[-1])) for level in lattice.levels)
-        every_second: Levels = (red, green, blue)
-        coarse = grid(every_second)
+        coarse = grid((red, green, blue))
         codes = np.clip(lattice(coarse), 0.0, 1.0) if direction == "render" else coarse
         at_sample, by_deviation = errors.coefficients()
         expected = at_sample + by_deviation * deviation[direction](coarse, codes)
-        nodes = grid(lattice.levels)
-        result[direction] = interpolate(nodes, every_second, expected[..., None].repeat(3, axis=-1), "trilinear")[
-            ..., 0
-        ]
+        values = expected[..., None].repeat(3, axis=-1)
+        result[direction] = interpolate(grid(lattice.levels), (red, green, blue), values, "trilinear")[..., 0]
     return result

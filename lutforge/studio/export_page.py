@@ -22,6 +22,7 @@ from lutforge.pipeline.configs import write_config
 from lutforge.pipeline.kits import SCRIPT, check_kit, kits_of, write_kit
 from lutforge.pipeline.reports import report
 from lutforge.progress import Progress
+from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.studio import ui
 from lutforge.studio.model_page import held_out_error
@@ -49,15 +50,14 @@ class ExportPage:
         self.asked: list[Path] = []
         self.look = ui.text()
         self.main = pn.Column(**ui.SCROLLED)
-        actions: dict[str, Callable[[], None]] = {
+        self.actions: dict[str, Callable[[], None]] = {
             "Save profile": self._save_profile, "Write kit": self._kit, "Bake LUT": self._bake,
-            "Write config": self._config, "Write report": self._report, "Save parameters as text": self._parameters,
-            "Save workspace": self._workspace,
+            "Write config": partial(self._run, "config", "config", ".ocioz"), "Write report": self._report,
+            "Save parameters as text": self._parameters, "Save workspace": self._workspace,
         }  # fmt: skip
-        variants = ["contained"] * 3 + ["outlined"] * 4
         profile, kit, bake, *others = (
-            session.button(label, action, variant=variant, **ui.WIDE)
-            for (label, action), variant in zip(actions.items(), variants, strict=True)
+            session.button(label, action, variant="contained" if place < 3 else "outlined", **ui.WIDE)
+            for place, (label, action) in enumerate(self.actions.items())
         )
         folder = ui.html("<p>Files go to <b>{}</b>; the commands are of that folder.</p>", session.folders.roots[0])
         self.controls = [
@@ -141,10 +141,20 @@ class ExportPage:
         session.say(f"{what}: written, {path.name}")
         session.on_change()
 
-    def _run(self, what: str, words: tuple[Any, ...], output: Path, options: Mapping[str, Any], given: Any) -> None:
-        """Write a file or folder in another process. words: a command and its files, of which the profile is first."""
-        told = partial(self._tell, what, output, words=command(words, options, output))
-        self.session.start(f"lutforge {words[0]}", told, export, *words[:2], output, given)
+    def _run(
+        self, what: str, kind: str, suffix: str, given: Any = None, more: tuple[Any, ...] = (), **options: Any
+    ) -> None:
+        """Write a file, or a folder (a suffix without a dot), in another process.
+
+        kind: of command; given: as of `export`; more, options: the words of the command behind the profile.
+        """
+        samples = given if isinstance(given, SampleSet) else None
+        profile, output, *table = self._with_profile(suffix, *(["_samples.npz"] if samples is not None else []))
+        if samples is not None:
+            write_samples(table[0], samples)
+        words = command((kind, profile, *more, *table), options, output)
+        written = partial(self._tell, what, output, words=words)
+        self.session.start(f"lutforge {kind}", written, export, kind, profile, output, given)
 
     def _workspace(self) -> None:
         workspace = self.session.require_workspace()
@@ -161,9 +171,9 @@ class ExportPage:
             profile.save(path)
             words = ""
             if response is not None and response[1].profile is profile:
-                names, asked = ("times", "chart", "light", "corners", "all_colours"), response[0]
-                options = {f"--{name.replace('_', '-')}": getattr(asked, name) for name in names}
-                words = command(("response", *asked.files), options, path)
+                names, request = ("times", "chart", "light", "corners", "all_colours"), response[0]
+                options = {name: getattr(request, name) for name in names}
+                words = command(("response", *request.files), options, path)
             self._tell("profile", path, (f"profile of {profile.camera}", *profile.notes), words)
             return
         stages = None if task.stages is None else task.stages.task
@@ -187,43 +197,34 @@ class ExportPage:
         given, target = source if kind != "render" else None, look.target if kind != "linearize" else None
         exposed = kind == "refinish" or (kind == "render" and space != "raw")
         wanted = TransformRequest(kind, given, target, look.ev if exposed else 0.0, space)
-        path, output = self._with_profile(f"_{kind}{self.suffix.value}")
-        options = {"--from": given, "--to": target, "--ev": f"{wanted.ev:g}" if wanted.ev else None}
-        options["--space"] = space if space != "raw" else None
-        self._run(f"LUT, {kind}", ("bake", path, kind), output, options, wanted)
+        options = {"from": given, "to": target, "ev": f"{wanted.ev:g}" if wanted.ev else None}
+        options["space"] = space if space != "raw" else None
+        self._run(f"LUT, {kind}", "bake", f"_{kind}{self.suffix.value}", wanted, (kind,), **options)
 
     def _kit(self) -> None:
         target, program = self.session.look.target, self.program.value
         if not program:
             raise WorkspaceError("a kit needs a camera with RAW: compute a model, or open a profile")
-        profile, output = self._with_profile(f"_{program}_kit")
         shots = tuple(self.session.opened.files.values()) if self.check.value else ()
-        words = ("kit", profile, *(word for shot in shots for word in ("--check", shot)))
-        self._run(f"kit for {program}", words, output, {"--to": target, "--for": program}, (target, program, shots))
-
-    def _config(self) -> None:
-        profile, output = self._with_profile(".ocioz")
-        self._run("config", ("config", profile), output, {}, None)
+        checks = tuple(word for shot in shots for word in ("--check", shot))
+        options, given = {"to": target, "for": program}, (target, program, shots)
+        self._run(f"kit for {program}", "kit", f"_{program}_kit", given, checks, **options)
 
     def _parameters(self) -> None:
         style = next(iter(self.session.require_profile().styles))
-        profile, output = self._with_profile("_parameters")
-        self._run("parameters", ("export-nus", profile), output, {"--style": style}, style)
+        self._run("parameters", "export-nus", "_parameters", style, style=style)
 
     def _report(self) -> None:
         """The report, with the samples in the fit where there are any."""
         workspace = self.session.workspace
-        with_samples = workspace is not None and workspace.has_raw
-        profile, output, *tables = self._with_profile(".html", *(["_samples.npz"] if with_samples else []))
-        samples = None if workspace is None or not tables else workspace.samples.select(workspace.fitted_rows)
-        if samples is not None:
-            write_samples(tables[0], samples)
-        self._run("report", ("report", profile, *tables), output, {}, samples)
+        given = workspace.samples.select(workspace.fitted_rows) if workspace is not None and workspace.has_raw else None
+        self._run("report", "report", ".html", given)
 
 
 def command(words: Iterable[object], options: Mapping[str, object], output: Path) -> str:
     """A command as one types it. An option without a value is left out; True is an option that takes none."""
-    given = [(name,) if value is True else (name, value) for name, value in options.items() if value]
+    named = {f"--{name.replace('_', '-')}": value for name, value in options.items() if value}
+    given = [(name,) if value is True else (name, value) for name, value in named.items()]
     return shlex.join(map(str, ("lutforge", *words, *(word for pair in given for word in pair), "-o", output)))
 
 
@@ -243,8 +244,8 @@ def calibration_command(task: FitTask, table: Path, inliers: list[Path], profile
             f"options = {options!r}\ncalibrate({str(table)!r}, options{given}).save({str(profile)!r})"
         )
     names = ("model", "preset", "size", "interpolation")
-    moved = {f"--{name}": getattr(options, name) for name in names if getattr(options, name) != getattr(usual, name)}
-    return command(("calibrate", table), {**moved, "--uniform": not options.nonuniform}, profile)
+    moved = {name: getattr(options, name) for name in names if getattr(options, name) != getattr(usual, name)}
+    return command(("calibrate", table), {**moved, "uniform": not options.nonuniform}, profile)
 
 
 def export(kind: str, profile: Path, output: Path, given: Any, progress: Progress) -> tuple[str, ...]:

@@ -124,7 +124,7 @@ class LookPage:
         session.watch(self._change, *self.source.widgets)
         self.words = ui.text()
         self.main = self.view = LookView(raw_name="RAW, by the model")
-        session.watch(self._choose, self.view, of="chosen")
+        session.watch(lambda: self._open(list(self.opened)[self.view.chosen]), self.view, of="chosen")
         self._tell_soon = session.rested(self._tell)  # the page's words wait while the picture moves
         self.controls = [
             self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
@@ -141,11 +141,6 @@ class LookPage:
             control.offer(self.session.profile)
         self._grade()
 
-    def _choose(self) -> None:
-        path = list(self.opened)[self.view.chosen]
-        if self.shown is None or self.shown.path != path:
-            self._open(path)
-
     def _open(self, path: Path) -> None:
         profile = self.session.require_profile()
         self.session.start(f"opening {path.name}", self._show, open_photograph, path, profile, short=True)
@@ -154,9 +149,9 @@ class LookPage:
         path, given = photograph.path, photograph.selector
         self.shown = self.opened[path] = replace(photograph, picture=b"")
         self.view.show(photograph.picture, path.name)
-        self.view.film([(each.path.name, each.small) for each in self.opened.values()], list(self.opened).index(path))
         news = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
         with self.session.setting():
+            self.view.film([(one.path.name, one.small) for one in self.opened.values()], list(self.opened).index(path))
             if given is not None:
                 self.source.style.value, self.source.balance.value = given.style, AS_SHOT
                 news = f"{path.name}: taken as {given}, as its metadata say"
@@ -315,7 +310,9 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         self._luts: dict[str, Lut | None] = {"a": None, "b": None, "coverage": None}
         self._tables: dict[str, dict[str, Any]] = {}  # of those LUTs, by their keys
         self._raw_of: Callable[[Array], Array] | None = None
-        self.param.watch(self._keep, "kept")
+        self.param.watch(
+            lambda event: self._set("b", self._luts["a"], b_name=self.a_name or "kept", beside_b=bool(self.a)), "kept"
+        )
         self.param.watch(self._probe, "probe")
 
     def show(self, picture: bytes, title: str = "") -> None:
@@ -348,10 +345,6 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         tables = [self._tables[key] for key in data if key in self._tables]
         if tables:
             self._send_msg(tables)
-
-    def _keep(self, event: Any) -> None:
-        kept = self._luts["a"]
-        self._set("b", kept, b_name=self.a_name or "kept", beside_b=kept is not None)
 
     def film(self, pictures: Sequence[tuple[str, bytes]], chosen: int = 0) -> None:
         """Set the film strip: a name and a small JPEG each."""

@@ -17,7 +17,7 @@ from lutforge.errors import CalibrationError, ImageError, LutForgeError, Setting
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
 from lutforge.images.read import ImageReader, read_image
-from lutforge.images.write import upright as turned
+from lutforge.images.write import upright
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
@@ -110,7 +110,7 @@ def read_small(path: Path, most: int) -> Pixels:
         raise ImageError(f"{path.name}: it needs red, green and blue")
     if profile := foreign_profile(image.spec):
         pixels = pixels_to_srgb(pixels, profile)
-    pixels = np.clip(turned(pixels[..., :3], image.spec.get_int_attribute("Orientation", 1)), 0.0, 1.0)
+    pixels = np.clip(upright(pixels[..., :3], image.spec.get_int_attribute("Orientation", 1)), 0.0, 1.0)
     height, width = pixels.shape[:2]
     factor = int(np.ceil(np.sqrt(height * width / most)))
     if factor > 1:
@@ -119,24 +119,19 @@ def read_small(path: Path, most: int) -> Pixels:
     return np.ascontiguousarray(pixels, dtype=np.float32)
 
 
-def upright(picture: bytes, most: tuple[int, int]) -> Image.Image:
-    """A picture file, upright, averaged down to at most so many pixels across and down."""
-    with Image.open(BytesIO(picture)) as file:
-        file.draft("RGB", most)  # a JPEG is decoded at a fraction of its size
-        small = ImageOps.exif_transpose(file.convert("RGB"))
-    small.thumbnail(most)
-    return small
-
-
 def thumbnail(picture: bytes) -> bytes:
     """A picture file as a small JPEG, upright."""
-    return jpeg_of(upright(picture, (480, 320)))
+    with Image.open(BytesIO(picture)) as file:
+        file.draft("RGB", (480, 320))  # a JPEG is decoded at a fraction of its size
+        small = ImageOps.exif_transpose(file.convert("RGB"))
+    small.thumbnail((480, 320))
+    return jpeg_of(small)
 
 
-def jpeg_of(image: Image.Image, quality: int = 92, **options: int) -> bytes:
+def jpeg_of(image: Image.Image) -> bytes:
     """A picture as a JPEG file."""
     buffer = BytesIO()
-    image.save(buffer, format="JPEG", quality=quality, **options)
+    image.save(buffer, format="JPEG", quality=92)
     return buffer.getvalue()
 
 

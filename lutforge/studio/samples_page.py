@@ -1,7 +1,7 @@
 """Samples: linked plots, filters, marks by hand, named groups of outliers (thesis A.3, A.3.1)."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -73,7 +73,9 @@ class SamplesPage:
         session.watch(self.refresh, *views)
         self.counts = ui.text()
         self.words = ui.entry("Select row, shot or patch")
-        session.watch(self._find, self.words)
+        session.watch(
+            lambda: session.select(find_rows(session.require_workspace().samples, self.words.value)), self.words
+        )
         self.group = ui.entry("Outlier group", placeholder="name")
         self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.WIDE)
         self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
@@ -84,9 +86,11 @@ class SamplesPage:
             read, put = partial(Workspace.limits_of, name=name), partial(Workspace.with_limits, name=name)
             self.bound.append(session.bind(limits[-1], read, put))
         small: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 2}
-        marks = {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)}
-        named = {"Save group": self._save_group, "Delete group": self._delete_group}
-        rows = [pn.Row(*(session.button(*each, **small) for each in row.items()), **ui.WIDE) for row in (marks, named)]
+        actions: tuple[dict[str, Callable[[], None]], ...] = (
+            {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)},
+            {"Save group": self._save_group, "Delete group": partial(self._save_group, delete=True)},
+        )
+        rows = [pn.Row(*(session.button(*each, **small) for each in row.items()), **ui.WIDE) for row in actions]
         self.controls = [
             pn.Column(*views, **ui.TOGETHER),
             pn.Column(*limits, self.counts, **ui.TOGETHER),
@@ -184,19 +188,15 @@ class SamplesPage:
         done = {1: "marked as outliers", -1: "kept by hand", 0: "no longer marked"}[mark]
         self.session.change(workspace.mark(rows, mark), f"{int(rows.sum()):,} samples {done}")
 
-    def _save_group(self) -> None:
+    def _save_group(self, delete: bool = False) -> None:
+        """Save the selected samples, or all outliers, as the named group, or delete that."""
         workspace, name = self.session.require_workspace(), ui.written(self.group)
+        if delete:
+            self.session.change(workspace.without_group(name), f"outlier group {name} deleted")
+            return
         rows = self.session.selected if self.session.selected.any() else workspace.outliers
         news = f"outlier group {name}: {int(rows.sum()):,} samples, in effect"
         self.session.change(workspace.with_group(name, rows), news)
-
-    def _delete_group(self) -> None:
-        name = ui.written(self.group)
-        self.session.change(self.session.require_workspace().without_group(name), f"outlier group {name} deleted")
-
-    def _find(self) -> None:
-        if self.words.value:
-            self.session.select(find_rows(self.session.require_workspace().samples, self.words.value))
 
 
 def describe(workspace: Workspace, rows: Rows) -> ui.Html:
@@ -218,16 +218,19 @@ def describe(workspace: Workspace, rows: Rows) -> ui.Html:
 
 
 def find_rows(samples: SampleSet, words: str) -> Mask:
-    """(n,) rows by number ("12, 40-60"), else by the name of their shot or patch. Raises WorkspaceError: none."""
+    """(n,) rows by number ("12, 40-60"), else by the name of their shot or patch. Raises WorkspaceError: none of these.
+
+    Without words there is nothing to find, and no row is selected.
+    """
     words, count = words.strip(), len(samples)
     rows = np.zeros(count, dtype=np.bool_)
     if re.fullmatch(r"[\d\s,-]{1,2000}", words):
         for first, last in re.findall(r"(\d{1,12})(?:\s*-\s*(\d{1,12}))?", words):
             rows[int(first) : int(last or first) + 1] = True
-    elif words:
+    else:
         rows = (samples.shot == words) | (samples.patch == words)
-    if not rows.any():
-        raise WorkspaceError(f"{words[:60] or 'nothing'}: no such row, shot or patch; rows count from 0 to {count - 1}")
+    if words and not rows.any():
+        raise WorkspaceError(f"{words[:60]}: no such row, shot or patch; rows count from 0 to {count - 1}")
     return rows
 
 

@@ -601,7 +601,7 @@ def test_a_response_is_exported_as_by_the_command_line(bracket_folder: Path, mon
         view._bake()
         assert suffix != ".cube" or "LUT_1D_SIZE" in (root / "drone_linearize.cube").read_text()
         commands.append(session.written["LUT, linearize"].command)
-    view._config()
+    view.actions["Write config"]()
     commands.append(session.written["config"].command)
     monkeypatch.chdir(root)
     made = [path for path in root.iterdir() if path.name.startswith("drone")]
