@@ -100,14 +100,14 @@ def response_deltas(pairs: ExposurePairs, light: Array | None = None) -> dict[st
         }
     except CalibrationError:
         return {}
-    plain, found = pairs.select(_plain(pairs)), dict[str, tuple[float, float, float]]()
+    plain, deltas = pairs.select(_plain(pairs)), dict[str, tuple[float, float, float]]()
     scale = None if light is None else light[_plain(pairs)].sum(axis=0)
     for name, fit in fits.items():
         first, second = fit.response.linearize(plain.first), fit.response.linearize(plain.second)
         scale = first.sum(axis=0) if scale is None else scale
         factor = scale / first.sum(axis=0)
-        found[name] = delta(factor * first, factor * second, np.exp(plain.corrected(fit.shot_error).log_ratio))
-    return found
+        deltas[name] = delta(factor * first, factor * second, np.exp(plain.corrected(fit.shot_error).log_ratio))
+    return deltas
 
 
 def _plain(pairs: ExposurePairs) -> Mask:
@@ -158,13 +158,13 @@ def edited_errors(style: str, predictions: Predictions) -> tuple[MethodError, ..
         for name, gain in EDITS.items()
     }
     result = []
-    for method, found in light.items():
-        rows = np.flatnonzero(rendered & np.isfinite(found).all(axis=1))
+    for method, recovered in light.items():
+        rows = np.flatnonzero(rendered & np.isfinite(recovered).all(axis=1))
         if not len(rows):
             continue
         differences = {}
         for name, gain in EDITS.items():
-            shown = predictions.render(model, np.clip(found[rows] * gain, 0.0, 1.0), rows)
+            shown = predictions.render(model, np.clip(recovered[rows] * gain, 0.0, 1.0), rows)
             differences[name] = float(delta_e_2000(shown, wanted[name][rows]).mean())
         held_out = bool(np.all(predictions.held_out[rows]))
         result.append(MethodError(style, method, held_out, len(rows), differences))

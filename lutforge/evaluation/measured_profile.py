@@ -55,27 +55,27 @@ def _measured(
     except CalibrationError:
         weak.append("too few samples to leave a shot out: the error is not known")
         return model, weak
-    own = RBF if options.model == "rbf" else LATTICE
-    errors = _errors(predictions, own)
+    method = RBF if options.model == "rbf" else LATTICE
+    errors = _errors(predictions, method)
     if not errors:
         reasons = f" ({'; '.join(predictions.notes)})" if predictions.notes else ""
         weak.append(f"without one of its shots the rest does not suffice, so the error is not known{reasons}")
     weak.extend(_worse_than_baselines(predictions, errors))
     model = replace(model, errors=errors)
-    held_out = held_out_errors(predictions, own)
+    held_out = held_out_errors(predictions, method)
     for direction, values in held_out.items():
         at_sample, per_deviation = values.coefficients()
         errors |= {f"{direction}_at_sample": float(at_sample), f"{direction}_per_deviation": float(per_deviation)}
     return replace(model, expected=expected_errors(model, held_out, data)), weak
 
 
-def _errors(predictions: Predictions, own: str) -> dict[str, float]:
+def _errors(predictions: Predictions, method: str) -> dict[str, float]:
     """The figures that a profile keeps, by name; none where a sample was not predicted."""
     errors = {}
     for direction, values_by_method in predictions.predicted.items():
         if predictions.data.monochrome and direction == "linearize":
             continue  # the colour that its JPEGs do not hold would count
-        predicted = values_by_method.get(own)
+        predicted = values_by_method.get(method)
         if predicted is None or not np.all(np.isfinite(predicted)):
             return {}
         measured = predictions.data.both[direction][1]
@@ -92,16 +92,16 @@ def _worse_than_baselines(predictions: Predictions, errors: dict[str, float]) ->
     notes = []
     for direction, values in predictions.predicted.items():
         wanted = predictions.data.both[direction][1]
-        own = errors.get(f"{direction}_mean", np.inf)
+        error = errors.get(f"{direction}_mean", np.inf)
         plain = {
             method: float(np.linalg.norm(np.clip(values[method], 0.0, 1.0) - wanted, axis=1).mean())
             for method in BASELINES
         }
         best = min(plain, key=lambda method: plain[method])
-        if np.isfinite(own) and own > 1.02 * plain[best]:
+        if np.isfinite(error) and error > 1.02 * plain[best]:
             notes.append(
                 f"to {direction} shots that were left out, {best} alone is nearer ({plain[best]:.4f}, this model "
-                f"{own:.4f}): these shots tell too little; add shots of other colours"
+                f"{error:.4f}): these shots tell too little; add shots of other colours"
             )
     return notes
 

@@ -267,8 +267,8 @@ def predict(
 
         def refit(part: tuple[Mask, StyleData]) -> dict[str, Fit]:
             mask, train = part
-            left = inside.select(mask)
-            return fitter.fit(train, Both(left.balanced, left.encoded) if own_only else None)
+            left_out_shots = inside.select(mask)
+            return fitter.fit(train, Both(left_out_shots.balanced, left_out_shots.encoded) if own_only else None)
 
         for number, (mask, refitted) in enumerate(zip(masks, each(refit, inside.folds), strict=True), 1):
             places = np.flatnonzero(seen)[mask]
@@ -292,9 +292,9 @@ def with_compared(
     nothing is added.
     """
     data = predictions.data
-    own = data.shot == shot
-    index, train = int(predictions.fold[own][0]), np.isin(data.shot, seen_shots)
-    if shot in seen_shots and predictions.held_out[own].all():
+    of_shot = data.shot == shot
+    index, train = int(predictions.fold[of_shot][0]), np.isin(data.shot, seen_shots)
+    if shot in seen_shots and predictions.held_out[of_shot].all():
         train &= predictions.fold != index
     if train.sum() < LEAST_SAMPLES:
         return predictions

@@ -42,8 +42,8 @@ class Gap:
     error: float = np.nan
 
     def __str__(self) -> str:
-        told = "" if np.isnan(self.error) else f", {255 * self.error:.0f} codes of error to expect"
-        return f"{self.colour} ({self.unknown:.0%} of them unseen{told}): {self.subjects}"
+        expected = "" if np.isnan(self.error) else f", {255 * self.error:.0f} codes of error to expect"
+        return f"{self.colour} ({self.unknown:.0%} of them unseen{expected}): {self.subjects}"
 
 
 def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None) -> tuple[Gap, ...]:

@@ -204,13 +204,13 @@ def bake(
     _require_fed(program, purpose)
     named, notes = _files([check_output(path) for path in several(outputs)], program, title)
     adobe_rgb = purpose.source.partition("/")[0].endswith(ADOBE_RGB_STYLE)
-    ends = input_and_output_of(kind, purpose.light, ADOBE_RGB if adobe_rgb else ENCODED).comments if kind else ()
+    declared = input_and_output_of(kind, purpose.light, ADOBE_RGB if adobe_rgb else ENCODED).comments if kind else ()
     scenes = takes_scenes(transform) or highest != 1
     if kind:  # of camera RAW, a matrix in front is that of a reference camera
         scenes = kind == "render" and purpose.space != "raw" and rgb_space(purpose.space).is_linear
     targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
     targets = targets or [Target(form, size, method)]
-    comments = (f"LutForge {__version__}", *ends, *purpose.comments)
+    comments = (f"LutForge {__version__}", *declared, *purpose.comments)
     # A cube for each step, so that lattices of a profile stay exact, where nothing else is asked for.
     whole = kind in ("refinish", "match") and not any((program, size, tolerance, method))
     stepwise = [whole and path.suffix.lower() in PROCESS_LISTS for path in named] or [False]
@@ -246,7 +246,7 @@ def bake(
                 where = f"at light {light:.0f} times as bright as white"
                 notes.append(f"{file.path}: the largest difference is {where}; a .clf is closer")
     if made and kind in ("render", "linearize"):
-        notes.append("; ".join(ends))
+        notes.append("; ".join(declared))
     if made and program is not None:
         use = program_named(program).use
         notes.append(f"load {made[0][0].path} in {program.lower()}{f': {use}' if use else ''}")

@@ -108,17 +108,17 @@ def predict(profile: CameraProfile, samples: SampleSet) -> Predicted:
     columns = [samples.style, samples.white_balance, *np.char.mod("%.9g", multipliers.T)]
     _, first, group = np.unique(np.stack(columns), axis=1, return_index=True, return_inverse=True)
     for index, row in enumerate(first):
-        style, name, own = str(samples.style[row]), str(samples.white_balance[row]), multipliers[row]
+        style, name, gains = str(samples.style[row]), str(samples.white_balance[row]), multipliers[row]
         known = profile.white_balances.get(name)
         if style not in profile.styles:
             continue
-        if known is not None and (profile.raw_camera or np.allclose(known.multipliers, own, rtol=1e-6)):
+        if known is not None and (profile.raw_camera or np.allclose(known.multipliers, gains, rtol=1e-6)):
             # The setting has its gain, and its own physical model where there are several.
             selector, gain = Selector(style, name), 1.0
-        elif profile.raw_camera or not np.all(np.isfinite(own)):
+        elif profile.raw_camera or not np.all(np.isfinite(gains)):
             continue
         else:
-            r, g, b = own.tolist()
+            r, g, b = gains.tolist()
             selector, gain = Selector(style, Multipliers((r / g, 1.0, b / g))), 1.0 if known is None else known.gain
         rows = group.ravel() == index
         raw, encoded = gain * samples.raw[rows], samples.srgb[rows]

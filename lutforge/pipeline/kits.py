@@ -160,17 +160,17 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     picture crops does not. Raises ImageError where a file cannot be read, ShotError where the pictures do not match.
     """
     pixels = np.asarray(read_image(picture).pixels[..., :3], dtype=np.float32)
-    own = read_shot(raw)
-    samples = extract(own).samples
+    shot = read_shot(raw)
+    samples = extract(shot).samples
     samples = samples.select(np.char.startswith(samples.patch.astype(np.str_), "tile_"))
-    developed = read_shot(raw, Development(pixels, "srgb", picture.name), source=own.jpeg_source)
-    turns = [turn for turn in range(4) if np.array_equal(np.rot90(own.jpeg, turn), developed.jpeg)]
+    developed = read_shot(raw, Development(pixels, "srgb", picture.name), source=shot.jpeg_source)
+    turns = [turn for turn in range(4) if np.array_equal(np.rot90(shot.jpeg, turn), developed.jpeg)]
     if not turns:
         raise ShotError(f"{raw}: {picture.name} matches another JPEG than the RAW does")
     if turns[0]:
         upright = np.ascontiguousarray(np.rot90(pixels, -turns[0]))
-        developed = read_shot(raw, Development(upright, "srgb", picture.name), source=own.jpeg_source)
-    cell = cell_size(own.registration)
+        developed = read_shot(raw, Development(upright, "srgb", picture.name), source=shot.jpeg_source)
+    cell = cell_size(shot.registration)
     corners = np.array([name.split("_")[1:] for name in samples.patch], dtype=np.intp).reshape(-1, 2)
     shown = developed.raw_cells(cell).mean[corners[:, 1] // cell, corners[:, 0] // cell]
     inside = np.isfinite(shown).all(axis=1)
@@ -219,8 +219,8 @@ def _require_source(kit: Kit, look: Look) -> None:
             "lutforge calibrate SHOT… -o camera.npz"
         )
     if look.profile.raw_space != "raw" and look.white_balance.lower() not in look.profile.white_balances:
-        own = ", ".join(f"{look.style}/{name}" for name in look.profile.white_balances)
+        known = ", ".join(f"{look.style}/{name}" for name in look.profile.white_balances)
         raise SettingsError(
             f"the profile is of {look.profile.developer}, whose white balance is in it already: instead of "
-            f"{look.white_balance} name one of its own, {own}"
+            f"{look.white_balance} name one of its own, {known}"
         )

@@ -201,15 +201,15 @@ def bracket_samples(
     pairs = _pairs(files, exposure_s, progress)
     cells = int(max(pairs.first_row.max(), pairs.second_row.max())) + 1
     place = np.concatenate([pairs.first_shot * cells + pairs.first_row, pairs.second_shot * cells + pairs.second_row])
-    _, kept, row = np.unique(place, return_index=True, return_inverse=True)
-    inside = np.concatenate([pairs.first, pairs.second])[kept]
+    _, first, row = np.unique(place, return_index=True, return_inverse=True)
+    inside = np.concatenate([pairs.first, pairs.second])[first]
     srgb = np.clip(inside * (pairs.white - pairs.black) + pairs.black, 0.0, 1.0)
-    shot, count = place[kept] // cells, len(kept)
+    shot, count = place[first] // cells, len(first)
     by_name = {file.name: time for file, time in zip(files, exposure_s, strict=True)}
     names, nothing = np.array(pairs.shots), np.full((count, 3), np.nan)
     cameras = np.full(count, camera or "camera")
     samples = SampleSet(
-        cameras, np.full(count, "standard"), np.full(count, "auto"), names[shot], (place[kept] % cells).astype(np.str_),
+        cameras, np.full(count, "standard"), np.full(count, "auto"), names[shot], (place[first] % cells).astype(str),
         np.array([by_name[name] for name in pairs.shots])[shot], nothing, srgb, np.ones((count, 3)), cameras,
     )  # fmt: skip
     return samples, replace(pairs, first_row=row[: len(pairs)], second_row=row[len(pairs) :])
@@ -240,12 +240,12 @@ def _frames(film: Path, count: int, folder: Path) -> list[Path]:
         raise CalibrationError(f"{film}: a film states no exposures; give those of its equal parts, in order (--times)")
     probe = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0", str(film)]
     try:
-        told = child_processes.run(probe, 60)
-        seconds = float(told.stdout)
+        answer = child_processes.run(probe, 60)
+        seconds = float(answer.stdout)
     except (OSError, subprocess.TimeoutExpired):
         raise ShotError("ffprobe, which comes with ffmpeg, cannot be run: install ffmpeg, or give frames") from None
     except ValueError:
-        raise ShotError(f"{film}: ffmpeg cannot read it ({' '.join(told.stderr.split())[-120:]})") from None
+        raise ShotError(f"{film}: ffmpeg cannot read it ({' '.join(answer.stderr.split())[-120:]})") from None
     half = seconds / count / 2
     pictures = [folder / f"{film.stem}_{place + 1:03d}.tif" for place in range(count)]
     for place, picture in enumerate(pictures):
@@ -300,7 +300,7 @@ def write_input_transform(
     if output is not None:
         check_output(output, PROFILE_SUFFIXES, bracket)
     with open_bracket(bracket, exposure_s, camera) as opened:
-        codes, found = _patches(opened, kind, light, corners, part(progress, 0.0, 0.2))
+        codes, charted = _patches(opened, kind, light, corners, part(progress, 0.0, 0.2))
     names, times = opened.names, opened.exposure_s
     usable = np.asarray(np.isfinite(codes).all(axis=2))
     shot, patch = np.nonzero(usable)
@@ -329,15 +329,15 @@ def write_input_transform(
     multipliers, scale = ratio / ratio[1], float(ratio[1])
     # Colours with a channel below 0 or above the camera's white have no place in a table of RAW.
     raw = scale * true[shot, None] * colours[patch]
-    held = np.all((raw > 0.0) & (raw < 1.0), axis=1)
-    samples = replace(samples, raw=raw, wb=np.tile(multipliers, (count, 1))).select(held)
+    possible = np.all((raw > 0.0) & (raw < 1.0), axis=1)
+    samples = replace(samples, raw=raw, wb=np.tile(multipliers, (count, 1))).select(possible)
     profile = calibrate(samples, progress=part(progress, 0.2, 1.0))
     level = dict(zip(names, (scale * true).tolist(), strict=True))
-    told = f"1 is the camera's white; white beside the chart has {max(level.values()):.3g} in the brightest shot"
-    profile = replace(profile, notes=(f"of the {developer}: {kind.source}", told, *profile.notes))
+    scale_note = f"1 is the camera's white; white beside the chart has {max(level.values()):.3g} in the brightest shot"
+    profile = replace(profile, notes=(f"of the {developer}: {kind.source}", scale_note, *profile.notes))
     if output is not None:
         profile.save(output)
-    return FittedChart(profile, fit, dict(zip(names, times, strict=True)), samples, level, found)
+    return FittedChart(profile, fit, dict(zip(names, times, strict=True)), samples, level, charted)
 
 
 def _patches(

@@ -126,8 +126,8 @@ def sample_each(
     progress(next(iter(files.values())).name, 0.0)
     with ThreadPoolExecutor(threads) as pool:
         try:
-            found = pool.map(sampled, files, files.values())
-            for index, (file, shot) in enumerate(zip(files.values(), found, strict=True), 1):
+            results = pool.map(sampled, files, files.values())
+            for index, (file, shot) in enumerate(zip(files.values(), results, strict=True), 1):
                 if isinstance(shot, ShotSamples):
                     accounts.append(shot)
                 elif len(files) == 1:
@@ -293,5 +293,5 @@ def _pictures(folder: Path) -> dict[str, Path]:
     if not folder.is_dir():
         raise ShotError(f"{folder}: no such folder")
     # Of several of one stem the best kind comes last, and stays.
-    found = [path for kind in reversed(PAIRED_SUFFIXES) for path in folder.iterdir() if path.suffix.lower() == kind]
-    return {path.stem.lower(): path for path in found}
+    pictures = [path for kind in reversed(PAIRED_SUFFIXES) for path in folder.iterdir() if path.suffix.lower() == kind]
+    return {path.stem.lower(): path for path in pictures}

@@ -277,8 +277,8 @@ def _of_channels(x: Array, curves: Array, width: float = 2.0) -> list[Line]:
 def cube_edges() -> Array:
     """The twelve edges of sRGB's cube by their linear ends, (12, 2, 3)."""
     corners = np.array([[r, g, b] for r in (0.0, 1.0) for g in (0.0, 1.0) for b in (0.0, 1.0)])
-    ends = [(i, j) for i in range(8) for j in range(i) if np.abs(corners[i] - corners[j]).sum() == 1]
-    return np.asarray(corners[np.array(ends)])
+    pairs = [(i, j) for i in range(8) for j in range(i) if np.abs(corners[i] - corners[j]).sum() == 1]
+    return np.asarray(corners[np.array(pairs)])
 
 
 def slice_grid(luminance: float, rings: int = 17, points: int = 16) -> Array:
@@ -381,11 +381,11 @@ def plane_figure(lattice: Lattice, target: str, levels: Mapping[int, float]) -> 
     """Draw the outputs of planes of nodes as nets in the other two channels (Fig. A.13). levels: by input channel."""
     panels = []
     for channel, level in levels.items():
-        held = int(np.argmin(np.abs(lattice.levels[channel] - level)))
+        node = int(np.argmin(np.abs(lattice.levels[channel] - level)))
         first, second = (index for index in range(3) if index != channel)
-        net = np.take(lattice.values, held, axis=channel)[..., [first, second]]
+        net = np.take(lattice.values, node, axis=channel)[..., [first, second]]
         marks = Lines(list(net), CHANNELS[second][1]), Lines(list(net.transpose(1, 0, 2)), CHANNELS[first][1])
-        title = f"nodes at {CHANNELS[channel][0]} = {lattice.levels[channel][held]:.3f}"
+        title = f"nodes at {CHANNELS[channel][0]} = {lattice.levels[channel][node]:.3f}"
         x, y = (f"{target}, {CHANNELS[along][0]}" for along in (first, second))
         panels.append(Panel(title, marks, x, y, equal=True))
     return Drawing((tuple(panels),), 3.2)

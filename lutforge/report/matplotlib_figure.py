@@ -126,13 +126,15 @@ def refinish_sheet(
     """The photograph, the graded one, what it should be, each (h, w, 3), and the error of the graded, as one PNG."""
     height, width = before.shape[:2]
     error = np.linalg.norm(after.astype(np.float64) - wanted, axis=-1)
-    told = f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}"
+    words = f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}"
     first, second, third = (
         figures.Panel(title, (figures.Raster(np.asarray(image, dtype=np.float64)),), bare=True, equal=True)
         for title, image in zip(titles, (before, after, wanted), strict=True)
     )
     scale = (0.0, figures.ERROR_SCALE)
-    errors = figures.Panel(told, (figures.Raster(error),), bare=True, equal=True, scale=scale, scale_name="norm of RGB")
+    errors = figures.Panel(
+        words, (figures.Raster(error),), bare=True, equal=True, scale=scale, scale_name="norm of RGB"
+    )
     drawing = figures.Drawing(((first, second), (third, errors)), 6 * height / width + 0.4, 12.0)
     save_png(figure_of(drawing), path)
 

@@ -256,8 +256,8 @@ def export(kind: str, profile: Path, output: Path, given: Any, progress: Progres
     """
     progress(kind, 0.0)
     if kind == "bake":
-        files, told = bake_files(profile, given, [output], progress=progress)
-        return (*(f"{file.summary}; read back, against the model: {file.error}" for file in files), *told)
+        files, of_lut = bake_files(profile, given, [output], progress=progress)
+        return (*(f"{file.summary}; read back, against the model: {file.error}" for file in files), *of_lut)
     if kind == "config":
         made = write_config([profile], output, progress=progress)
         return (f"{len(made.spaces)} input colour spaces, {len(made.looks)} looks; checked",)

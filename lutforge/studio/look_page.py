@@ -255,14 +255,14 @@ def _packed(op: Op) -> tuple[dict[str, Any], dict[str, Any]]:
         case Range():
             return {"kind": "range", "low": op.low, "high": op.high}, {}
         case Curve() if op.inputs is None:
-            values, told = op.outputs, {"kind": "curve", "low": op.low, "high": op.high}
+            values, kind = op.outputs, {"kind": "curve", "low": op.low, "high": op.high}
         case Cube():
-            values, told = op.values, {"kind": op.interpolation}
+            values, kind = op.values, {"kind": op.interpolation}
         case _:
             raise LutError("LUT: the page has no curves at free knots; bake the transform anew")
     table, size = np.ascontiguousarray(values, dtype=np.float32).tobytes(), list(values.shape[:-1])
     key = f"{size} {blake2b(table, digest_size=16).hexdigest()}"
-    return {**told, "size": size, "key": key}, {"key": key, "size": size, "table": table}
+    return {**kind, "size": size, "key": key}, {"key": key, "size": size, "table": table}
 
 
 class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
@@ -335,8 +335,8 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         """Set a LUT, with other parameters; the page gets the tables that it has not."""
         sides = {name: ([], {}) if one is None else packed(one) for name, one in {**self._luts, side: lut}.items()}
         self._luts[side] = lut
-        held, self._tables = self._tables, {key: table for _, tables in sides.values() for key, table in tables.items()}
-        self._handle_msg([key for key in self._tables if key not in held])
+        sent, self._tables = self._tables, {key: table for _, tables in sides.values() for key, table in tables.items()}
+        self._handle_msg([key for key in self._tables if key not in sent])
         self.param.update(**more)
         self.param.update(**{side: sides[side][0]})  # at which the page draws
 

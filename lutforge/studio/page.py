@@ -224,8 +224,8 @@ def origins(address: str, port: int) -> list[str]:
     if address in (LOCAL, "localhost"):
         names = [LOCAL, "localhost"]
     elif address == EVERYWHERE:
-        own = socket.gethostname()
-        names = [LOCAL, "localhost", own, socket.getfqdn(), *socket.gethostbyname_ex(own)[2]]
+        host = socket.gethostname()
+        names = [LOCAL, "localhost", host, socket.getfqdn(), *socket.gethostbyname_ex(host)[2]]
     return [f"{name.lower()}:{port}" for name in dict.fromkeys(names)]
 
 

@@ -145,8 +145,8 @@ class ShotsPage:
         unused = (f"not used: {line}" for line in session.opened.left_out[:20])
         untick = "Untick a shot to leave it out. " if self.papers else ""
         known = "" if profile is not None or workspace is None else "The falloff is known once a model is computed."
-        said = untick + known if bracket is None else f"{bracket}."
-        self.notes.object = ui.paragraphs(said, *file_notes(session.opened.accounts), *unused)
+        hint = untick + known if bracket is None else f"{bracket}."
+        self.notes.object = ui.paragraphs(hint, *file_notes(session.opened.accounts), *unused)
 
     def _draw(self, cards: dict[str, ui.Html]) -> None:
         """A card a shot: a box to take it in or leave it out, its pictures, and what is known of it.

@@ -243,9 +243,9 @@ class Space:
         self.plot._render_count += 1
 
 
-def lines_in_space(ends: Array, colour: str = GREY, width: float = 1.0) -> dict[str, Any]:
+def lines_in_space(curves: Array, colour: str = GREY, width: float = 1.0) -> dict[str, Any]:
     """A trace of lines between points (n, k, 3) in the order of the axes."""
-    gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1).reshape(-1, 3)
+    gaps = np.concatenate([curves, np.full((len(curves), 1, 3), np.nan)], axis=1).reshape(-1, 3)
     x, y, z = ([None if np.isnan(value) else value for value in axis] for axis in gaps.T.tolist())
     return {"type": "scatter3d", "mode": "lines", "x": x, "y": y, "z": z, "line": {"color": colour, "width": width}}
 

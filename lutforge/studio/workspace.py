@@ -200,8 +200,8 @@ class Workspace:
             return ~self.outliers
         rows = self.removed
         for name, limits in self.limits.items():
-            own = name != "residual" or self.model in ("rbf", "lattice")
-            if own and limits != COLUMNS[name].usual and not COLUMNS[name].stage:
+            counts = name != "residual" or self.model in ("rbf", "lattice")
+            if counts and limits != COLUMNS[name].usual and not COLUMNS[name].stage:
                 rows = rows | self.filtered[name]
         return np.asarray(~rows | ((self.hand < 0) & ~self.removed))
 
