@@ -67,11 +67,6 @@ class Grading:
             raise SettingsError(f"--suffix {self.suffix}: linear light is written as .exr")
 
     @property
-    def grades(self) -> tuple[Path, ...]:
-        """The first path (LUT, config or profile), and every later path that is a profile."""
-        return self.words[:1] + tuple(path for path in self.words[1:] if _is_profile(path))
-
-    @property
     def images(self) -> tuple[Path, ...]:
         """The images, folders and sequences: every path after the first that is no profile."""
         return tuple(path for path in self.words[1:] if not _is_profile(path))
@@ -81,14 +76,14 @@ class Grading:
         """The recipe of the profiles, LUT or config, checked. Raises LutForgeError where an option does not fit it."""
         recipe: Recipe
         interpolation = one_of("interpolation", self.interpolation, INTERPOLATIONS)
-        path, *others = self.grades
+        path, *others = self.words[0], *filter(_is_profile, self.words[1:])  # LUT, config or profile; further profiles
         is_config = path.suffix.lower() in (".ocio", ".ocioz")
         if interpolation != "tetrahedral" and (is_config or _is_profile(path)):
             raise SettingsError("--interpolation goes with a LUT; profiles and configs say how theirs are interpolated")
         if _is_profile(path):
             from lutforge.apply.profile_recipe import ProfileRecipe, SceneRecipe
 
-            settings = (self.grades, self.source, self.target, self.ev)
+            settings = ((path, *others), self.source, self.target, self.ev)
             if self.space is not None:
                 recipe = SceneRecipe(*settings, space=self.space, by_exposure=self.exposure is not None)
             else:

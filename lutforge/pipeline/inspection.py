@@ -30,7 +30,6 @@ class Inspection:
     profile: what the file holds, where it is one; lines: what `check` shows of a LUT, in place of rows.
     """
 
-    path: Path
     rows: tuple[tuple[str, str], ...] = ()
     profile: "CameraProfile | None" = None
     lines: tuple[str, ...] = ()
@@ -55,14 +54,14 @@ def inspect(path: str | Path) -> Inspection:
     if path.is_dir():
         raise ImageError(f"{path}: no RAW file, picture, sample table or profile in this folder")
     if suffix in TABLE_SUFFIXES and is_table(path):
-        return Inspection(path, tuple(_table(path)))
+        return Inspection(tuple(_table(path)))
     if suffix in PROFILE_SUFFIXES:
         from lutforge.model.camera_profile import load_profile
 
         profile = load_profile(path)
-        return Inspection(path, tuple(_profile(profile)), profile)
+        return Inspection(tuple(_profile(profile)), profile)
     if suffix in PICTURE_SUFFIXES:
-        return Inspection(path, tuple(_picture(path)))
+        return Inspection(tuple(_picture(path)))
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
     from lutforge.luts.sequence import FORMATS
@@ -70,8 +69,8 @@ def inspect(path: str | Path) -> Inspection:
     read_by_ocio = {f".{each.lower()}" for _, each in OCIO.FileTransform.getFormats()}
     if suffix in {*CAMERA_PROFILES, *FORMATS, *read_by_ocio}:
         use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILES else "a LUT: apply, check"
-        return Inspection(path, lines=(*check(path), f"  use       {use}"))
-    return Inspection(path, tuple(_shot(path)))
+        return Inspection(lines=(*check(path), f"  use       {use}"))
+    return Inspection(tuple(_shot(path)))
 
 
 def _shot(path: Path) -> Rows:

@@ -238,9 +238,6 @@ def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
     return None if same else grades_of(profile).refinish(change)
 
 
-HERE = Path(__file__).parent
-
-
 def packed(lut: Lut) -> tuple[list[dict[str, Any]], dict[str, dict[str, Any]]]:
     """The operations of a LUT as the page takes them, and their tables, float32, by a key of their content."""
     ops, tables = zip(*map(_packed, lut.ops), strict=True)
@@ -302,8 +299,8 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     raw_name = param.String("RAW")
 
     _debounce = 8  # ms; what the page changes is told so late
-    _esm = "\n".join((HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
-    _stylesheets = [(HERE / "look.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own way to declare it
+    _esm = "\n".join((ui.HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
+    _stylesheets = [(ui.HERE / "look.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own way to declare it
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"sizing_mode": "stretch_both", "min_height": 320, "margin": 0, **options})

@@ -18,6 +18,7 @@ from lutforge.studio import ui
 from lutforge.studio.jobs import warm_up
 from lutforge.studio.opening import Folders
 from lutforge.studio.session import Session
+from lutforge.studio.ui import HERE
 
 State = Literal["to do", "done", "stale"]
 STEPS = ("Shots", "Samples", "Model", "Look", "Export")
@@ -183,12 +184,7 @@ THEME = {
     "light": _theme("#1c1c1c", "#454545", "#666666", "#e8e8e8", "#f5f5f5", "#a11a0e"),
 }
 
-CSS = """
-html { font-size: clamp(16px, 0.7vw, 26px) !important; }
-body { background: #262626; color: #e6e6e6; font-family: system-ui, sans-serif; }
-#first { position: fixed; inset: 0; z-index: -1; padding: 1.1rem 1.5rem; }
-#first b { font-size: 1.4rem; display: block; margin-bottom: 1.5rem; }
-"""
+CSS = (HERE / "page.css").read_text(encoding="utf-8")
 
 BESIDE = """
 .sidebar { padding-top: 0.5rem; }
@@ -197,18 +193,7 @@ main.main { width: calc(100% - max(290px, 17.6rem)) !important; }
 """
 """The page beside its controls, whose width grows with the letters."""
 
-TEMPLATE = """
-{% extends "base.html" %}
-{% block js_resources %}
-{{ (bokeh_js or "")
-   | replace('<script type="text/javascript" src', '<script defer type="text/javascript" src')
-   | replace('Bokeh.set_log_level("info");', '') }}
-{% endblock %}
-{% block loader %}
-<div id="first" aria-hidden="true"><b>LutForge studio</b>Opening …</div>
-<div id="loader"><div class="spinner"></div><div id="loader-error"></div></div>
-{% endblock %}
-"""
+TEMPLATE = (HERE / "page.html").read_text(encoding="utf-8")
 """The page as served: its scripts wait, so that something is painted before they are read."""
 
 

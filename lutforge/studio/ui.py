@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from html import escape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,9 @@ from lutforge.arrays import Array
 from lutforge.report.figures import GREY, Bars, Dots, Drawing, Line, Lines, Mark, Panel, Raster
 from lutforge.report.tables import Table
 
+HERE = Path(__file__).parent
+"""Where the style sheets, scripts and templates of the page are."""
+
 FILL = {"sizing_mode": "stretch_both", "margin": 0}
 SCROLLED: dict[str, Any] = {**FILL, "styles": {"overflow": "auto"}}
 NOTHING = {"–": ""}
@@ -24,21 +28,8 @@ TOGETHER = {"sizing_mode": "stretch_width", "margin": 0}
 """Layout of controls that stand together in a column."""
 NARROW: dict[str, Any] = {"sizing_mode": "fixed", "width": 230}
 
-TEXT = """
-:host { font: 0.875rem/1.4 system-ui, sans-serif; color: var(--mui-palette-text-primary); }
-table { border-collapse: collapse; width: 100%; }
-th, td { text-align: right; padding: 2px 8px; border-bottom: 1px solid var(--mui-palette-divider);
-  font-variant-numeric: tabular-nums; }
-th { font-weight: 600; } th:first-child, td:first-child { text-align: left; }
-h2 { font-size: 0.9375rem; margin: 6px 0 2px; } p { margin: 3px 0; }
-code { font-size: 0.8125rem; overflow-wrap: anywhere; white-space: pre-wrap; }
-a { color: inherit; }
-.pictures { display: flex; gap: 6px; background: #767676; height: 12rem; justify-content: center; }
-.pictures img { flex: 1 1 0; min-width: 0; height: 100%; object-fit: contain; }
-.out { opacity: 0.3; }
-i.colour { display: inline-block; width: 0.9em; height: 0.9em; margin-right: 0.4em; vertical-align: -0.1em;
-  outline: 1px solid var(--mui-palette-divider); }
-"""
+TEXT = (HERE / "text.css").read_text(encoding="utf-8")
+"""The style of HTML that is shown in panes, each of which has styles of its own."""
 
 
 class Html(str):
