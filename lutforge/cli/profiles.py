@@ -175,14 +175,14 @@ def response(
 ) -> None:
     """Find the response of a camera without RAW from one scene at several exposures, and how exact these were."""
     from lutforge.pipeline.outputs import named_or_new
-    from lutforge.pipeline.response import FittedChart, ResponseRequest
+    from lutforge.pipeline.response import ResponseRequest
     from lutforge.pipeline.sampling import CHART
 
     output = named_or_new(output, "camera.npz")
     words = (times or "", camera, all_colours, chart or "", light or "", corners or "")
     with progress_bar("response") as progress:
         fitted = ResponseRequest(tuple(bracket), *words).fit(output, progress)
-    fit, profile, exposures = fitted.fit, fitted.profile, fitted.exposure_s
+    fit, profile, exposures, samples = fitted.fit, fitted.profile, fitted.exposure_s, fitted.samples
     (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
     least, error = min(exposures.values()), fit.exposure_error
     known, follows = fit.told
@@ -191,9 +191,9 @@ def response(
         "stated, relative": [f"{time / least:.4g}" for time in exposures.values()],
         "true / stated": [f"{error[name]:.3f}" if name in error else "–" for name in exposures],
     }
-    if isinstance(fitted, FittedChart):
+    if samples is not None:
         say(f"{output}: {profile.camera}, {selector}, of the {profile.developer.removeprefix(CHART)}")
-        used = {name: str(len(rows)) for name, rows in fitted.samples.by_shot()}
+        used = {name: str(len(rows)) for name, rows in samples.by_shot()}
         seen = ["found" if name in fitted.found else "" for name in exposures]
         columns = {
             "shot": exposures,
@@ -205,7 +205,7 @@ def response(
         say(f"{output}: {profile.camera}, {selector}", known)
         print_tables(response_table(fit))
     print_tables(Table("Exposures", list(columns), list(zip(*columns.values(), strict=True))))
-    if not isinstance(fitted, FittedChart):
+    if samples is None:
         say(follows)
     elif corners is None and (missed := ", ".join(name for name in exposures if name not in fitted.found)):
         note(f"the chart was not found in {missed}: its place in the nearest exposure was taken; see --corners")
@@ -213,7 +213,7 @@ def response(
     if not fit.verdict.fixed:
         note("fix exposure mode, white balance and picture style, and switch off what adapts to the scene (HDR, DRO)")
     to = "-o linear.cube"
-    if isinstance(fitted, FittedChart):
+    if samples is not None:
         note(*profile.notes)
         print_tables(held_out_table(profile))
         to = "--space aces2065-1 -o input.clf"

@@ -10,7 +10,7 @@ from __future__ import annotations  # so that help() shows the names of types
 import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -62,11 +62,19 @@ FRAMES = 8
 
 @dataclass(frozen=True, eq=False)
 class FittedResponse:
-    """A response. profile: which holds it; fit: what the exposures tell; exposure_s: relative, as stated, by shot."""
+    """A response. profile: which holds it; fit: what the exposures tell; exposure_s: relative, as stated, by shot.
+
+    With a chart, of a whole rendering, samples: chart colours as RAW, JPEG values that no shot clips; level: by shot,
+    what a perfect diffuser beside the chart has in linear light of the profile, where 1 is the camera's white; found:
+    shots in which the chart was detected; the others take its place in the shot of the nearest exposure.
+    """
 
     profile: CameraProfile
     fit: BracketFit
     exposure_s: dict[str, float]
+    samples: SampleSet | None = None
+    level: dict[str, float] = field(default_factory=dict)
+    found: tuple[str, ...] = ()
 
 
 def response(
@@ -268,19 +276,6 @@ SPACE = "acescg"
 """The linear space of the chart's colours: no surface lies outside it, and its axes are near those of cameras."""
 
 
-@dataclass(frozen=True, eq=False)
-class FittedChart(FittedResponse):
-    """A response with a whole rendering. samples: chart colours as RAW, JPEG values of what no shot clips.
-
-    level: by shot, what a perfect diffuser beside the chart has in linear light of the profile, where 1 is the camera's
-    white. found: shots in which the chart was detected; the others take its place in the shot of the nearest exposure.
-    """
-
-    samples: SampleSet
-    level: dict[str, float]
-    found: tuple[str, ...]
-
-
 def write_input_transform(
     bracket: Sequence[Path],
     output: Path | None,
@@ -291,7 +286,7 @@ def write_input_transform(
     *,
     camera: str = "",
     progress: Progress = silent,
-) -> FittedChart:
+) -> FittedResponse:
     """Calibrate a camera without RAW on exposures of a chart under a light, and write the profile.
 
     corners: (4, 2), where the chart is in all shots, in pixels; None where it is searched for. The others: as for
@@ -337,7 +332,7 @@ def write_input_transform(
     profile = replace(profile, notes=(f"of the {developer}: {kind.source}", scale_note, *profile.notes))
     if output is not None:
         profile.save(output)
-    return FittedChart(profile, fit, dict(zip(names, times, strict=True)), samples, level, charted)
+    return FittedResponse(profile, fit, dict(zip(names, times, strict=True)), samples, level, charted)
 
 
 def _patches(

@@ -3,14 +3,13 @@
 from __future__ import annotations  # the records are named only: what prints a table should not wait for what fits
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lutforge.calibration.physical.bracket import BracketFit
     from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
-    from lutforge.evaluation.further_errors import MethodError
     from lutforge.model.camera_profile import CameraProfile
 
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
@@ -78,14 +77,13 @@ def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> T
     from lutforge.evaluation.methods import FIGURES
 
     timed = any(row.fit_seconds is not None for row in rows)
-
-    def cells(row: EvaluationRow) -> tuple[str, ...]:
+    cells = []
+    for row in rows:
         seconds = (row.fit_seconds, row.seconds_per_megapixel) if timed else ()
-        taken = ("–" if value is None else f"{value:.3g}" for value in seconds)
-        return (row.style, row.shot, row.method, YES[row.held_out], *row.figures.cells, *taken)
-
+        times = ("–" if value is None else f"{value:.3g}" for value in seconds)
+        cells.append((row.style, row.shot, row.method, YES[row.held_out], *row.figures.cells, *times))
     header = ("style", "shot", "method", "held out", *FIGURES, *(("fit, s", "s/Mpixel") if timed else ()))
-    return _by_method(caption, header, rows, cells, own)
+    return Table(caption, header, cells, _rows_of(own, rows))
 
 
 def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
@@ -103,26 +101,25 @@ def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
             "pairs", evaluation.linearization, 4,
         ),
     )  # fmt: skip
-    for caption, counted, rows, digits in tables:
-        if rows:
-
-            def cells(row: MethodError, digits: int = digits) -> tuple[str, ...]:
-                numbers = (f"{value:.{digits}f}" for value in row.values.values())
-                return (row.style, row.method, YES[row.held_out], str(row.count), *numbers)
-
-            yield _by_method(caption, ("style", "method", "held out", counted, *rows[0].values), rows, cells, own)
-    if evaluation.refinish:
-        yield _by_method(
+    for caption, counted, errors, digits in tables:
+        cells = []
+        for each in errors:
+            numbers = (f"{value:.{digits}f}" for value in each.values.values())
+            cells.append((each.style, each.method, YES[each.held_out], str(each.count), *numbers))
+        if errors:
+            header = ("style", "method", "held out", counted, *errors[0].values)
+            yield Table(caption, header, cells, _rows_of(own, errors))
+    if pairs := evaluation.refinish:
+        yield Table(
             "JPEGs changed to another setting, against the camera's own JPEG of the same scene (1 = full scale)",
-            ("from", "to", "method", "held out", "pairs", *FIGURES), evaluation.refinish,
-            lambda row: (row.source, row.target, row.method, YES[row.held_out], str(row.shots), *row.figures.cells),
-            own,
-        )  # fmt: skip
+            ("from", "to", "method", "held out", "pairs", *FIGURES),
+            [
+                (row.source, row.target, row.method, YES[row.held_out], str(row.shots), *row.figures.cells)
+                for row in pairs
+            ],
+            _rows_of(own, pairs),
+        )
 
 
-def _by_method(
-    caption: str, header: Sequence[str], rows: Sequence[Any], cells: Callable[[Any], tuple[str, ...]], own: str
-) -> Table:
-    """Tabulate records; those of the method `own` are set bold."""
-    bold = frozenset(index for index, row in enumerate(rows) if row.method == own)
-    return Table(caption, header, [cells(row) for row in rows], bold)
+def _rows_of(method: str, rows: Sequence[Any]) -> frozenset[int]:
+    return frozenset(index for index, row in enumerate(rows) if row.method == method)

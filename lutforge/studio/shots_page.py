@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw
 from lutforge.arrays import Array, Mask
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
-from lutforge.pipeline.response import Bracket, FittedChart, FittedResponse, ResponseRequest
+from lutforge.pipeline.response import Bracket, FittedResponse, ResponseRequest
 from lutforge.pipeline.sampling import file_notes
 from lutforge.report.figures import bracket_figure
 from lutforge.report.tables import response_table
@@ -197,9 +197,9 @@ class ShotsPage:
         for file, exposure, small in zip(bracket.files, bracket.exposure_s, self.session.opened.small, strict=True):
             known = f"exposure × {exposure / least:.4g}, as stated"
             facts = [known if np.isfinite(exposure) else "exposure not stated"]
-            if fitted is not None and file.name in fitted.fit.exposure_error:
-                facts.append(f"true / stated: {fitted.fit.exposure_error[file.name]:.3f}")
-            if isinstance(fitted, FittedChart):
+            if fitted is not None:
+                errors = fitted.fit.exposure_error
+                facts += [f"true / stated: {errors[file.name]:.3f}"] if file.name in errors else []
                 facts += ["chart found here"] if file.name in fitted.found else []
                 facts += [f"white beside the chart: {fitted.level[file.name]:.3g}"] if file.name in fitted.level else []
             yield file.name, card_of(file.name, {"picture": small}, facts)

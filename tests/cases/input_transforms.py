@@ -35,6 +35,7 @@ def errors(camera: SimulatedCamera, setting: str, white_balance: str, folder: Pa
     chart = reflectances("ISO 17321-1")
     files = photograph_chart(camera, kind, chart, folder, light=setting, white_balance=white_balance)
     fitted = write_input_transform(files, folder / "camera.npz", kind, LIGHTS[setting], camera="made up")
+    assert fitted.samples is not None
     (selector,) = (f"standard/{name}" for name in fitted.profile.white_balances)
     samples = fitted.samples
     seconds = np.array([fitted.exposure_s[name] for name in samples.shot])
