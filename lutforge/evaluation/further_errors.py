@@ -58,18 +58,18 @@ def delta(first: Array, second: Array, ratio: Array) -> tuple[float, float, floa
     return (r, g, b)
 
 
-def linearization_errors(style: str, predictions: Predictions, matrix: Array) -> tuple[MethodError, ...]:
+def linearization_errors(style: str, predictions: Predictions, matrix: Array) -> Iterator[MethodError]:
     """δ of all exposure pairs of a style by method, each shot linearized by the fit that has not seen it.
 
     matrix: Ts (3, 3), the same for all methods, takes what a method says of Tw E to linear sRGB: with the full model
-    that is h⁻¹(f⁻¹(I)), without h it is f⁻¹(I). A point is held out where no fit had seen its shots. Empty where there
-    are no exposure pairs.
+    that is h⁻¹(f⁻¹(I)), without h it is f⁻¹(I). A point is held out where no fit had seen its shots. There are none
+    without exposure pairs.
     """
     try:
         pairs = pairs_of_samples(predictions.data.samples)
     except CalibrationError:
-        return ()
-    ratio, result = np.exp(pairs.log_ratio), []
+        return
+    ratio = np.exp(pairs.log_ratio)
     for method in predictions.methods:
         linear = predictions.predicted.linearize[method] @ matrix.T
         first, second = linear[pairs.first_row], linear[pairs.second_row]
@@ -78,12 +78,11 @@ def linearization_errors(style: str, predictions: Predictions, matrix: Array) ->
             used = np.concatenate([pairs.first_row[known], pairs.second_row[known]])
             held_out = bool(np.all(predictions.held_out[used]))
             error = dict(zip("RGB", delta(first[known], second[known], ratio[known]), strict=True))
-            result.append(MethodError(style, method, held_out, int(known.sum()), error))
+            yield MethodError(style, method, held_out, int(known.sum()), error)
     light = (predictions.data.balanced @ matrix.T)[pairs.first_row]
     for name, channels in response_deltas(pairs, light).items():
         error = dict(zip("RGB", channels, strict=True))
-        result.append(MethodError(style, f"f of exposures, {name}", False, int(_plain(pairs).sum()), error))
-    return tuple(result)
+        yield MethodError(style, f"f of exposures, {name}", False, int(_plain(pairs).sum()), error)
 
 
 def response_deltas(pairs: ExposurePairs, light: Array | None = None) -> dict[str, tuple[float, float, float]]:
@@ -142,11 +141,11 @@ INVERTED = "render inverted"
 """The method that searches for the light which the profile's own model renders as the JPEG."""
 
 
-def edited_errors(style: str, predictions: Predictions) -> tuple[MethodError, ...]:
-    """The mean ΔE00 of each of EDITS over a style's samples, by method; empty where no model of the profile renders."""
+def edited_errors(style: str, predictions: Predictions) -> Iterator[MethodError]:
+    """The mean ΔE00 of each of EDITS over a style's samples, by method; none where no model of the profile renders."""
     model = next((name for name in (LATTICE, RBF) if name in predictions.methods), None)
     if model is None:
-        return ()
+        return
     data, light = predictions.data, dict(predictions.predicted.linearize)
     rendered = np.isfinite(predictions.predicted.render[model]).all(axis=1)
     rows = np.flatnonzero(rendered)
@@ -157,18 +156,14 @@ def edited_errors(style: str, predictions: Predictions) -> tuple[MethodError, ..
         name: predictions.render(model, np.clip(data.balanced * gain, 0.0, 1.0), np.arange(len(data.balanced)))
         for name, gain in EDITS.items()
     }
-    result = []
     for method, recovered in light.items():
         rows = np.flatnonzero(rendered & np.isfinite(recovered).all(axis=1))
-        if not len(rows):
-            continue
         differences = {}
-        for name, gain in EDITS.items():
+        for name, gain in EDITS.items() if len(rows) else ():
             shown = predictions.render(model, np.clip(recovered[rows] * gain, 0.0, 1.0), rows)
             differences[name] = float(delta_e_2000(shown, wanted[name][rows]).mean())
-        held_out = bool(np.all(predictions.held_out[rows]))
-        result.append(MethodError(style, method, held_out, len(rows), differences))
-    return tuple(result)
+        if differences:
+            yield MethodError(style, method, bool(np.all(predictions.held_out[rows])), len(rows), differences)
 
 
 def _inverted(predictions: Predictions, model: str, encoded: Array, start: Array, rows: NDArray[np.intp]) -> Array:

@@ -59,20 +59,12 @@ class ErrorFigures:
 
 def error_figures(predicted: Array, measured: Array, *, display: bool) -> ErrorFigures:
     """Figures of predicted (n, 3) against measured (n, 3); display: both are encoded sRGB."""
-    distance = np.linalg.norm(predicted - measured, axis=1)
-    q1, median, q3 = np.percentile(distance, [25, 50, 75])
-    difference = delta_e_2000(predicted, measured) if display else None
-    return ErrorFigures(
-        count=len(distance),
-        mean=float(distance.mean()),
-        maximum=float(distance.max()),
-        q1=float(q1),
-        median=float(median),
-        q3=float(q3),
-        rmse=float(np.sqrt(np.mean((predicted - measured) ** 2))),
-        de00_mean=None if difference is None else float(difference.mean()),
-        de00_max=None if difference is None else float(difference.max()),
-    )
+    distance, rmse = np.linalg.norm(predicted - measured, axis=1), np.sqrt(np.mean((predicted - measured) ** 2))
+    figures = [distance.mean(), distance.max(), *np.percentile(distance, [25, 50, 75]), rmse]
+    if display:
+        difference = delta_e_2000(predicted, measured)
+        figures += [difference.mean(), difference.max()]
+    return ErrorFigures(len(distance), *map(float, figures))
 
 
 def lattice_name(size: int, *, nonuniform: bool) -> str:
