@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lutforge.evaluation.linearization import model_delta
 
 import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
@@ -15,6 +14,7 @@ from lutforge.calibration.physical.response_from_exposures import pairs_of_sampl
 from lutforge.calibration.style import unclipped
 from lutforge.evaluation import evaluation as evaluation_module
 from lutforge.evaluation.evaluation import Evaluation, evaluate
+from lutforge.evaluation.further_errors import model_delta
 from lutforge.evaluation.measured_profile import HeldOut
 from lutforge.evaluation.methods import channel_polynomials
 from lutforge.model.camera_profile import CameraProfile
