@@ -104,7 +104,8 @@ def refused(lutforge: CommandLine) -> Refused:
         result = lutforge(*words, cwd=folder, status=2)
         lines = result.stderr.strip().splitlines()
         assert len(lines) == 1, result.stderr
-        assert lines[0].startswith("lutforge: ") and sorted(folder.rglob("*")) == before
+        assert lines[0].startswith("lutforge: ")
+        assert sorted(folder.rglob("*")) == before
         return lines[0]
 
     return run

@@ -84,7 +84,8 @@ def test_ends_and_grey_axis() -> None:
     lattice = fit(x, y, 33)
     grey = lattice(AXIS)
     np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-12)
-    assert np.ptp(grey, axis=1).max() < 0.02 and np.diff(grey, axis=0).min() >= -1e-6
+    assert np.ptp(grey, axis=1).max() < 0.02
+    assert np.diff(grey, axis=0).min() >= -1e-6
     everywhere = lattice(np.random.default_rng(1).random((20_000, 3)))
     assert everywhere.min() >= 0.0 and everywhere.max() <= 1.0 + 1e-15  # weights sum to 1 within rounding
     assert np.abs(grey - render(AXIS))[10:470].max() < 0.02
@@ -300,7 +301,8 @@ def test_alpha_blends_from_uniform_to_the_histogram() -> None:
     for axis in blended_levels(histograms, 0.0, 17):
         np.testing.assert_allclose(axis, np.linspace(0, 1, 17), atol=1e-12)
     median = [blended_levels(histograms, alpha, 17)[0][8] for alpha in (0.0, 0.5, 0.9, 1.0)]
-    assert np.all(np.diff(median) < 0) and median[-1] == pytest.approx(0.1, abs=0.01)
+    assert np.all(np.diff(median) < 0)
+    assert median[-1] == pytest.approx(0.1, abs=0.01)
 
 
 @settings(deadline=None)
@@ -337,7 +339,8 @@ def test_a_share_of_the_levels_lies_where_it_is_wanted_whatever_the_errors() -> 
     wanted = EVEN + 0.2 * np.where(np.arange(BINS) < BINS // 10, 10.0 / BINS, 0.0)
     drawn, kept = (equidistributed_levels(x, np.ones(len(x)), uniform_levels(33), floor=one) for one in (EVEN, wanted))
     for few, more in zip(drawn, kept, strict=True):
-        assert np.count_nonzero(few < 0.1) <= 3 and np.count_nonzero(more < 0.1) >= 7
+        assert np.count_nonzero(few < 0.1) <= 3
+        assert np.count_nonzero(more < 0.1) >= 7
         assert more[0] == 0 and more[-1] == 1
 
 

@@ -271,7 +271,8 @@ def test_multipliers_and_whites_are_each_other_s_inverse() -> None:
         np.testing.assert_allclose(multipliers_of(uv, from_xyz), balance.multipliers, rtol=1e-12)
         if name != "fluorescent":
             kelvin, tint = temperature_and_tint(uv)
-            assert kelvin == pytest.approx(balance.kelvin, rel=0.03) and abs(tint) < 8
+            assert kelvin == pytest.approx(balance.kelvin, rel=0.03)
+            assert abs(tint) < 8
 
 
 # --- Selectors as they are written ------------------------------------------------------------------------------------

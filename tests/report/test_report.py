@@ -223,7 +223,8 @@ def test_gaps_are_where_errors_are_expected() -> None:
         return np.where(encoded[:, 2] > encoded[:, :2].max(axis=1) + 0.1, 20 / 255, 1 / 255)
 
     gaps = colour_gaps(everything, expected)
-    assert gaps and all("blue" in gap.colour or "purple" in gap.colour for gap in gaps)
+    assert gaps
+    assert all("blue" in gap.colour or "purple" in gap.colour for gap in gaps)
     assert "codes of error to expect" in str(gaps[0])
     assert colour_gaps(everything, lambda encoded: np.full(len(encoded), 1 / 255)) == ()
 

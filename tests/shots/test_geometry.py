@@ -129,7 +129,8 @@ def test_it_is_told(tmp_path: Path) -> None:
     note = "barrel distortion of -6.0 % in the corners, red +0.2"
     assert note.split(",")[0].split(" of")[0] in shot.lens_note
     rows = dict(inspect(tmp_path / "shot.dng").rows)
-    assert rows["lens"] == shot.lens_note and shot.lens_note in extract(shot).notes
+    assert rows["lens"] == shot.lens_note
+    assert shot.lens_note in extract(shot).notes
 
 
 def test_places_of_samples_are_where_the_lens_drew_them(tmp_path: Path) -> None:
@@ -236,4 +237,5 @@ def test_single_outliers_are_no_part_of_a_cell_but_many_are(offset: float) -> No
     pixels[4, 4, 1], pixels[20:23, 20:23, 1] = 1.0, 1.0
     cells = raw_on_grid(pixels, Registration(1.0, offset, offset, 1.0), (4, 4), 8)
     assert cells.maximum[0, 0, 1] < 0.21 and cells.outliers[0, 0, 1] == pytest.approx(1 / 64)
-    assert cells.maximum[2, 2, 1] > 0.5 and np.count_nonzero(cells.outliers) == 1
+    assert cells.maximum[2, 2, 1] > 0.5
+    assert np.count_nonzero(cells.outliers) == 1
