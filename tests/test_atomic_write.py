@@ -18,7 +18,8 @@ def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
     target = tmp_path / "out" / "look.cube"
     with atomic_path(target) as temporary:
         temporary.write_text("first")
-        assert not target.exists() and temporary.suffix == ".cube"
+        assert not target.exists()
+        assert temporary.suffix == ".cube"
     with pytest.raises(RuntimeError), atomic_path(target) as temporary:
         temporary.write_text("half")
         raise RuntimeError
@@ -75,8 +76,10 @@ def test_a_scratch_folder_removes_those_of_killed_runs_alone(tmp_path: Path) -> 
         (folder / "half.clf").touch()
     with scratch_folder(beside=tmp_path / "config.ocioz") as folder:
         assert folder.parent == tmp_path
-    assert not folder.exists() and not left.exists()
-    assert others.exists() and alive.exists()
+    assert not folder.exists()
+    assert not left.exists()
+    assert others.exists()
+    assert alive.exists()
 
 
 def test_folders_that_were_made_for_a_file_go_with_it(tmp_path: Path) -> None:

@@ -33,7 +33,8 @@ def twice(x: float) -> float:
 
 
 if __name__ == "__main__":
-    assert twice(21.0) == 42.0 and not numba.config.CACHE_DIR
+    assert twice(21.0) == 42.0
+    assert not numba.config.CACHE_DIR
     print(sum(twice.made().stats.cache_misses.values()))
 '''
 
@@ -75,7 +76,8 @@ def test_without_a_folder_that_can_be_written_kernels_still_run(script: Path) ->
 
 def test_commands_run_without_a_folder_that_can_be_written() -> None:
     ran = run(NOWHERE, "-B", "-m", "lutforge", "--version")
-    assert (ran.returncode, ran.stderr) == (0, "") and __version__ in ran.stdout
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert __version__ in ran.stdout
 
 
 # --- Work on all cores: parts of kernels, and tasks beside each other ------------------------------------------------

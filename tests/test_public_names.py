@@ -28,7 +28,8 @@ NAMES = [name for name in dir(lf) if not name.startswith("_")]
 def test_every_name_is_there_and_told_in_the_help() -> None:
     assert 18 <= len(NAMES) <= 24
     for name in NAMES:
-        assert getattr(lf, name) is not None and name in str(lf.__doc__)
+        assert getattr(lf, name) is not None
+        assert name in str(lf.__doc__)
     stubs = re.findall(r"    from \S+ import \w+ as (\w+)", inspect.getsource(lf))
     assert sorted(stubs) == sorted(NAMES)
 
@@ -171,7 +172,8 @@ def test_a_bad_shot_is_left_out_and_named(tmp_path: Path) -> None:
     (tmp_path / "bad.nef").write_bytes(b"not a photograph")
     sampled = sample_shots([tmp_path])
     assert [account.shot for account in sampled.shots] == ["good"]
-    assert len(sampled.left_out) == 1 and "bad.nef" in sampled.left_out[0]
+    assert len(sampled.left_out) == 1
+    assert "bad.nef" in sampled.left_out[0]
     (tmp_path / "worse.nef").touch()
     with pytest.raises(ShotError, match=r"no usable shot: .*bad.nef.*worse.nef"):
         sample_shots([tmp_path / "bad.nef", tmp_path / "worse.nef"])

@@ -88,7 +88,8 @@ def test_a_batch_refuses_to_replace_inputs_or_to_merge_names(tmp_path: Path, lut
         plan_jobs([Input(Path("x/a.png"), Path("a.png")), Input(Path("y/A.PNG"), Path("A.PNG"))], tmp_path / "out")
     with pytest.raises(ImageError, match="would both become"):
         apply_batch(LutRecipe(lut_file), [source, source.with_suffix(".tif")], tmp_path / "out", ".exr")
-    assert source.read_bytes() == before and not (tmp_path / "out").exists()
+    assert source.read_bytes() == before
+    assert not (tmp_path / "out").exists()
 
 
 # --- An image that is graded region by region is the image that is graded at once -------------------------------------
@@ -129,7 +130,8 @@ def test_regions_give_the_whole(
     np.testing.assert_allclose(after.pixels, wanted, atol=tolerance)
     assert (done.width, done.height) == (90, 150)
     assert after.spec.get_int_attribute("Orientation", 1) == orientation
-    assert len(seen) > 3 and sum(pixels for pixels, _ in seen) == 150 * 90
+    assert len(seen) > 3
+    assert sum(pixels for pixels, _ in seen) == 150 * 90
     assert sum(share for _, share in seen) == pytest.approx(1)
 
 
@@ -256,4 +258,5 @@ def test_what_oiiotool_cannot_do_is_said(tmp_path: Path) -> None:
         (LutRecipe(write_cube(tmp_path / "l$HOME.cube")), "variables"),
     ):
         (line,) = oiiotool_commands(recipe, jobs, tmp_path)
-        assert isinstance(line, Failure) and says in line.reason
+        assert isinstance(line, Failure)
+        assert says in line.reason

@@ -79,7 +79,8 @@ def test_eight_responses_with_noise_clipping_and_an_inexact_shutter(name: str) -
     times, errors, images = bracket(curve)
     fit = fit_bracket(pairs_of_bracket([f"{time:g}" for time in times], images, times))
     white, dark, shutter = errors_of(fit, curve, times, errors)
-    assert max(white, dark) < 0.1 and shutter < 0.01
+    assert max(white, dark) < 0.1
+    assert shutter < 0.01
     assert fit.held_out < 0.5 and fit.verdict.fixed
 
 
@@ -169,7 +170,8 @@ def test_outliers_are_the_saturated_colours_and_the_response_is_fixed() -> None:
     assert judge(PAIRS).fixed
     verdict = judge(VIVID)
     assert verdict.fixed and verdict.outlier_saturation > verdict.inlier_saturation + 0.1
-    assert 0.0 < verdict.outliers < 0.3 and verdict.raw_spread < 0.02
+    assert 0.0 < verdict.outliers < 0.3
+    assert verdict.raw_spread < 0.02
 
 
 def test_a_camera_that_renders_each_light_differently_is_found_out() -> None:

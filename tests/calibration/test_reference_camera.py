@@ -203,7 +203,8 @@ def test_a_linear_relation_is_found_whatever_the_noise_free_colours() -> None:
     x = rng.uniform(0.05, 0.9, (60, 3))
     transfer, of_matrix = fit_raw_transfer("a", "b", x, x @ matrix.T, np.array([0.5, 1.0, 0.6]))
     np.testing.assert_allclose(transfer(x), x @ matrix.T, atol=1e-6)
-    assert transfer.error is not None and max(transfer.error, of_matrix) < 1e-6
+    assert transfer.error is not None
+    assert max(transfer.error, of_matrix) < 1e-6
 
 
 def test_patches_pair_by_name_and_shots_by_name_or_order() -> None:

@@ -51,7 +51,8 @@ def test_multipliers_are_found_with_greys_and_without(balance: str, grey: bool, 
     samples = sample_set(raw, srgb, balance)
     found, notes = complete_multipliers(samples)
     np.testing.assert_allclose(found[0], CAMERA.white_balances[balance].multipliers, rtol=within)
-    assert len(notes) == 1 and balance in notes[0]
+    assert len(notes) == 1
+    assert balance in notes[0]
     assert named_white_balances(samples, found, CAMERA.matrix)[balance].spread == 0.0
 
 

@@ -161,7 +161,8 @@ def test_a_cube_of_footage_tells_how_bright_its_worst_light_is(lutforge: Command
 
 def test_the_command_alone_prints_its_help(lutforge: CommandLine) -> None:
     alone = lutforge()
-    assert "calibrate" in alone.stdout and alone.stderr == ""
+    assert "calibrate" in alone.stdout
+    assert alone.stderr == ""
 
 
 def test_the_shell_completes_commands(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -45,7 +45,8 @@ def interrupted(folder: Path, seconds: float, *words: object, number: int = sign
         said = run.stderr.read().splitlines()
     if run.returncode == 0:  # the signal came when all was done
         return False
-    assert run.returncode == -number and said[-1] == "lutforge: stopped"
+    assert run.returncode == -number
+    assert said[-1] == "lutforge: stopped"
     assert usage.ru_utime + usage.ru_stime - worked.user - worked.system < 0.5
     assert took < 5.0
     assert not [

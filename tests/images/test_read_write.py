@@ -270,7 +270,8 @@ def test_black_level_and_scale_against_the_mosaic_itself(shared_data: Path) -> N
     inside = raw.pixels[:-1, :-1, 0]
     unclipped = red[:-1, :-1] < 1
     np.testing.assert_allclose(inside[unclipped], centre[unclipped], atol=1e-4)
-    assert np.all(inside[~unclipped] == 1) and (raw.pixels[..., 1] == 1).any()
+    assert np.all(inside[~unclipped] == 1)
+    assert (raw.pixels[..., 1] == 1).any()
 
 
 def test_equal_multipliers_mean_unknown(tmp_path: Path, mosaic: np.ndarray) -> None:
@@ -303,7 +304,8 @@ def test_illegal_files(tmp_path: Path, content: bytes, why: str) -> None:
     path.write_bytes(content)
     with pytest.raises(ImageError, match=why) as caught:
         read_raw(path)
-    assert "\n" not in str(caught.value) and str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.9])

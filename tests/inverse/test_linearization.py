@@ -59,7 +59,8 @@ def test_a_margin_takes_clipped_channels_beyond_the_end(render: BakedRender) -> 
     jpeg = jpeg[np.any(jpeg == 0, axis=1) & np.all(jpeg < 1, axis=1)]
     found, residual = preimages(render, jpeg, raw_colours(1, 0)[:1].repeat(len(jpeg), axis=0), margin=0.01)
     beyond = -render.cube_values(found)[jpeg == 0]
-    assert residual.max() < 2e-3 and np.median(beyond) > 0.0099
+    assert residual.max() < 2e-3
+    assert np.median(beyond) > 0.0099
 
 
 def test_jpegs_come_back(render: BakedRender, inverse: Linearization) -> None:
@@ -101,9 +102,11 @@ def test_clipped_codes_stay_clipped_and_leave_others_alone(render: BakedRender, 
     back = render(inverse(jpeg))
     for end in (0.0, 1.0):
         clipped = jpeg == end
-        assert clipped.sum() > 1000 and np.abs(back - end)[clipped].max() < 0.01
+        assert clipped.sum() > 1000
+        assert np.abs(back - end)[clipped].max() < 0.01
     one = np.any(jpeg == 1 / 255, axis=1)
-    assert one.sum() > 100 and np.abs(back - jpeg)[one].max() < 0.01
+    assert one.sum() > 100
+    assert np.abs(back - jpeg)[one].max() < 0.01
 
 
 def test_a_render_without_a_response_comes_back_where_it_clips() -> None:

@@ -76,7 +76,8 @@ def test_a_damaged_kit_is_one_line(program: str, profile: CameraProfile, shared_
         run = subprocess.run([str(kit / "develop.sh"), raw, str(output)], capture_output=True, text=True)
         assert run.returncode == 1
         assert "a camera profile of the kit is damaged" in run.stderr
-        assert damaged.name in run.stderr and len(run.stderr.splitlines()) == 1
+        assert damaged.name in run.stderr
+        assert len(run.stderr.splitlines()) == 1
         assert not output.exists()
 
 
@@ -89,7 +90,8 @@ def test_a_darktable_that_cannot_use_the_kit_is_told(profile: CameraProfile, sha
     raw = str(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
     command = [str(kit / "develop.sh"), raw, str(tmp_path / "out.tif")]
     run = subprocess.run(command, capture_output=True, text=True)
-    assert run.returncode == 1 and "did not use the profile" in run.stderr
+    assert run.returncode == 1
+    assert "did not use the profile" in run.stderr
     assert not (tmp_path / "out.tif").exists()
 
 

@@ -102,7 +102,8 @@ def test_errors_name_line_text_and_cause(tmp_path: Path, name: str, text: str, w
     path.write_text(text, encoding="utf-8")
     with pytest.raises(LutError) as caught:
         check_lut(path)
-    assert words in str(caught.value) and str(path) in str(caught.value)
+    assert words in str(caught.value)
+    assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
     for other, why in ((path.with_name("none.cube"), "no such file"), (tmp_path, "is a folder, not a LUT")):
         with pytest.raises(LutError, match=why):

@@ -131,7 +131,8 @@ def test_verify_reports_a_known_difference(tmp_path: Path) -> None:
     error = verify(IDENTITY.write(tmp_path / "a.cube"), lambda x: np.asarray(x) + 0.01)
     assert error.max == pytest.approx(0.01 * np.sqrt(3), rel=1e-4)
     assert error.mean == pytest.approx(error.max, rel=1e-4) and error.max_de00 is not None
-    assert 0.2 < error.max_de00 < 5 and "ΔE00" in str(error)
+    assert 0.2 < error.max_de00 < 5
+    assert "ΔE00" in str(error)
 
 
 def test_clear_refusals(tmp_path: Path) -> None:
@@ -250,7 +251,8 @@ def profile(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_program_has_its_files(program: str) -> None:
     files = files_for(program, "../A Camera: №1 RAW to standard/daylight")
     first, *fallback = files
-    assert first.suffix in PROGRAMS[program].reads and files[first] == program
+    assert first.suffix in PROGRAMS[program].reads
+    assert files[first] == program
     assert len(first.parts) == 1 and first.name == first.name.encode("ascii", "ignore").decode()
     if PROGRAMS[program].shaper:
         assert [path.name.endswith(".plain.cube") for path in fallback] == [True]
@@ -263,7 +265,8 @@ def test_no_dialect_takes_the_place_of_another() -> None:
     for name in NAMED:
         for path in (path for path in files_for(name, "look") if path.suffix == ".cube"):
             (shaped if target_of(path, files_for(name, "look")[path]).form == "shaper" else plain).add(path.name)
-    assert shaped and plain
+    assert shaped
+    assert plain
     assert not shaped & plain
 
 
@@ -358,7 +361,8 @@ def test_a_sequence_says_what_it_is() -> None:
     text = str(lut)
     assert text.splitlines()[0] == 'LUT "a look"'
     assert "1. Matrix diagonal 2 1 1.5" in text and "33³ nodes, tetrahedral" in text
-    assert repr(lut) == f"<Lut {lut.summary} 'a look'>" and lut.size == 33
+    assert repr(lut) == f"<Lut {lut.summary} 'a look'>"
+    assert lut.size == 33
     with pytest.raises(LutError, match="no operation"):
         Lut(())
 

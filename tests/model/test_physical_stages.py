@@ -50,7 +50,8 @@ def test_the_logarithmic_basis_spans_gamma_curves(gamma: float) -> None:
     target = gamma * np.log(encoded) - mean
     coefficients = np.linalg.lstsq(curves, target, rcond=1e-10)[0]
     error = np.expm1((curves @ coefficients - target) / gamma) * encoded  # in encoded values
-    assert np.abs(error).max() < 0.006 and np.sqrt(np.mean(error**2)) < 0.001
+    assert np.abs(error).max() < 0.006
+    assert np.sqrt(np.mean(error**2)) < 0.001
 
 
 # --- Radial basis functions against the formula (4.7) in plain numpy --------------------------------------------------

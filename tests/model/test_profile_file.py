@@ -76,7 +76,8 @@ def _refused(path: Path) -> str:
     with pytest.raises(ProfileError) as caught:
         load_profile(path)
     message = str(caught.value)
-    assert "\n" not in message and str(path) in message
+    assert "\n" not in message
+    assert str(path) in message
     return message
 
 

@@ -229,4 +229,5 @@ def test_anything_else_is_refused_in_one_line(tmp_path: Path, text: str) -> None
     path.write_text(text)
     with pytest.raises(ProfileError) as caught:
         load_transfer(path)
-    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -71,7 +71,8 @@ def test_a_temperature_in_between_renders_as_its_own_multipliers_would(camera: S
 
 def test_multipliers_move_steadily_with_the_temperature() -> None:
     found = np.array([resolve(Kelvin(kelvin), KNOWN, MATRIX) for kelvin in np.linspace(2800, 9000, 90)])
-    assert np.all(np.diff(found[:, 0]) > 0) and np.all(np.diff(found[:, 2]) < 0)
+    assert np.all(np.diff(found[:, 0]) > 0)
+    assert np.all(np.diff(found[:, 2]) < 0)
 
 
 def test_a_tint_is_a_greener_light_and_a_more_magenta_picture() -> None:

@@ -249,7 +249,8 @@ def test_roles_are_complete(written: Written) -> None:
     roles = dict(config.getRoles())
     assert roles["scene_linear"] == "ACEScg" and roles["aces_interchange"] == "ACES2065-1"
     wanted = {"cie_xyz_d65_interchange", "data", "color_picking", "texture_paint", "compositing_log", "matte_paint"}
-    assert wanted <= set(roles) and config.getColorSpace(roles["data"]).isData()
+    assert wanted <= set(roles)
+    assert config.getColorSpace(roles["data"]).isData()
 
 
 @pytest.mark.parametrize(

@@ -147,7 +147,8 @@ def test_it_prints_on_a4_with_the_answers_on_page_one(hostile: tuple[CameraProfi
         pages = page.pdf(format="A4", prefer_css_page_size=True).count(b"/Type /Page\n")
         browser.close()
     assert headings == ["How good is it?", "What for?", "What to shoot next?"]
-    assert end < 1002 and width <= 688 and pages >= 3
+    assert end < 1002 and width <= 688
+    assert pages >= 3
     assert len(asked) == 1  # the file itself
 
 
@@ -169,7 +170,8 @@ def test_error_maps_of_real_files(demo: tuple[Path, str]) -> None:
     name = str(samples.shot[0])
     report = build_report(profile, samples, files={name: next((folder / "shots").rglob(f"{name}.*dng"))})
     maps = [block for block in report.pictures if isinstance(block, Picture) and block.name.startswith("error_map_")]
-    assert len(maps) == 1 and "not seen by the fits" in maps[0].caption
+    assert len(maps) == 1
+    assert "not seen by the fits" in maps[0].caption
     titles = [axis.get_title() for axis in maps[0].figure.axes]
     for direction in ("RAW → JPEG", "JPEG → RAW"):
         means = [float(title.rsplit(" ", 1)[1]) for title in titles if title.startswith(direction)]

@@ -91,16 +91,19 @@ def test_patches_outside_the_picture_are_left_out() -> None:
     shot = synthetic_shot(chart_scene(CORNERS))
     corners = np.array([[60.0, 40.0], [600.0, 40.0], [600.0, 280.0], [60.0, 280.0]])
     _, raw = sample_chart(shot, Chart(corners))
-    assert np.isnan(raw.mean).any() and np.isfinite(raw.mean).any()
+    assert np.isnan(raw.mean).any()
+    assert np.isfinite(raw.mean).any()
 
 
 def test_without_the_detector(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
     note = detector_note()
-    assert note is not None and "pip install 'lutforge[chart]'" in note
+    assert note is not None
+    assert "pip install 'lutforge[chart]'" in note
     assert find_chart(np.zeros((100, 100, 3), dtype=np.uint8)) is None
     result = extract(synthetic_shot(np.full((320, 480, 3), 0.1)))
-    assert 0 < result.tiles < 100 and result.patches == 0
+    assert 0 < result.tiles < 100
+    assert result.patches == 0
     assert note in result.summary
 
 
@@ -126,7 +129,8 @@ def test_real_chart_against_its_own_tiles(shared_data: Path) -> None:
 def test_charts_of_many_cameras_are_found(name: str, shared_data: Path) -> None:
     jpeg = np.rint(read_image(shared_data / name).pixels * 255).astype(np.uint8)
     upright, turned = find_chart(jpeg), find_chart(np.ascontiguousarray(np.rot90(jpeg)))
-    assert upright is not None and turned is not None
+    assert upright is not None
+    assert turned is not None
     # dark skin is top left in all of these; rot90 takes x, y to y, width − 1 − x
     assert (upright.corners[0] < upright.corners[2]).all()
     back = np.stack([jpeg.shape[1] - 1 - turned.corners[:, 1], turned.corners[:, 0]], axis=1)
@@ -226,7 +230,8 @@ def test_likeness_of_measured_charts(shared_data: Path) -> None:
         believed.append(likeness(grid.reshape(24, 3), deviation) is not None)
         for false in (grid[::-1, ::-1], grid[:, ::-1], grid[::-1], np.roll(grid, 1, axis=1)):
             assert likeness(false.reshape(24, 3), deviation) is None
-    assert len(believed) == 80 and sum(believed) >= 72
+    assert len(believed) == 80
+    assert sum(believed) >= 72
 
 
 # --- Charts that were measured: CGATS tables --------------------------------------------------------------------------

@@ -120,7 +120,8 @@ def test_other_shots_start_where_the_first_one_lies(tmp_path: Path) -> None:
     zoomed = shot_of(tmp_path, lens(0.04))
     again = read_shot(tmp_path / "shot.dng", expected=lambda: first.placement)
     found, alone = (shot.placement.registration.distortion for shot in (again, zoomed))
-    assert found is not None and alone is not None
+    assert found is not None
+    assert alone is not None
     assert found.k1 + found.k2 == pytest.approx(alone.k1 + alone.k2, abs=0.002)
 
 
@@ -214,7 +215,8 @@ def test_cell_statistics_weigh_fractional_borders(pixel_size: float) -> None:
 
 def test_cells_outside_the_raw_are_nan() -> None:
     cells = raw_on_grid(np.ones((10, 10, 3)), Registration(1.0, -1.0, 0.0, 1.0), (6, 6), 2)
-    assert np.isnan(cells.mean[:, 0]).all() and np.isnan(cells.mean[5]).all()
+    assert np.isnan(cells.mean[:, 0]).all()
+    assert np.isnan(cells.mean[5]).all()
     np.testing.assert_allclose(cells.mean[:5, 1:5], 1)
     np.testing.assert_allclose(cells.std[:5, 1:5], 0, atol=1e-9)
 

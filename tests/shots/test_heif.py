@@ -103,7 +103,8 @@ def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:
     settings = CameraSettings(style="vivid", white_balance="tungsten", exposure_s=1 / 30)
     _, dng = pair(tmp_path, "shot", settings, "still-life", 1)
     picture = dng.with_suffix(".HIF")
-    assert jpeg_beside(dng) == picture and discover([dng, picture]) == [dng]
+    assert jpeg_beside(dng) == picture
+    assert discover([dng, picture]) == [dng]
     shot = read_shot(dng)
     assert shot.jpeg_source == str(picture) and shot.fine is not None
     assert np.abs(shot.fine / 257 - shot.jpeg).max() <= 0.5

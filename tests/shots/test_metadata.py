@@ -207,7 +207,8 @@ def test_each_version_of_nikons_picture_controls(version: bytes, name: int, cont
     control[:4], control[name : name + 20], control[contrast] = version, b"VIVID".ljust(20, b"\0"), 0x82
     note = b"Nikon\0\2\x10\0\0MM\0*\0\0\0\x08" + struct.pack(">HHHIII", 1, 0x0023, 7, len(control), 26, 0)
     tags = tags_of(tiff_with_note(note + bytes(control)))
-    assert style_of(tags) == style and list(notes_of(tags)) == []
+    assert style_of(tags) == style
+    assert list(notes_of(tags)) == []
     control[contrast] = 0
     assert "automatic contrast" in next(notes_of(tags_of(tiff_with_note(note + bytes(control)))))
 
@@ -279,7 +280,8 @@ def test_endless_metadata_end_and_nothing_is_printed(
     assert time.perf_counter() - start < 3
     (tmp_path / "b.jpg").write_bytes(b"\xff\xd8\xff\xe1\0\x10Exif\0\0II*\0\xff\xff\xff\xff")
     assert file_tags(tmp_path / "b.jpg") == {}
-    assert capfd.readouterr() == ("", "") and not caplog.records
+    assert capfd.readouterr() == ("", "")
+    assert not caplog.records
 
 
 def test_tables_name_known_groups_and_codes() -> None:

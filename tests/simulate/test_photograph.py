@@ -135,7 +135,8 @@ def test_the_same_name_and_seed_give_the_same_file(tmp_path: Path, chart: Scene)
 def test_demo_shots_cover_styles_lights_and_both_kinds_of_jpeg(tmp_path: Path) -> None:
     told: list[str] = []
     shots = demo_shots(tmp_path, told.append, shape=(160, 240))
-    assert len(told) == len(SHOTS) + 1 and len(shots.calibration) == len(SHOTS)
+    assert len(told) == len(SHOTS) + 1
+    assert len(shots.calibration) == len(SHOTS)
     assert {path.with_suffix(".JPG").exists() for path in shots.calibration} == {True, False}
     assert shots.held_out.jpeg is not None and shots.held_out.dng not in shots.calibration
     camera = shots.camera
@@ -235,11 +236,13 @@ def test_a_white_surface_is_neutral_under_every_white_balance(camera: SimulatedC
     for name, balance in camera.white_balances.items():
         white = camera.expose(np.ones(len(WAVELENGTHS)), name)
         assert white.max() == pytest.approx(0.9)
-        assert balance.multipliers[1] == 1.0 and min(balance.multipliers) >= 1.0
+        assert balance.multipliers[1] == 1.0
+        assert min(balance.multipliers) >= 1.0
         for style in camera.styles:
             for level in (0.05, 0.2, 0.9):
                 encoded = camera.render(level * white, style, name)
-                assert np.ptp(encoded) < 1e-12 and 0 < encoded[0] < 1
+                assert np.ptp(encoded) < 1e-12
+                assert 0 < encoded[0] < 1
 
 
 @CAMERA
