@@ -129,7 +129,8 @@ def test_every_failure_becomes_one_line(failure: BaseException) -> None:
     with pytest.raises(SampleError) as caught, reading("a.npz", "a sample table", SampleError):
         raise failure
     text = str(caught.value)
-    assert text.startswith("a.npz: cannot be read as a sample table (") and text.isprintable()
+    assert text.startswith("a.npz: cannot be read as a sample table (")
+    assert text.isprintable()
     assert len(text) <= 300
 
 
@@ -148,8 +149,10 @@ def test_own_errors_pass_and_name_the_file_once() -> None:
 def test_messages_are_one_printable_line_with_their_ends() -> None:
     error = LutForgeError("a.cube: \x1b[2J\ncolumn " + "long " * 1000 + "; write it anew")
     text = str(error)
-    assert len(text) <= 500 and text.isprintable()
-    assert text.startswith("a.cube: ?[2J column long") and text.endswith("; write it anew")
+    assert len(text) <= 500
+    assert text.isprintable()
+    assert text.startswith("a.cube: ?[2J column long")
+    assert text.endswith("; write it anew")
     assert str(pickle.loads(pickle.dumps(error))) == text
 
 

@@ -98,7 +98,8 @@ def test_tasks_keep_their_parts_to_themselves_but_the_last_one(monkeypatch: pyte
     for name in threads.each(task, ["first", "last"]):
         if name == "first":
             first_is_done.set()
-    assert not others["first"] and len(others["last"]) == 2
+    assert not others["first"]
+    assert len(others["last"]) == 2
 
 
 # --- Calls in a process of their own: their values and errors come back, and none outlasts its limits or Ctrl-C ------

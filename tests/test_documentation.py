@@ -78,7 +78,8 @@ def test_every_kit_has_a_page_that_is_listed() -> None:
     pages = {page.name: page.read_text(encoding="utf-8") for page in guide.glob("*.md")}
     for program in KITS:
         page = f"{program}.md" if f"{program}.md" in pages else "other_programs.md"
-        assert f"--for {program}" in pages[page] and f"]({page}" in pages["developers.md"]
+        assert f"--for {program}" in pages[page]
+        assert f"]({page}" in pages["developers.md"]
         assert f" {page}\n" in (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
 
 
@@ -98,7 +99,8 @@ def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     names = {"pixels": np.random.default_rng(2).random((4, 5, 3))}
     exec(code, names)
     assert names["image"].shape == (4, 5, 3)
-    assert (tmp_path / "fix.clf").stat().st_size > 0 and (tmp_path / "camera.npz").stat().st_size > 0
+    assert (tmp_path / "fix.clf").stat().st_size > 0
+    assert (tmp_path / "camera.npz").stat().st_size > 0
 
 
 def test_the_python_of_getting_started_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,7 +112,8 @@ def test_the_python_of_getting_started_runs(tmp_path: Path, monkeypatch: pytest.
     table.save(tmp_path / "samples.csv")
     for code in re.findall("```python\n(.*?)```", page, flags=re.DOTALL):
         exec(code, names)
-    assert names["count"] == 2 and names["light"].shape == (240, 3)
+    assert names["count"] == 2
+    assert names["light"].shape == (240, 3)
     assert lf.load_profile("camera.npz").camera == "My camera"
 
 

@@ -147,7 +147,8 @@ def test_a_representation_is_short(tmp_path: Path) -> None:
 
 def test_names_of_settings_become_those_of_selectors() -> None:
     profile = lf.calibrate(made_samples(style="Standard", balance=" Day/Light "), lf.CalibrationOptions(size=9))
-    assert list(profile.styles) == ["standard"] and list(profile.white_balances) == ["day-light"]
+    assert list(profile.styles) == ["standard"]
+    assert list(profile.white_balances) == ["day-light"]
     render = profile.render("STANDARD/Day-Light")
     grey = np.array([[0.1, 0.18, 0.12]])
     np.testing.assert_allclose(render(grey), (grey * [1.8, 1.0, 1.5]) ** 0.45, atol=0.01)

@@ -142,8 +142,10 @@ def test_data_windows_off_the_origin_stay_where_they_are(tmp_path: Path, grade: 
     spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height = -7, 11, 0, 0, 64, 64
     spec.tile_width = spec.tile_height = tile
     output = oiio.ImageOutput.create("a.exr")
-    assert output is not None and output.open(str(tmp_path / "a.exr"), spec)
-    assert output.write_image(pixels) and output.close()
+    assert output is not None
+    assert output.open(str(tmp_path / "a.exr"), spec)
+    assert output.write_image(pixels)
+    assert output.close()
     apply_image(grade, tmp_path / "a.exr", tmp_path / "b.exr", 2, region_samples=50 * 3 * 16)
     graded = read_image(tmp_path / "b.exr")
     assert (graded.spec.x, graded.spec.y, graded.spec.full_width) == (-7, 11, 64)
@@ -170,7 +172,8 @@ def test_memory_does_not_grow_with_the_image(tmp_path: Path) -> None:
     spec = oiio.ImageSpec(10_000, 6_000, 3, "uint8")
     spec.attribute("compression", "none")
     output = oiio.ImageOutput.create("a.tif")
-    assert output is not None and output.open(str(tmp_path / "a.tif"), spec)
+    assert output is not None
+    assert output.open(str(tmp_path / "a.tif"), spec)
     strip = np.full((500, 10_000, 3), 0.5, np.float32)
     for top in range(0, 6_000, 500):
         assert output.write_scanlines(top, top + 500, 0, strip)

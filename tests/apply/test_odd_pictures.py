@@ -167,8 +167,10 @@ def test_scene_linear_light_in_eight_bits_is_told(tmp_path: Path) -> None:
         assert not result.failed
         return [any("scene-linear" in note for note in done.notes) for done in result.done]
 
-    assert told("render") == [True, False] and told("linearize") == [True, False]
-    assert told("linearize", ".exr") == [False] and told("refinish") == [False, False]
+    assert told("render") == [True, False]
+    assert told("linearize") == [True, False]
+    assert told("linearize", ".exr") == [False]
+    assert told("refinish") == [False, False]
 
 
 def test_a_config_knows_which_of_its_spaces_are_linear() -> None:
@@ -316,7 +318,8 @@ def test_missing_frames_are_failures_where_they_were_asked_for(folder: Path, run
     assert "lutforge: shot.1003.exr: this frame is missing" in done.stderr
     assert done.stdout.split() == [f"out/shot.{number}.exr" for number in (1001, 1002, 1004)]
     again = run("look.cube", "shot.####.exr", "-o", "out", "--resume")
-    assert "not there: frame 1003" in again.stderr and "0 graded, 3 skipped" in again.stderr
+    assert "not there: frame 1003" in again.stderr
+    assert "0 graded, 3 skipped" in again.stderr
 
 
 # --- Files of strangers that made `apply` hang or end in a traceback: each is one line of our own error --------------

@@ -228,7 +228,8 @@ def write_float(path: Path, side: tuple[int, int], kind: str, compression: str, 
     spec.tile_width = spec.tile_height = tile
     spec.attribute("compression", compression)
     target = oiio.ImageOutput.create(str(path))
-    assert target is not None and target.open(str(path), spec)
+    assert target is not None
+    assert target.open(str(path), spec)
     strip = scene(step, width)
     for top in range(0, height, step):
         bottom = min(top + step, height)

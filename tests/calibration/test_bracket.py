@@ -36,7 +36,8 @@ def test_a_real_bracket(window: BracketFit) -> None:
     assert all(0.9 < ratio < 1.1 for ratio in window.exposure_error.values())
     median = {curve.name.split()[0]: curve.median for curve in window.curves}
     assert median["EMoR"] < 2.2 and median["monotone"] < 3.0
-    assert window.held_out < 1.6 and window.verdict.fixed
+    assert window.held_out < 1.6
+    assert window.verdict.fixed
     assert median["EMoR"] < 0.25 * median["gamma"] < 0.25 * median["sRGB"]
     codes = np.linspace(0.1, 0.6, 50)
     emor, spline = (_next_stop(curve.response, codes) for curve in window.curves[:2])
@@ -81,7 +82,8 @@ def test_eight_responses_with_noise_clipping_and_an_inexact_shutter(name: str) -
     white, dark, shutter = errors_of(fit, curve, times, errors)
     assert max(white, dark) < 0.1
     assert shutter < 0.01
-    assert fit.held_out < 0.5 and fit.verdict.fixed
+    assert fit.held_out < 0.5
+    assert fit.verdict.fixed
 
 
 def test_a_camera_that_adapts_to_the_scene_is_told() -> None:
@@ -169,7 +171,8 @@ def test_removing_outliers_brings_the_function_nearer_to_the_cameras() -> None:
 def test_outliers_are_the_saturated_colours_and_the_response_is_fixed() -> None:
     assert judge(PAIRS).fixed
     verdict = judge(VIVID)
-    assert verdict.fixed and verdict.outlier_saturation > verdict.inlier_saturation + 0.1
+    assert verdict.fixed
+    assert verdict.outlier_saturation > verdict.inlier_saturation + 0.1
     assert 0.0 < verdict.outliers < 0.3
     assert verdict.raw_spread < 0.02
 

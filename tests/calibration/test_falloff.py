@@ -79,7 +79,8 @@ def test_lens_settings_have_falloffs_of_their_own() -> None:
     aperture, focal_mm = np.where(one, 2.8, 8.0), np.full(len(samples), 35.0)
     spoilt = replace(with_dark_corners(samples, stops), aperture=aperture, focal_mm=focal_mm)
     (falloff,) = _fitted(spoilt)
-    assert (falloff.focal_mm, falloff.aperture) == (35.0, 2.8) and falloff.setting == "35 mm f/2.8"
+    assert (falloff.focal_mm, falloff.aperture) == (35.0, 2.8)
+    assert falloff.setting == "35 mm f/2.8"
     centred = at_the_centre(spoilt, (falloff,)).raw
     assert np.array_equal(centred[~one], spoilt.raw[~one])  # f/8 loses nothing
     np.testing.assert_allclose(np.log2(centred / samples.raw), 0.0, atol=0.05)

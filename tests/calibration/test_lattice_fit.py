@@ -95,7 +95,8 @@ def test_ends_and_grey_axis() -> None:
 def test_coverage_is_where_the_samples_are() -> None:
     x, y = colours_in_gamut(1000, 6)
     coverage = node_coverage(fit(x, y, 9), x)
-    assert coverage.shape == (9, 9, 9) and coverage.sum() == pytest.approx(1000)
+    assert coverage.shape == (9, 9, 9)
+    assert coverage.sum() == pytest.approx(1000)
     assert np.all(coverage >= 0)
 
 
@@ -197,7 +198,8 @@ def test_a_channel_falls_nowhere_or_is_left_as_it_is(method: Interpolation, seed
         assert rises or np.array_equal(risen[..., c], values[..., c])
     assert np.array_equal(risen[0, 0, 0], values[0, 0, 0])
     assert np.array_equal(risen[-1, -1, -1], values[-1, -1, -1])
-    assert risen.min() >= min(0.0, values.min()) and risen.max() <= max(1.0, values.max())
+    assert risen.min() >= min(0.0, values.min())
+    assert risen.max() <= max(1.0, values.max())
 
 
 def test_what_rises_is_left_alone() -> None:

@@ -66,10 +66,12 @@ def test_the_light_of_a_grey_is_the_cameras(profile: CameraProfile) -> None:
 
 def test_colour_and_greys_alone_are_no_monochrome_style() -> None:
     samples = _samples()
-    assert _monochrome(_without_colour(samples)) and not _monochrome(samples)
+    assert _monochrome(_without_colour(samples))
+    assert not _monochrome(samples)
     chart = np.tile(chart_140()[20:24], (5, 1))
     greys = photograph_patches(CAMERA, chart, balances=("daylight",), stops=(-6, -3, -1, 0))
-    assert not _monochrome(greys) and not _monochrome(_without_colour(greys))
+    assert not _monochrome(greys)
+    assert not _monochrome(_without_colour(greys))
 
 
 def test_the_physical_model_and_the_matrix_are_those_of_the_colourful_styles() -> None:
@@ -80,6 +82,7 @@ def test_the_physical_model_and_the_matrix_are_those_of_the_colourful_styles() -
     for options in (physical, replace(physical, model="lattice")):
         both, alone = calibrate(concatenate([colourful, grey]), options), calibrate(colourful, options)
         np.testing.assert_array_equal(both.matrix, alone.matrix)
-        assert both.styles["standard"].physical and not both.styles["monochrome"].physical
+        assert both.styles["standard"].physical
+        assert not both.styles["monochrome"].physical
     with pytest.raises(CalibrationError, match=r'"monochrome" is black and white: .* use the "lattice" model'):
         calibrate(grey, physical)

@@ -117,7 +117,8 @@ def test_an_exposure_that_is_off_is_found_with_its_size() -> None:
     samples = _fifteen()
     name = _names(samples)[3]
     (departure,) = _found(with_scene_tone(samples, [name], np.full(len(samples), 0.3), CAMERA)).values()
-    assert departure.shot == name and departure.clear == (True, False, False)
+    assert departure.shot == name
+    assert departure.clear == (True, False, False)
     assert departure.values[0] == pytest.approx(0.3, abs=0.06)
 
 

@@ -62,7 +62,8 @@ def test_bit_depth_is_kept_if_possible(tmp_path: Path, suffix: str, kind: str, e
     path = tmp_path / f"a{suffix}"
     write_image(path, ramp(), source(kind))
     image = read_image(path)
-    assert image.spec.format == expected and image.pixels.dtype == np.float32
+    assert image.spec.format == expected
+    assert image.pixels.dtype == np.float32
     np.testing.assert_allclose(image.pixels, ramp(), atol=tolerance * 1.01 + 1e-7)
 
 
@@ -101,8 +102,10 @@ def test_a_jpeg_of_a_jpeg_is_as_fine_as_its_source(tmp_path: Path, quality: int,
     spec.attribute("Compression", f"jpeg:{quality}")
     spec.attribute("jpeg:subsampling", subsampling)
     output = oiio.ImageOutput.create("a.jpg")
-    assert output is not None and output.open(str(tmp_path / "a.jpg"), spec)
-    assert output.write_image(noise) and output.close()
+    assert output is not None
+    assert output.open(str(tmp_path / "a.jpg"), spec)
+    assert output.write_image(noise)
+    assert output.close()
     picture = read_image(tmp_path / "a.jpg")
     write_image(tmp_path / "b.jpg", picture.pixels, picture)
     written = read_image(tmp_path / "b.jpg")
@@ -200,16 +203,19 @@ def test_black_is_zero_and_saturation_one(tmp_path: Path, mosaic: np.ndarray) ->
     path = tmp_path / "flat.dng"
     write_dng(path, mosaic, black=64, white=4095, as_shot_neutral=(0.5, 1, 0.8), exposure_s=1 / 50, iso=400)
     raw = read_raw(path, half_size=True)
-    assert raw.pixels.shape == (40, 60, 3) and raw.pixels.dtype == np.float32
+    assert raw.pixels.shape == (40, 60, 3)
+    assert raw.pixels.dtype == np.float32
     assert raw.pixel_size == 2
     expected = [(1000 - 64) / 4031, (2005 - 64) / 4031, (3000 - 64) / 4031]
     np.testing.assert_allclose(raw.pixels[20, 30], expected, atol=2e-4)
     np.testing.assert_array_equal(raw.pixels[:10, :10], 1)
     assert raw.multipliers is not None
     np.testing.assert_allclose(raw.multipliers, [2, 1, 1.25], rtol=1e-3)
-    assert raw.exposure_s == pytest.approx(1 / 50) and raw.iso == 400
+    assert raw.exposure_s == pytest.approx(1 / 50)
+    assert raw.iso == 400
     full = read_raw(path)
-    assert full.pixels.shape == (80, 120, 3) and full.pixel_size == 1
+    assert full.pixels.shape == (80, 120, 3)
+    assert full.pixel_size == 1
     np.testing.assert_allclose(full.pixels[40, 60], expected, atol=3e-3)
 
 

@@ -152,6 +152,8 @@ def test_the_worst_code_and_what_samples_showed_are_measured(render: BakedRender
 
     others_shown = measure(render, wrong, count=1 << 10, shown=lambda jpeg: ~red(jpeg))
     reds_shown = measure(render, wrong, count=1 << 10, shown=red)
-    assert others_shown.maximum > 0.1 and others_shown.shown == 0
-    assert reds_shown.shown == reds_shown.maximum and reds_shown.worst[0] > 0.69 * 255
+    assert others_shown.maximum > 0.1
+    assert others_shown.shown == 0
+    assert reds_shown.shown == reds_shown.maximum
+    assert reds_shown.worst[0] > 0.69 * 255
     assert max(reds_shown.worst[1:]) < 0.31 * 255

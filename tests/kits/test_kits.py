@@ -63,7 +63,8 @@ def test_a_dng_profile_shows_the_look(profile: CameraProfile, s40_samples: Sampl
     assert tags[50708] == "Canon PowerShot S40"
     x = colours_of_photographs(s40_samples)
     difference = delta_e_2000(developed_by_dcp(tags, x), np.clip(look_of(profile, SETTING).render(x), 0.0, 1.0))
-    assert difference.mean() < 0.4 and difference.max() < 3.0
+    assert difference.mean() < 0.4
+    assert difference.max() < 3.0
 
 
 def test_white_stays_white_in_a_dng_profile(profile: CameraProfile) -> None:
@@ -147,13 +148,15 @@ def test_a_picture_is_compared_with_the_jpeg(shared_data: Path, s40_samples: Sam
     (tmp_path / "same.jpg").write_bytes(jpeg)
     check = compare_with_jpeg(raw, tmp_path / "same.jpg")
     assert check.shot == "CRW_0101.CRW"
-    assert check.tiles == np.count_nonzero(s40_samples.shot == "CRW_0101") and check.maximum < 0.1
+    assert check.tiles == np.count_nonzero(s40_samples.shot == "CRW_0101")
+    assert check.maximum < 0.1
     # What a program clips is an error of its picture, and counts; how its picture lies does not.
     pixels = read_image(tmp_path / "same.jpg").pixels
     turned = np.ascontiguousarray(np.rot90(np.minimum(pixels * 1.5, 1.0)), np.float32)
     write_picture(tmp_path / "clipped.tif", kind="uint16", pixels=turned)
     clipped = compare_with_jpeg(raw, tmp_path / "clipped.tif")
-    assert clipped.tiles == check.tiles and clipped.mean > 5.0
+    assert clipped.tiles == check.tiles
+    assert clipped.mean > 5.0
 
 
 def test_a_script_that_cannot_be_run_is_one_line(profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
@@ -167,20 +170,23 @@ def test_scripts_say_what_is_missing(profile: CameraProfile, tmp_path: Path) -> 
     folder = write_kit(profile, SETTING, tmp_path / "kit", "rawtherapee")
     script = str(folder / "develop.sh")
     usage = subprocess.run([script], capture_output=True, text=True)
-    assert usage.returncode == 2 and len(usage.stderr.splitlines()) == 1
+    assert usage.returncode == 2
+    assert len(usage.stderr.splitlines()) == 1
     env = stand_in(tmp_path / "bin", "rawtherapee-cli", "", "picture")
     command = [script, str(tmp_path / "none.CRW"), str(tmp_path / "out.tif")]
     unreadable = subprocess.run(command, capture_output=True, text=True, env=env)
     assert (unreadable.returncode, unreadable.stderr) == (2, f"{tmp_path}/none.CRW: cannot be read\n")
     missing = subprocess.run(["/bin/sh", script, "a", "b"], capture_output=True, text=True, env={"PATH": "/nowhere"})
-    assert missing.returncode == 2 and missing.stderr == "rawtherapee-cli is not installed\n"
+    assert missing.returncode == 2
+    assert missing.stderr == "rawtherapee-cli is not installed\n"
 
 
 def test_a_kit_goes_where_a_link_leads(profile: CameraProfile, tmp_path: Path) -> None:
     (tmp_path / "real").mkdir()
     (tmp_path / "link").symlink_to("real")
     assert write_kit(profile, SETTING, tmp_path / "link", "rawtherapee") == tmp_path / "link"
-    assert (tmp_path / "link").is_symlink() and (tmp_path / "real" / "develop.sh").is_file()
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real" / "develop.sh").is_file()
     (tmp_path / "dangling").symlink_to("later")
     write_kit(profile, SETTING, tmp_path / "dangling", "rawtherapee")
     assert (tmp_path / "later" / "develop.sh").is_file()
@@ -404,7 +410,8 @@ def test_a_profile_is_read_as_little_cms_reads_it(icc: Path) -> None:
     x = np.random.default_rng(3).random((2000, 3))
     assert np.abs(read_icc(icc)(x) - np.clip(through_little_cms(icc, x, 32), 0.0, 1.0)).max() < 1e-3
     text = "\n".join(icc_lines(icc))
-    assert "Canon PowerShot S40 standard" in text and "Little CMS: reads it, within 0." in text
+    assert "Canon PowerShot S40 standard" in text
+    assert "Little CMS: reads it, within 0." in text
 
 
 def test_an_icc_profile_is_a_format_of_bake(profile: CameraProfile, tmp_path: Path, lutforge: CommandLine) -> None:

@@ -113,7 +113,8 @@ def test_of_several_pictures_of_one_name_the_tiff_is_taken(folders: tuple[Path, 
     (tmp_path / "FRAME.TIF").write_bytes((folders[0] / "a.tif").read_bytes())
     (tmp_path / "frame.jpg").write_bytes(b"no picture")
     substitute = raw_substitute(tmp_path, developed_space="srgb")
-    assert substitute is not None and substitute(Path("frame.CR2")).pixels.shape == (480, 640, 3)
+    assert substitute is not None
+    assert substitute(Path("frame.CR2")).pixels.shape == (480, 640, 3)
 
 
 @pytest.mark.slow

@@ -109,7 +109,8 @@ def test_codes_are_those_of_the_published_curves(
     assert np.abs(codes[0] - black).max() < 1.5 / 1023
     assert np.abs(codes[1] - grey).max() < 4 / 1023
     cube = read_lut(path).cube
-    assert cube is not None and cube.values.min() >= 0.0
+    assert cube is not None
+    assert cube.values.min() >= 0.0
     assert np.abs(codes[2] - highest).max() < 4 / 1023
     # A strong colour of RAW within [0, 1] may lie beyond 1 in another space: where the matrix subtracts nothing.
     matrix = matrix_between("linear-srgb", rgb_space(space).linear.name) @ truth.profile.matrix

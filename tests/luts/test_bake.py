@@ -78,7 +78,8 @@ def test_a_fit_has_less_error_than_sampling(method: Interpolation) -> None:
     sampled = Lattice(uniform_levels(17), look(grid(uniform_levels(17))), method)
     errors = [np.sqrt(np.mean((f(x) - wanted) ** 2)) for f in (fitted, uniform, sampled)]
     assert uniform.summary == "Cube 17³"
-    assert errors[0] < 0.8 * errors[1] and errors[1] < 0.75 * errors[2]
+    assert errors[0] < 0.8 * errors[1]
+    assert errors[1] < 0.75 * errors[2]
 
 
 def test_black_and_white_are_exact_and_grey_nearly() -> None:
@@ -108,7 +109,8 @@ def test_no_output_leaves_the_range_of_the_function() -> None:
 
     for form in FORMS:
         cube = bake(clipped, size=17, form=form).cube
-        assert cube is not None and cube.values.min() >= 0.0
+        assert cube is not None
+        assert cube.values.min() >= 0.0
         assert cube.values.max() <= 1.0
 
 
@@ -173,7 +175,8 @@ def test_stages_at_17_beat_one_cube_at_33(published_d40: CameraProfile) -> None:
         wanted = transform(x)
         staged, one = bake(transform, size=17), bake(transform, size=33, form="plain")
         ours, plain = (np.linalg.norm(lut(x) - wanted, axis=1) for lut in (staged, one))
-        assert ours.mean() < 0.5 * plain.mean() and ours.max() < 0.5 * plain.max()
+        assert ours.mean() < 0.5 * plain.mean()
+        assert ours.max() < 0.5 * plain.max()
 
 
 @pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.cube", "a.3dl"])
@@ -321,7 +324,8 @@ def test_tables_are_fine_enough_for_the_darks(tmp_path: Path, footage: Transform
 @pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.spi1d"])
 def test_other_files_span_the_range_of_the_camera(tmp_path: Path, footage: Transform, name: str) -> None:
     lut = bake(footage, tmp_path / name)
-    assert lut.shaper is not None and lut.shaper.high == footage.highest() > 4.0
+    assert lut.shaper is not None
+    assert lut.shaper.high == footage.highest() > 4.0
     x = light(footage.highest())
     if name != "a.spi1d":  # two files: verify reads them one after the other
         got = evaluate(file_processor(tmp_path / name), x)

@@ -52,7 +52,8 @@ def test_figures_of_a_bad_cube(tmp_path: Path) -> None:
     cube = 1.2 - 1.4 * grid(uniform_levels(5))
     path = Lut((Cube(cube),)).write(tmp_path / "negative.cube")
     report = check_lut(path)
-    assert (report.lowest, report.highest) == pytest.approx((-0.2, 1.2)) and report.falling == 1.0
+    assert (report.lowest, report.highest) == pytest.approx((-0.2, 1.2))
+    assert report.falling == 1.0
     assert report.black == pytest.approx((1.2,) * 3, abs=1e-6)
     assert report.white == pytest.approx((-0.2,) * 3, abs=1e-6)
     assert any("darker" in problem for problem in report.problems)

@@ -51,7 +51,8 @@ def test_a_bunched_random_lattice_is_exact(tmp_path: Path, name: str, interpolat
     lut = worst_case(interpolation=interpolation)
     path = lut.write(tmp_path / name)
     error = verify(path, lut, lut, display_referred=False)
-    assert error.max < WITHIN and error.samples > 80_000
+    assert error.max < WITHIN
+    assert error.samples > 80_000
     assert error.mean_de00 is None
 
 
@@ -130,7 +131,8 @@ def test_writing_again_is_seen_by_verify(tmp_path: Path) -> None:
 def test_verify_reports_a_known_difference(tmp_path: Path) -> None:
     error = verify(IDENTITY.write(tmp_path / "a.cube"), lambda x: np.asarray(x) + 0.01)
     assert error.max == pytest.approx(0.01 * np.sqrt(3), rel=1e-4)
-    assert error.mean == pytest.approx(error.max, rel=1e-4) and error.max_de00 is not None
+    assert error.mean == pytest.approx(error.max, rel=1e-4)
+    assert error.max_de00 is not None
     assert 0.2 < error.max_de00 < 5
     assert "ΔE00" in str(error)
 
@@ -198,7 +200,8 @@ def parsed(path: Path) -> np.ndarray:
     lines = data.decode("ascii").split("\n")
     assert lines[:4] == ["# panasonic vlt file version 1.0", '# source vlt file ""', "LUT_3D_SIZE 17", ""]
     codes = np.array([line.split() for line in lines[4:-1]], dtype=np.int64)
-    assert codes.shape == (17**3, 3) and codes.min() >= 0
+    assert codes.shape == (17**3, 3)
+    assert codes.min() >= 0
     assert codes.max() <= 4095
     return codes.reshape(17, 17, 17, 3).transpose(2, 1, 0, 3) / 4095
 
@@ -253,7 +256,8 @@ def test_every_program_has_its_files(program: str) -> None:
     first, *fallback = files
     assert first.suffix in PROGRAMS[program].reads
     assert files[first] == program
-    assert len(first.parts) == 1 and first.name == first.name.encode("ascii", "ignore").decode()
+    assert len(first.parts) == 1
+    assert first.name == first.name.encode("ascii", "ignore").decode()
     if PROGRAMS[program].shaper:
         assert [path.name.endswith(".plain.cube") for path in fallback] == [True]
 
@@ -360,7 +364,8 @@ def test_a_sequence_says_what_it_is() -> None:
     assert lut.summary == "Matrix → Range → Curve 65536 → Cube 33³ → Matrix"
     text = str(lut)
     assert text.splitlines()[0] == 'LUT "a look"'
-    assert "1. Matrix diagonal 2 1 1.5" in text and "33³ nodes, tetrahedral" in text
+    assert "1. Matrix diagonal 2 1 1.5" in text
+    assert "33³ nodes, tetrahedral" in text
     assert repr(lut) == f"<Lut {lut.summary} 'a look'>"
     assert lut.size == 33
     with pytest.raises(LutError, match="no operation"):

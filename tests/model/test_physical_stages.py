@@ -35,7 +35,8 @@ def test_curves_that_fall_or_stand_still_are_refused() -> None:
 def test_emor_has_the_published_numbers() -> None:
     # invemor.txt (Columbia CAVE): g0 and hinv(1) at their second entries.
     basis = inverse_emor()
-    assert basis.curves.shape == (15, 1024) and basis.mean[1] == pytest.approx(1.47726e-3, abs=2e-8)
+    assert basis.curves.shape == (15, 1024)
+    assert basis.mean[1] == pytest.approx(1.47726e-3, abs=2e-8)
     assert basis.curves[0, 1] == pytest.approx(-3.7067e-4, abs=2e-8)
     np.testing.assert_allclose(basis.curves @ basis.curves.T, np.eye(15), atol=1e-6)
     assert basis.mean[0] == 0.0 and basis.mean[-1] == 1.0
@@ -182,8 +183,10 @@ def test_nodes_are_met_and_outside_is_clamped(method: Interpolation) -> None:
 
 def test_the_shape_of_the_input_is_kept() -> None:
     lattice = Lattice(uniform_levels(3), grid(uniform_levels(3)))
-    assert lattice(np.zeros((4, 5, 3))).shape == (4, 5, 3) and lattice(np.zeros(3)).shape == (3,)
-    assert lattice(np.zeros((0, 3))).shape == (0, 3) and lattice.size == (3, 3, 3)
+    assert lattice(np.zeros((4, 5, 3))).shape == (4, 5, 3)
+    assert lattice(np.zeros(3)).shape == (3,)
+    assert lattice(np.zeros((0, 3))).shape == (0, 3)
+    assert lattice.size == (3, 3, 3)
 
 
 @pytest.mark.parametrize(

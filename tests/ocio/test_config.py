@@ -88,7 +88,8 @@ def assert_renders(got: NDArray[Any], profile: CameraProfile, selector: str, raw
     error = np.linalg.norm(got - profile.render(selector)(raw), axis=1)
     (stated,) = [re.search(r"against the model: mean (\S+), max (\S+)", text) for text in lut.comments]
     assert stated is not None
-    assert error.mean() < 0.002 and error.max() <= float(stated[2]) + 3e-5
+    assert error.mean() < 0.002
+    assert error.max() <= float(stated[2]) + 3e-5
 
 
 def colours() -> NDArray[np.float32]:
@@ -115,7 +116,8 @@ def test_a_jpeg_comes_back_from_the_reference(written: Written, style: str) -> N
     space = f"Nikon D40 {style} tungsten"
     there = convert(config, space, "ACES2065-1", pixels=jpeg)
     error = np.linalg.norm(convert(config, "ACES2065-1", space, pixels=there) - jpeg, axis=1)
-    assert error.mean() < 0.002 and error.max() < 0.02
+    assert error.mean() < 0.002
+    assert error.max() < 0.02
 
 
 def test_jpeg_to_scene_linear_spaces_agree(written: Written) -> None:
@@ -222,7 +224,8 @@ def test_any_footage_is_seen_through_the_camera(written: Written) -> None:
 def test_what_a_colour_space_says_of_itself(written: Written) -> None:
     _, config, _, _ = written
     space = config.getColorSpace("Nikon D40 standard tungsten")
-    assert space.getFamily() == "Input/Nikon D40" and space.getEncoding() == "sdr-video"
+    assert space.getFamily() == "Input/Nikon D40"
+    assert space.getEncoding() == "sdr-video"
     assert list(space.getCategories()) == ["file-io"]
     assert "held-out error of the profile: render mean 0.0123; linearize mean 0.0045\n" in space.getDescription()
     assert "render LUT against the model: mean" in space.getDescription()
@@ -247,7 +250,8 @@ def test_equality_groups_hold_what_is_equal() -> None:
 def test_roles_are_complete(written: Written) -> None:
     _, config, _, _ = written
     roles = dict(config.getRoles())
-    assert roles["scene_linear"] == "ACEScg" and roles["aces_interchange"] == "ACES2065-1"
+    assert roles["scene_linear"] == "ACEScg"
+    assert roles["aces_interchange"] == "ACES2065-1"
     wanted = {"cie_xyz_d65_interchange", "data", "color_picking", "texture_paint", "compositing_log", "matte_paint"}
     assert wanted <= set(roles)
     assert config.getColorSpace(roles["data"]).isData()
@@ -437,7 +441,8 @@ def test_a_missing_file_is_named_with_what_needs_it(path: Path) -> None:
     found = said(load_config(path))
     assert "file canon_vivid_render.clf: missing; colour space Canon vivid daylight needs it" in found
     assert "colour space Canon vivid daylight, from the reference" in found
-    assert "view sRGB - Display / Canon vivid" in found and "Nikon D40 standard daylight" not in found
+    assert "view sRGB - Display / Canon vivid" in found
+    assert "Nikon D40 standard daylight" not in found
 
 
 def test_a_broken_file_is_an_error(path: Path) -> None:
@@ -472,13 +477,16 @@ ROLES = {role.lower() for role in base_config().getRoleNames()}
 
 
 def test_parts() -> None:
-    assert part_name("Canon EOS/5D: é, \n+x") == "Canon EOS 5D e x" and part_name("…") == "unnamed"
-    assert part_name("富士フイルム X-T5") == "富士フイルム X-T5" and part_name("Зенит ЕТ") == "Зенит ЕТ"
+    assert part_name("Canon EOS/5D: é, \n+x") == "Canon EOS 5D e x"
+    assert part_name("…") == "unnamed"
+    assert part_name("富士フイルム X-T5") == "富士フイルム X-T5"
+    assert part_name("Зенит ЕТ") == "Зенит ЕТ"
     assert part_name("x" * 200) == "x" * 64
 
 
 def test_stems_are_ascii_and_keep_every_script() -> None:
-    assert file_stem("../../etc/Pass wd") == "etc_pass_wd" and file_stem("富士 X") != file_stem("佳能 X")
+    assert file_stem("../../etc/Pass wd") == "etc_pass_wd"
+    assert file_stem("富士 X") != file_stem("佳能 X")
     for text in ("富士", "Зенит", "กล้อง", "x" * 300, "é/…", ""):
         assert re.fullmatch(r"[a-z0-9]+(_[a-z0-9]+)*", file_stem(text)), text
         assert len(file_stem(text)) <= 100
@@ -521,7 +529,8 @@ def test_a_config_of_hostile_names_is_sound(tmp_path: Path) -> None:
     assert check_config(config) == []
     names = list(config.getColorSpaceNames())
     assert len(names) == len({name.lower() for name in names})
-    assert any("フイルム" in name for name in names) and any("Зенит" in name for name in names)
+    assert any("フイルム" in name for name in names)
+    assert any("Зенит" in name for name in names)
     for name in ("scene_linear", "data"):
         assert config.getColorSpace(name).getName() in ("ACEScg", "Raw")  # still the roles
     for file in path.parent.rglob("*.clf"):

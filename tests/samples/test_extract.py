@@ -127,7 +127,8 @@ def test_retouched_jpeg_is_noticed() -> None:
 def test_real_shots(name: str, shared_data: Path) -> None:
     result = extract(read_shot(shared_data / "canon_powershot_s40" / f"{name}.CRW"))
     samples = result.samples
-    assert result.kept > 100 and result.summary.startswith(f"{name}: kept {result.kept} tiles; clipped")
+    assert result.kept > 100
+    assert result.summary.startswith(f"{name}: kept {result.kept} tiles; clipped")
     assert ((samples.raw > 0) & (samples.raw < 0.98)).all()
     whole = (samples.srgb > 1 / 255) & (samples.srgb < 254 / 255)
     assert (whole | (samples.srgb == 0) | (samples.srgb == 1)).all()  # a channel that clips does so in all of its tile
@@ -201,7 +202,8 @@ def test_texture_in_either_picture_rejects() -> None:
     half[:, 80:] = textured[:, 80:]
     for raw, jpeg in ((half, encoded(flat)), (flat, encoded(half)), (half, encoded(half))):
         found = levels(raw, jpeg)
-        assert (found[:, :9] == 0).all() and (found[:, 11:] == len(tiles.LEVELS)).all()
+        assert (found[:, :9] == 0).all()
+        assert (found[:, 11:] == len(tiles.LEVELS)).all()
 
 
 def test_clipping_counts_each_area_once() -> None:

@@ -85,7 +85,8 @@ def test_arbitrary_bytes_never_crash(content: bytes, prefix: str, suffix: str, t
     try:
         assert len(read_samples(path)) > 0
     except SampleError as error:
-        assert "\n" not in str(error) and "fuzz" in str(error)
+        assert "\n" not in str(error)
+        assert "fuzz" in str(error)
 
 
 def with_cell(column: str, value: str) -> str:
@@ -195,7 +196,8 @@ def test_dialects(change: "object", tmp_path: Path) -> None:
     assert callable(change)
     path.write_bytes(change(f"{HEADER}\n{ROW}\n{ROW}\n").encode())
     samples = read_samples(path)
-    assert len(samples) == 2 and samples.camera.tolist() == ["Canon S40"] * 2
+    assert len(samples) == 2
+    assert samples.camera.tolist() == ["Canon S40"] * 2
     assert samples.patch.tolist() == ["p1"] * 2
     np.testing.assert_array_equal(samples.raw, [[0.1, 0.2, 0.3]] * 2)
     np.testing.assert_array_equal(samples.wb, [[2, 1, 1.5]] * 2)
@@ -299,7 +301,8 @@ def test_nothing_to_write(tmp_path: Path) -> None:
 def test_samples_of_arrays_take_what_stands_for_every_row_once() -> None:
     raw = [[0.1, 0.2, 0.3], [0.2, 0.3, 0.4]]
     samples = SampleSet.from_arrays(raw, raw, camera="Made up", shot=["a", "b"], white_balance="dial", wb=(2, 1, 1.5))
-    assert samples.shot.tolist() == ["a", "b"] and samples.raw_camera.tolist() == ["Made up"] * 2
+    assert samples.shot.tolist() == ["a", "b"]
+    assert samples.raw_camera.tolist() == ["Made up"] * 2
     assert samples.wb.tolist() == [[2, 1, 1.5]] * 2
     assert np.isnan(samples.exposure_s).all()
     assert repr(samples) == "SampleSet(Made up: samples 2, shots 2)"

@@ -60,7 +60,8 @@ def error(shot: Shot) -> float:
 )  # fmt: skip
 def test_samples_of_straightened_pictures_are_as_good(drawn: Distortion, tmp_path: Path) -> None:
     plain, bent = shot_of(tmp_path, None), shot_of(tmp_path, drawn)
-    assert plain.drawn is None and not plain.lens_note
+    assert plain.drawn is None
+    assert not plain.lens_note
     found = bent.placement.registration.distortion
     assert found is not None
     # Where the lens draws a place of the straight picture, up to a zoom, within half a RAW pixel: a quarter of a JPEG's
@@ -178,7 +179,8 @@ def test_developed_pictures_are_compared_where_the_lens_drew_them(tmp_path: Path
     (tmp_path / "shot.JPG").rename(tmp_path / "same.jpg")
     (tmp_path / "shot.JPG").write_bytes((tmp_path / "same.jpg").read_bytes())
     check = compare_with_jpeg(tmp_path / "shot.dng", tmp_path / "same.jpg")
-    assert check.tiles > 100 and check.maximum < 0.1
+    assert check.tiles > 100
+    assert check.maximum < 0.1
 
 
 # --- RAW statistics over JPEG cells, counted on a finer grid, and at the borders -------------------------------------
@@ -238,6 +240,7 @@ def test_single_outliers_are_no_part_of_a_cell_but_many_are(offset: float) -> No
     pixels = 0.2 + 0.001 * np.random.default_rng(2).standard_normal((33, 33, 3))
     pixels[4, 4, 1], pixels[20:23, 20:23, 1] = 1.0, 1.0
     cells = raw_on_grid(pixels, Registration(1.0, offset, offset, 1.0), (4, 4), 8)
-    assert cells.maximum[0, 0, 1] < 0.21 and cells.outliers[0, 0, 1] == pytest.approx(1 / 64)
+    assert cells.maximum[0, 0, 1] < 0.21
+    assert cells.outliers[0, 0, 1] == pytest.approx(1 / 64)
     assert cells.maximum[2, 2, 1] > 0.5
     assert np.count_nonzero(cells.outliers) == 1

@@ -37,7 +37,8 @@ def test_crw(shared_data: Path, file: str, camera: str, exposure: float, iso: fl
     path = shared_data / file
     found = read_metadata(path, read_raw(path, half_size=True), None)
     assert (found.camera, found.style, found.white_balance) == (camera, "standard", "auto")
-    assert found.exposure_s == pytest.approx(exposure, rel=1e-3) and found.iso == iso
+    assert found.exposure_s == pytest.approx(exposure, rel=1e-3)
+    assert found.iso == iso
     assert (found.multipliers is not None) == known
     assert any("multipliers" in note for note in found.notes) == (not known)
 

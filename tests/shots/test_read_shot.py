@@ -39,7 +39,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_prefers_the_jpeg_beside(folder: Path) -> None:
     shot = read_shot(folder / "pair.dng")
-    assert shot.name == "pair" and shot.jpeg_source == str(folder / "pair.JPG")
+    assert shot.name == "pair"
+    assert shot.jpeg_source == str(folder / "pair.JPG")
     assert shot.registration.scale == pytest.approx(1.0, abs=1e-3)
     assert (shot.registration.offset_x, shot.registration.offset_y) == pytest.approx((8.0, 4.0), abs=0.15)
     embedded = read_shot(folder / "alone.dng")
@@ -51,8 +52,10 @@ def test_prefers_the_jpeg_beside(folder: Path) -> None:
 
 def test_settings_of_a_dng(folder: Path) -> None:
     settings = read_shot(folder / "alone.dng").metadata
-    assert settings.style == "vivid" and settings.white_balance == "tungsten"
-    assert settings.exposure_s == pytest.approx(1 / 30, rel=1e-5) and settings.iso == 100
+    assert settings.style == "vivid"
+    assert settings.white_balance == "tungsten"
+    assert settings.exposure_s == pytest.approx(1 / 30, rel=1e-5)
+    assert settings.iso == 100
     assert settings.multipliers is not None
     np.testing.assert_allclose(settings.multipliers, nikon_d5100().multipliers("tungsten"), rtol=1e-4)
 

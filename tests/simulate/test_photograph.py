@@ -138,7 +138,8 @@ def test_demo_shots_cover_styles_lights_and_both_kinds_of_jpeg(tmp_path: Path) -
     assert len(told) == len(SHOTS) + 1
     assert len(shots.calibration) == len(SHOTS)
     assert {path.with_suffix(".JPG").exists() for path in shots.calibration} == {True, False}
-    assert shots.held_out.jpeg is not None and shots.held_out.dng not in shots.calibration
+    assert shots.held_out.jpeg is not None
+    assert shots.held_out.dng not in shots.calibration
     camera = shots.camera
     spoilt, wanted = read_jpeg(shots.held_out.jpeg) / 255, read_jpeg(shots.wanted) / 255
     (style, balance), (new_style, new_balance) = shots.source.split("/"), shots.target.split("/")
@@ -179,7 +180,8 @@ def test_libraw_reads_it(tmp_path: Path, mosaic: NDArray[np.uint16], preview: by
     write_dng(path, mosaic, black=600, white=15520, cfa=cfa, as_shot_neutral=(0.5, 1.0, 0.625), preview_jpeg=jpeg)
     with rawpy.imread(str(path)) as raw:
         np.testing.assert_array_equal(raw.raw_image_visible, mosaic)
-        assert raw.black_level_per_channel == [600] * 4 and raw.white_level == 15520
+        assert raw.black_level_per_channel == [600] * 4
+        assert raw.white_level == 15520
         np.testing.assert_allclose(raw.camera_whitebalance[:3], [2.0, 1.0, 1.6], rtol=1e-6)
         letters = [chr(raw.color_desc[index]) for index in np.ravel(np.asarray(raw.raw_pattern))]
         assert "".join(letters) == cfa
