@@ -79,9 +79,12 @@ Outcome = tuple[GradedImage, Record] | Failure
 
 
 def run_job(
-    recipe: Recipe, job: Job, threads: int = 1, region_samples: int = REGION_SAMPLES,
+    recipe: Recipe,
+    job: Job,
+    threads: int = 1,
+    region_samples: int = REGION_SAMPLES,
     progress: Callable[[int, float], None] | None = None,
-) -> Outcome:  # fmt: skip
+) -> Outcome:
     """Grade an image. threads, region_samples, progress: as for `apply_image`."""
     source = job.source
     try:
@@ -154,10 +157,16 @@ class BatchResult:
 
 
 def apply_batch(
-    recipe: Recipe, images: Sequence[Input | str | Path], folder: str | Path, suffix: str | None = None,
-    workers: int | None = None, progress: Progress = silent, resume: bool = False, scheduler: str | None = None,
+    recipe: Recipe,
+    images: Sequence[Input | str | Path],
+    folder: str | Path,
+    suffix: str | None = None,
+    workers: int | None = None,
+    progress: Progress = silent,
+    resume: bool = False,
+    scheduler: str | None = None,
     quality: int | None = None,
-) -> BatchResult:  # fmt: skip
+) -> BatchResult:
     """Grade images into a folder under their own names; each output is written whole or not at all.
 
     suffix: such as ".exr", for another format. workers: threads, by default one per core. progress: called, in this

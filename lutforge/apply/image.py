@@ -63,10 +63,14 @@ class GradedImage:
 
 
 def apply_image(
-    grade: Grade, source: str | Path, target: str | Path, workers: int | None = None,
-    region_samples: int = REGION_SAMPLES, progress: Callable[[int, float], None] | None = None,
+    grade: Grade,
+    source: str | Path,
+    target: str | Path,
+    workers: int | None = None,
+    region_samples: int = REGION_SAMPLES,
+    progress: Callable[[int, float], None] | None = None,
     quality: int | None = None,
-) -> GradedImage:  # fmt: skip
+) -> GradedImage:
     """Grade an image file, with metadata, bit depth and extra channels kept.
 
     workers: threads, by default one per core. progress: called with the pixels that were graded since its last call,
@@ -190,9 +194,14 @@ def _in_memory() -> Semaphore:
 
 
 def _grade_regions(
-    grade: Grade, image: ImageReader | Image, writer: ImageWriter, threads: Executor | None, region_samples: int,
-    overlap: bool, done: Callable[[int], None],
-) -> Index:  # fmt: skip
+    grade: Grade,
+    image: ImageReader | Image,
+    writer: ImageWriter,
+    threads: Executor | None,
+    region_samples: int,
+    overlap: bool,
+    done: Callable[[int], None],
+) -> Index:
     """Read, grade and write region by region, with `overlap` at the same time; (3,) as of `count_doubtful`."""
     premultiplied = is_premultiplied(image.spec)
     doubtful = np.zeros(3, dtype=np.int64)
@@ -264,9 +273,14 @@ def jpeg_metadata(header: JpegHeader, grade: Grade, profile: bytes = b"") -> byt
 
 
 def grade_whole(
-    source: Path, header: JpegHeader, grade: Grade, target: Path, quality: int | None, threads: Executor | None,
+    source: Path,
+    header: JpegHeader,
+    grade: Grade,
+    target: Path,
+    quality: int | None,
+    threads: Executor | None,
     done: Callable[[int], None],
-) -> Index:  # fmt: skip
+) -> Index:
     """Grade a picture; (3,) how many pixels are doubtful. done: called with the number of pixels after each piece."""
     assert grade.codes is not None
     start = jpeg_metadata(header, grade)

@@ -48,9 +48,12 @@ class Inputs:
 
 
 def find_inputs(
-    words: Sequence[str | Path], frames: str | None = None, recursive: bool = False, leave_out: Sequence[Path] = (),
+    words: Sequence[str | Path],
+    frames: str | None = None,
+    recursive: bool = False,
+    leave_out: Sequence[Path] = (),
     raw: bool = False,
-) -> Inputs:  # fmt: skip
+) -> Inputs:
     """The images that files, folders and sequences name, in order.
 
     A folder gives the images in it, by name; recursive: those of its subfolders too, which are kept in `place`, but

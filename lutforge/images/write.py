@@ -34,9 +34,13 @@ _OWN_ATTRIBUTES = ("jpeg:", "png:", "tiff:", "openexr:", "dpx:", "targa:", "bmp:
 
 
 def describe_output(
-    path: Path, spec: oiio.ImageSpec, format: str, note: str | None = None,
-    attributes: Mapping[str, object] | None = None, quality: int | None = None,
-) -> oiio.ImageSpec:  # fmt: skip
+    path: Path,
+    spec: oiio.ImageSpec,
+    format: str,
+    note: str | None = None,
+    attributes: Mapping[str, object] | None = None,
+    quality: int | None = None,
+) -> oiio.ImageSpec:
     """Describe the file that is written; note, and what is kept, as for `write_image`.
 
     spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name. attributes:

@@ -245,9 +245,15 @@ def _blender(look: Look, folder: Path) -> list[str]:
 
 
 def _fed(
-    program: str, title: str, source: Source, tried: str, files: tuple[str, ...], steps: tuple[str, ...],
-    space: str = "srgb", size: int | None = None,
-) -> Kit:  # fmt: skip
+    program: str,
+    title: str,
+    source: Source,
+    tried: str,
+    files: tuple[str, ...],
+    steps: tuple[str, ...],
+    space: str = "srgb",
+    size: int | None = None,
+) -> Kit:
     """A kit of files with these endings: ".dcp", ".icc", and LUTs of `size` nodes per axis within a space.
 
     steps: what to do; "{}" is the name of the look, "{best}" that of the LUT whose error is least, read back.

@@ -58,9 +58,14 @@ Function = Callable[[Array], Array]
 
 
 def bake(
-    transform: ColourFunction, path: Path | None = None, *, size: int | None = None,
-    interpolation: Interpolation | None = None, display_referred: bool = True, title: str = "",
-) -> Lut:  # fmt: skip
+    transform: ColourFunction,
+    path: Path | None = None,
+    *,
+    size: int | None = None,
+    interpolation: Interpolation | None = None,
+    display_referred: bool = True,
+    title: str = "",
+) -> Lut:
     """Bake any transform of colours on [0, 1]³ as `bake_forms` does. path: a file to be written; it says the form."""
     if path is None:
         target = Target(size=size, interpolation=interpolation)
@@ -73,10 +78,16 @@ def bake(
 
 
 def bake_forms(
-    transform: ColourFunction, targets: Sequence[Target], *, tolerance: float | None = None,
-    display_referred: bool = True, title: str = "", comments: tuple[str, ...] = (), highest: float = 1.0,
+    transform: ColourFunction,
+    targets: Sequence[Target],
+    *,
+    tolerance: float | None = None,
+    display_referred: bool = True,
+    title: str = "",
+    comments: tuple[str, ...] = (),
+    highest: float = 1.0,
     progress: Progress = silent,
-) -> list[Lut]:  # fmt: skip
+) -> list[Lut]:
     """Bake one transform to several forms.
 
     tolerance: instead of a size, the ΔE00 that 99 % of colours keep within; the smallest size that does is taken.
@@ -189,9 +200,12 @@ def _folded(ops: tuple[Op, ...], behind: Parts) -> tuple[Op, ...] | None:
 
 
 def _smallest(
-    transform: ColourFunction, highest: float, target: Target, fitted: Callable[[Target, int], tuple[Op, ...]],
+    transform: ColourFunction,
+    highest: float,
+    target: Target,
+    fitted: Callable[[Target, int], tuple[Op, ...]],
     tolerance: float,
-) -> tuple[Op, ...]:  # fmt: skip
+) -> tuple[Op, ...]:
     """The operations of the smallest size with which 99 % of other colours than those of the fit keep a tolerance."""
     x = sobol(8192, seed=7) * highest
     exact, largest = transform(x), target.sizes[-1]
@@ -506,9 +520,13 @@ class Axes:
 
 
 def fit_axes(
-    function: Function, gain: Array, size: int, weight: Function | None = None, curve: Array | None = None,
+    function: Function,
+    gain: Array,
+    size: int,
+    weight: Function | None = None,
+    curve: Array | None = None,
     stops: float = 0.0,
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Curve and `size` node levels per axis for a function (n, 3) in [0, 1] → (n, 3), which is measured along lines.
 
     gain: (3,) in front of it, where it clamps at 1: inputs are taken to be even before it. weight: outputs (n, 3) →
@@ -584,10 +602,16 @@ GREY_POINTS = 1025
 
 
 def fit_cube(
-    function: Function, levels: Levels, knots: Levels, method: Interpolation, gain: Array | float = 1.0,
-    curve: Function | None = None, weight: Function | None = None, limit: bool = True,
+    function: Function,
+    levels: Levels,
+    knots: Levels,
+    method: Interpolation,
+    gain: Array | float = 1.0,
+    curve: Function | None = None,
+    weight: Function | None = None,
+    limit: bool = True,
     progress: Callable[[float], None] = lambda share: None,
-) -> Array:  # fmt: skip
+) -> Array:
     """Node values (N, N, N, 3) at `levels` that come nearest to a function (n, 3) in [0, 1] → (n, 3), interpolated.
 
     knots: the levels on the axes of the cube, to which `curve` takes inputs. gain: in front of the function, as

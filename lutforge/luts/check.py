@@ -290,9 +290,12 @@ class FileError:
 
 
 def verify(
-    path: str | Path, reference: ColourFunction, lut: Lut | None = None, interpolation: Interpolation | None = None,
+    path: str | Path,
+    reference: ColourFunction,
+    lut: Lut | None = None,
+    interpolation: Interpolation | None = None,
     display_referred: bool = True,
-) -> FileError:  # fmt: skip
+) -> FileError:
     """Compare the file, as a reader evaluates it in float32, with a reference.
 
     lut: the LUT that was written: points near its nodes, and its interpolation; without it, those of the file, and

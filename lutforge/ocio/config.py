@@ -232,9 +232,14 @@ def build_config(
 
 
 def write_config(
-    profiles: Sequence[CameraProfile | str | Path], target: str | Path, *, merge: str | Path | None = None,
-    replace: bool = False, inverse_size: int = SIZE, progress: Progress = silent,
-) -> Path:  # fmt: skip
+    profiles: Sequence[CameraProfile | str | Path],
+    target: str | Path,
+    *,
+    merge: str | Path | None = None,
+    replace: bool = False,
+    inverse_size: int = SIZE,
+    progress: Progress = silent,
+) -> Path:
     """Write a config and its LUTs, to a folder (config.ocio, luts/) or to one archive (.ocioz).
 
     The same profiles make the same bytes. replace: a folder that holds a config already gets this one in its place; its
@@ -327,9 +332,11 @@ def _plan(
 
 
 def _assembled(
-    cameras: Sequence[Camera], parts: Sequence[Rendering], base: BaseConfig | None,
+    cameras: Sequence[Camera],
+    parts: Sequence[Rendering],
+    base: BaseConfig | None,
     errors: Mapping[str, tuple[str, ...]],
-) -> OCIO.Config:  # fmt: skip
+) -> OCIO.Config:
     """The whole config, valid. errors: what is known of the LUTs of a rendering, by its stem."""
     config = spaces.base_config()
     defaults = spaces.default_balances(parts)

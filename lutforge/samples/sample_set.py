@@ -170,10 +170,18 @@ class SampleSet:
 
     @classmethod
     def from_arrays(
-        cls, raw: ArrayLike, srgb: ArrayLike, *, camera: str, shot: ArrayLike, style: ArrayLike = "standard",
-        white_balance: ArrayLike = "auto", patch: ArrayLike = "", exposure_s: ArrayLike = np.nan,
+        cls,
+        raw: ArrayLike,
+        srgb: ArrayLike,
+        *,
+        camera: str,
+        shot: ArrayLike,
+        style: ArrayLike = "standard",
+        white_balance: ArrayLike = "auto",
+        patch: ArrayLike = "",
+        exposure_s: ArrayLike = np.nan,
         wb: ArrayLike = np.nan,
-    ) -> "SampleSet":  # fmt: skip
+    ) -> "SampleSet":
         """Make samples of arrays; what is given once (a text, a number, one wb triple) stands for every sample.
 
         raw, srgb: (n, 3); wb: (3,) or (n, 3); the others a value or (n,); each as the class describes it.

@@ -34,9 +34,13 @@ def cell_size(registration: Registration) -> int:
 
 
 def flatness(
-    jpeg: CellStatistics, raw: CellStatistics, cell: int, multipliers: Array | None, usable: Mask,
+    jpeg: CellStatistics,
+    raw: CellStatistics,
+    cell: int,
+    multipliers: Array | None,
+    usable: Mask,
     judged: Mask | None = None,
-) -> tuple[NDArray[np.intp], Array]:  # fmt: skip
+) -> tuple[NDArray[np.intp], Array]:
     """How flat each cell is: the index of the first of LEVELS that it meets (len(LEVELS): none), and its roughness.
 
     Both (hc, wc); roughness is the structure as a share of the strict limits. cell: its side in JPEG pixels. judged:

@@ -543,9 +543,13 @@ def _fit(pyramid: RawLevel, level: ReducedJpeg, start: Registration, count: int 
 
 
 def _moved_to_fit(
-    raw: RawLevel, jpeg: ReducedJpeg, start: Registration, count: int = 3, tested: int = 5,
+    raw: RawLevel,
+    jpeg: ReducedJpeg,
+    start: Registration,
+    count: int = 3,
+    tested: int = 5,
     planes: tuple[Single, Single] | None = None,
-) -> _Fit:  # fmt: skip
+) -> _Fit:
     """Move to the place near `start` where the structures of RAW and JPEG agree best; in the JPEG's coordinates.
 
     Gauss–Newton steps minimize the squared difference of the structures (Lucas & Kanade 1981,

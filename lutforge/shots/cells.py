@@ -109,9 +109,14 @@ def _statistics_under(
 
 @compiled(fastmath=REASSOCIATED)
 def _add_rows(
-    image: Pixels | Codes | NDArray[np.uint16], top: float, bottom: float, total: Array, square: Array, low: Single,
+    image: Pixels | Codes | NDArray[np.uint16],
+    top: float,
+    bottom: float,
+    total: Array,
+    square: Array,
+    low: Single,
     high: Single,
-) -> float:  # fmt: skip
+) -> float:
     """Fill sums, sums of squares, least and greatest values of columns between two heights; return what they span."""
     total[:], square[:], low[:], high[:], height = 0.0, 0.0, np.inf, -np.inf, 0.0
     for y in range(len(image)):
@@ -128,9 +133,14 @@ def _add_rows(
 
 @compiled(fastmath=REASSOCIATED)
 def _without_outliers(
-    cell: Pixels | Codes | NDArray[np.uint16], top: float, bottom: float, left: float, right: float, hot: bool,
+    cell: Pixels | Codes | NDArray[np.uint16],
+    top: float,
+    bottom: float,
+    left: float,
+    right: float,
+    hot: bool,
     found: Array,
-) -> None:  # fmt: skip
+) -> None:
     """Fill the statistics (5,) of one channel of a cell, (h, w), between these borders, without its outliers."""
     values, areas, marks = np.empty(cell.size), np.empty(cell.size), np.zeros(cell.size, np.uint8)
     replaced, outlier, at, whole = np.uint8(1), np.uint8(2), 0, 0.0

@@ -102,9 +102,11 @@ orientation."""
 
 
 def read_shot(
-    path: Path | str, development: Development | None = None, expected: Callable[[], Placement | None] = lambda: None,
+    path: Path | str,
+    development: Development | None = None,
+    expected: Callable[[], Placement | None] = lambda: None,
     source: str | None = None,
-) -> Shot:  # fmt: skip
+) -> Shot:
     """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
 
     The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; one that another program

@@ -92,9 +92,16 @@ def write_jpeg(path: Path, pixels: NDArray[np.uint8], camera: SimulatedCamera, s
 
 
 def photograph(
-    camera: SimulatedCamera, scene: Scene, settings: CameraSettings, folder: str | Path, name: str, *,
-    jpeg_beside: bool = True, light: str | None = None, seed: int = 0,
-) -> Photograph:  # fmt: skip
+    camera: SimulatedCamera,
+    scene: Scene,
+    settings: CameraSettings,
+    folder: str | Path,
+    name: str,
+    *,
+    jpeg_beside: bool = True,
+    light: str | None = None,
+    seed: int = 0,
+) -> Photograph:
     """Write `name`.dng, with an embedded preview, and `name`.JPG beside it unless it is not wanted.
 
     light: the white-balance name whose light falls on the scene, if not the camera's. The noise is of seed and name.
@@ -246,11 +253,25 @@ DATE_TIME = "2015:06:15 12:00:00"
 
 
 def write_dng(
-    path: str | Path, mosaic: NDArray[np.uint16], *, black: int = 0, white: int = 65535, cfa: str = "RGGB",
-    as_shot_neutral: Iterable[float] = (1.0, 1.0, 1.0), color_matrix: ArrayLike | None = None, make: str = "LutForge",
-    model: str = "Simulated", exposure_s: float = 1 / 60, f_number: float = 8.0, iso: int = 100, light_source: int = 0,
-    saturation: int = 0, profile_name: str | None = None, preview_jpeg: bytes | None = None, orientation: int = 1,
-) -> None:  # fmt: skip
+    path: str | Path,
+    mosaic: NDArray[np.uint16],
+    *,
+    black: int = 0,
+    white: int = 65535,
+    cfa: str = "RGGB",
+    as_shot_neutral: Iterable[float] = (1.0, 1.0, 1.0),
+    color_matrix: ArrayLike | None = None,
+    make: str = "LutForge",
+    model: str = "Simulated",
+    exposure_s: float = 1 / 60,
+    f_number: float = 8.0,
+    iso: int = 100,
+    light_source: int = 0,
+    saturation: int = 0,
+    profile_name: str | None = None,
+    preview_jpeg: bytes | None = None,
+    orientation: int = 1,
+) -> None:
     """Write a mosaic (h, w) of sensor codes, with the metadata that RAW converters need, atomically.
 
     black, white: the codes of no light and of saturation. cfa: colours of the top-left 2 × 2 pixels by row.
@@ -410,9 +431,11 @@ class DemoShots:
 
 
 def demo_shots(
-    folder: str | Path, progress: Callable[[str], None] = lambda _: None, camera: SimulatedCamera | None = None,
+    folder: str | Path,
+    progress: Callable[[str], None] = lambda _: None,
+    camera: SimulatedCamera | None = None,
     shape: tuple[int, int] = (808, 1216),
-) -> DemoShots:  # fmt: skip
+) -> DemoShots:
     """Photograph the demo's scenes into `folder`, and one into its "held-out". shape: of the sensor, even numbers."""
     camera, folder = nikon_d5100() if camera is None else camera, Path(folder)
     scenes: dict[tuple[str, int], Scene] = {}
