@@ -101,7 +101,9 @@ def apply_image(
             attributes.setdefault("DateTime", time.strftime("%Y:%m:%d %H:%M:%S", changed))
         space = other_space(grade, spec, attributes)
         if grade.for_srgb and space:
-            raise ImageError(f"{source}: the picture is in {space}, and this grade is for sRGB; convert it first")
+            raise ImageError(
+                f"{source}: the picture is in {space}, and this grade is for sRGB; convert it to sRGB first"
+            )
         written = oiio.ImageSpec(spec)
         if grade.marks_clipped:
             names = (*spec.channelnames, "clipped")

@@ -405,10 +405,10 @@ def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, 
 @pytest.mark.parametrize(
     ("action", "suffix"),
     [
-        ("_bake", "_refinish.clf"),
-        ("_kit", "_rawtherapee_kit"),
-        pytest.param("_config", ".ocioz", marks=pytest.mark.slow),
-        pytest.param("_report", ".html", marks=pytest.mark.slow),
+        ("Bake LUT", "_refinish.clf"),
+        ("Write kit", "_rawtherapee_kit"),
+        pytest.param("Write config", ".ocioz", marks=pytest.mark.slow),
+        pytest.param("Write report", ".html", marks=pytest.mark.slow),
     ],
 )
 def test_an_export_is_the_command_that_it_tells(
@@ -418,10 +418,10 @@ def test_an_export_is_the_command_that_it_tells(
     profile.save(tmp_path / "camera.npz")
     view, session = export_page(tmp_path, profile, profile_source=tmp_path / "camera.npz")
     view.name.value, view.program.value = "mine", "rawtherapee"
-    getattr(view, action)()
+    view.actions[action]()
     (written,) = session.written.values()
     assert written.lines and all("\n" not in line for line in written.lines)
-    assert action != "_bake" or "read back, against the model" in written.lines[0]
+    assert action != "Bake LUT" or "read back, against the model" in written.lines[0]
     result = CliRunner().invoke(command_line(), shlex.split(written.command.replace("mine", "theirs"))[1:])
     assert result.exit_code == 0, result.output
     mine, theirs = (tmp_path / f"{name}{suffix}" for name in ("mine", "theirs"))
