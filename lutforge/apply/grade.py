@@ -73,7 +73,11 @@ class Recipe(ABC):
 
 
 def fingerprint(*parts: object) -> str:
-    """The SHA-256 of the contents of the files among `parts`, the other parts as text, and the versions in use."""
+    """Return the SHA-256, in hexadecimal, of what a grade is made of. Raises LutError where a file cannot be read.
+
+    It is over the contents of the files among `parts`, the other parts as text, and the versions of LutForge and
+    OpenColorIO.
+    """
     total = hashlib.sha256(f"{__version__} {OCIO.__version__}".encode())
     for part in parts:
         text = fingerprint(*part) if isinstance(part, tuple) else repr(part)
@@ -106,12 +110,12 @@ class LutRecipe(Recipe):
             )
         processor, comments = stranger(self.path, self.interpolation)
         ends = read_input_and_output(comments)
-        linear = (False, False) if ends is None else ends.are_linear
+        takes_linear, gives_linear = (False, False) if ends is None else ends.are_linear
         return Grade(
             processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
             f"graded with {self.path.name}",
-            takes_linear=linear[0],
-            gives_linear=linear[1],
+            takes_linear=takes_linear,
+            gives_linear=gives_linear,
             # oiiotool interpolates its own way: tetrahedral for cubes.
             oiiotool=("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else (),
             codes=of_codes(processor),
@@ -151,14 +155,16 @@ class ConfigRecipe(Recipe):
             guarded(make_processor, str(self.path), self.source, self.target)
             processor = config.getProcessor(self.source, self.target)
             floats = processor.getDefaultCPUProcessor()
-            linear = [config.isColorSpaceLinear(end, OCIO.REFERENCE_SPACE_SCENE) for end in (self.source, self.target)]
+            takes_linear, gives_linear = (
+                config.isColorSpaceLinear(name, OCIO.REFERENCE_SPACE_SCENE) for name in (self.source, self.target)
+            )
         except (LutForgeError, *OCIO_ERRORS) as error:
             raise ConfigError(f"{self.path}: {error}") from error
         return Grade(
             floats,
             f"{self.source} to {self.target}",
-            takes_linear=linear[0],
-            gives_linear=linear[1],
+            takes_linear=takes_linear,
+            gives_linear=gives_linear,
             oiiotool=("--colorconfig", str(self.path), "--colorconvert", self.source, self.target),
             codes=of_codes(processor, OCIO.OPTIMIZATION_DEFAULT),
         )

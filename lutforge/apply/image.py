@@ -204,7 +204,10 @@ def _grade_regions(
     overlap: bool,
     done: Callable[[int], None],
 ) -> Index:
-    """Read, grade and write region by region, with `overlap` at the same time; (3,) as of `count_doubtful`."""
+    """Read, grade and write an image region by region, and sum what `count_doubtful` counts, (3,).
+
+    overlap: the next region is read, and the last one written, meanwhile.
+    """
     premultiplied = is_premultiplied(image.spec)
     doubtful = np.zeros(3, dtype=np.int64)
 
@@ -283,7 +286,10 @@ def grade_whole(
     threads: Executor | None,
     done: Callable[[int], None],
 ) -> Index:
-    """Grade a picture; (3,) how many pixels are doubtful. done: called with the number of pixels after each piece."""
+    """Grade a picture whole, and return what `count_doubtful` counts, (3,).
+
+    done: called with the number of pixels after each piece.
+    """
     assert grade.codes is not None
     start = jpeg_metadata(header, grade)
     size = header.height * header.width * 4
@@ -367,7 +373,11 @@ def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, o
 
 
 def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
-    """How many pixels (h, w, c) are clipped, else unlike every colour of the calibration, or not finite, (3,)."""
+    """Count the pixels (h, w, c) that cannot be trusted, by kind, (3,).
+
+    They are clipped, else unlike every colour of the calibration, or no finite numbers. confidence: as
+    `Grade.confidence` gives it, where it is known.
+    """
     clipped, unlike, broken = np.intp(0), np.intp(0), np.intp(0)
     if confidence is not None:
         clips = confidence[..., 1] < 0.5
@@ -382,7 +392,10 @@ def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
 def notes_on(
     grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec, space: str, doubtful: Index
 ) -> Iterator[str]:
-    """What the user should know of the colours of a graded image. format, space, doubtful: of its source."""
+    """Yield what the user should know of the colours of a graded image.
+
+    format: of the source, as `Image.format`; space: as `other_space` names it; doubtful: as `count_doubtful` counts.
+    """
     # Scene-linear light in 8-bit files, which hardly ever hold it, and in formats that are made for it
     if grade.for_srgb and not grade.raw and format in ("openexr", "hdr"):
         yield "such a file holds scene-linear light, as a rule, and this grade takes encoded sRGB: encode it first"
@@ -456,7 +469,7 @@ def grade_codes(
     """Grade 8-bit codes (h, w, 4), C-contiguous, in place; `done` is called with the number of pixels of each piece."""
     _keep_freed_memory()
     flat = canvas.reshape(-1, 4)
-    # As codes, a quarter of a block fills the same cache together with its floats.
+    # OpenColorIO makes floats of the codes: a quarter of a block fills a core's cache together with them.
     block, piece = BLOCK // 4, 8 * BLOCK
 
     def grade(start: int) -> None:

@@ -40,7 +40,10 @@ class Failure:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What the words of a command name. missing: frames that were asked for by number; notes: what was left out."""
+    """What the words of a command name.
+
+    missing: frames that were asked for by number and are not there; notes: gaps in sequences, and what was left out.
+    """
 
     images: tuple[Input, ...]
     missing: tuple[Failure, ...] = ()

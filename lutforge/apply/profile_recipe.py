@@ -312,7 +312,10 @@ class ProfileRecipe(_OfProfiles):
         return transfers
 
     def change(self, camera: CameraProfile, given: Selector) -> SettingChange:
-        """What is changed of a picture; "as-shot" settings are its own, or make the same light neutral elsewhere."""
+        """What is changed of a picture with given settings.
+
+        "as-shot" ones are those of the picture, for another camera those under which the same light is neutral.
+        """
         look = self._look or camera
         transfer = None if look is camera else self._transfers.get(camera.camera)
         style = given.style if self._wanted.style == AS_SHOT else self._wanted.style

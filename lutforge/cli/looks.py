@@ -31,7 +31,7 @@ PROGRAMS = (
     "finalcut, affinity, ffmpeg, mlt, obs, darktable, rawtherapee, art, captureone, digikam, rapidraw, gmic, gimp, "
     "imagemagick"
 )
-"""As `lutforge.luts.programs` has them, which takes a second to load."""
+"""What `--for` takes: the programs of `lutforge.luts.programs`, written here because that takes a second to load."""
 
 
 def bake(

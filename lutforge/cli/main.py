@@ -21,7 +21,7 @@ COMMANDS = {
     **dict.fromkeys(("bake", "kit", "config", "apply"), "looks"),
     **dict.fromkeys(("transfer", "check", "report", "compare", "studio", "import-nus", "export-nus"), "profiles"),
 }
-"""In the order of the help, and the file that each stands in."""
+"""The commands in the order of the help, and the module of `lutforge.cli` that each stands in."""
 
 UsageErrors: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 """The root of typer's errors of usage, which typer itself does not name."""

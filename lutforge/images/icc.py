@@ -11,7 +11,10 @@ from lutforge.arrays import Codes, Pixels
 
 
 def to_srgb(codes: Codes, profile: bytes) -> Codes:
-    """Convert 8-bit codes (h, w, 3) of a profile, relative to white; they stay where it is sRGB's or broken."""
+    """Convert 8-bit codes (h, w, 3) from an ICC profile's space, relative to white; colours outside sRGB clip.
+
+    Codes stay as they are where the profile is sRGB's, or cannot be read.
+    """
     if is_srgb(profile):
         return codes
     from PIL import Image, ImageCms  # for pictures with a profile alone

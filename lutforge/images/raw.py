@@ -203,9 +203,10 @@ def _multipliers(camera: list[float]) -> Array | None:
 
 
 def clip_levels(raw: rawpy.RawPy, colours: NDArray[np.uint8]) -> Array:
-    """The level (3,) at which each channel of a file saturates, 1 = LibRaw's nominal maximum, as where none shows.
+    """Return the level (3,) at which each channel of a file saturates, 1 = LibRaw's nominal maximum.
 
-    colours: indices (n, n) of the pattern that repeats over the visible mosaic, (0, 0) where there is none.
+    It is 1 where the file shows no other level. colours: indices (n, n) of the pattern that repeats over the visible
+    mosaic, (0, 0) where there is none.
     """
     levels = np.ones(3)
     if not colours.size:

@@ -16,7 +16,7 @@ from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.compiled import compiled
 from lutforge.errors import LutError, one_line
-from lutforge.luts.ops import Cube, Curve, node_levels
+from lutforge.luts.ops import Cube, Curve, Matrix, node_levels
 from lutforge.luts.sequence import FORMATS, FileFormat, Lut, group_of
 
 DIGITS = 10
@@ -279,10 +279,17 @@ def clf_identifier(lut: Lut) -> str:
     """An id that depends on the content alone, so that the same LUT is the same file."""
     digest = hashlib.sha256()
     for op in lut.ops:
-        digest.update(str(op).encode())  # of a range, it is all
-        for name in ("matrix", "offset", "outputs", "values"):
-            if hasattr(op, name):
-                digest.update(np.ascontiguousarray(getattr(op, name), dtype=np.float64).tobytes())
+        digest.update(str(op).encode())
+        arrays: tuple[Array, ...] = ()  # a range is its text
+        match op:
+            case Matrix():
+                arrays = op.matrix, op.offset
+            case Curve():
+                arrays = (op.outputs,)
+            case Cube():
+                arrays = (op.values,)
+        for array in arrays:
+            digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
     h = digest.hexdigest()
     return f"urn:uuid:{h[:8]}-{h[8:12]}-8{h[13:16]}-8{h[17:20]}-{h[20:32]}"
 

@@ -82,7 +82,7 @@ def stranger(path: str | Path, interpolation: Interpolation = "tetrahedral") -> 
     path = Path(path)
     require_file(path, "a LUT", LutError, MOST_BYTES)
     with reading(path, "a LUT", LutError):
-        comments = _elsewhere(_try, path, interpolation)
+        comments = _elsewhere(_comments_of, path, interpolation)
     return processor_of_file(path, interpolation), comments
 
 
@@ -100,7 +100,8 @@ def _elsewhere(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) 
         raise LutError(str(error)) from error
 
 
-def _try(path: Path, interpolation: Interpolation) -> tuple[str, ...]:
+def _comments_of(path: Path, interpolation: Interpolation) -> tuple[str, ...]:
+    """The comments of a file whose processor can be made. Raises LutError."""
     processor = processor_of_file(path, interpolation)
     processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
     return _heading(path, processor.createGroupTransform())[1]

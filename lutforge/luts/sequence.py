@@ -306,7 +306,10 @@ class InputAndOutput:
 
 
 def input_and_output_of(kind: str, space: str, encoded: str = ENCODED) -> InputAndOutput:
-    """Of a kind of transform. space: of the scene's side, "raw" or a name; encoded: what the JPEG that goes in is."""
+    """The input and the output of a transform. kind: "render", "linearize", or any from JPEG to JPEG.
+
+    space: of the scene's side, "raw" or a name; encoded: what the JPEG that goes in is, ENCODED or ADOBE_RGB.
+    """
     linear = space == "raw" or rgb_space(space).is_linear
     scene = RAW if space == "raw" else f"scene-{'linear' if linear else 'referred'} {space}"
     return InputAndOutput(scene if kind == "render" else encoded, scene if kind == "linearize" else ENCODED)

@@ -189,7 +189,7 @@ class SamplesPage:
         self.session.change(workspace.mark(rows, mark), f"{int(rows.sum()):,} samples {done}")
 
     def _save_group(self, delete: bool = False) -> None:
-        """Save the selected samples, or all outliers, as the named group, or delete that."""
+        """Save the selected samples, or else all outliers, as the named group; or delete that group."""
         workspace, name = self.session.require_workspace(), ui.written(self.group)
         if delete:
             self.session.change(workspace.without_group(name), f"outlier group {name} deleted")

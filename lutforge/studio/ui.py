@@ -17,7 +17,7 @@ from lutforge.report.figures import GREY, Bars, Dots, Drawing, Line, Lines, Mark
 from lutforge.report.tables import Table
 
 HERE = Path(__file__).parent
-"""Where the style sheets, scripts and templates of the page are."""
+"""The folder of the studio's style sheets, scripts and templates."""
 
 FILL = {"sizing_mode": "stretch_both", "margin": 0}
 SCROLLED: dict[str, Any] = {**FILL, "styles": {"overflow": "auto"}}
