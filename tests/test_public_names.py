@@ -116,6 +116,7 @@ def test_what_is_no_profile_setting_or_number_is_one_plain_line(tmp_path: Path) 
     assert lf.build_config([tmp_path / "camera.npz"]).serialize() == lf.build_config([profile]).serialize()
 
 
+@pytest.mark.slow
 def test_bake_reports_what_the_command_reports(tmp_path: Path, lutforge: CommandLine) -> None:
     profile = small_profile()
     profile.save(tmp_path / "camera.npz")

@@ -31,6 +31,7 @@ def inliers(samples: SampleSet) -> SampleSet:
     return samples.select(chroma < 0.4)
 
 
+@pytest.mark.slow
 def test_a_lattice_follows_given_stages_where_it_has_no_samples(samples: SampleSet) -> None:
     """A response of half the light, given, moves the lattice; on the samples themselves it stays."""
     options = CalibrationOptions(size=5)
@@ -56,6 +57,7 @@ def test_a_camera_without_raw_takes_given_stages(samples: SampleSet) -> None:
         assert 8 <= len(after.gamut_map.centres) <= 50
 
 
+@pytest.mark.slow
 def test_the_studio_s_lines_of_python_make_the_profile(samples: SampleSet, inliers: SampleSet, tmp_path: Path) -> None:
     write_samples(tmp_path / "all.npz", samples)
     write_samples(tmp_path / "inliers.npz", inliers)
@@ -67,6 +69,7 @@ def test_the_studio_s_lines_of_python_make_the_profile(samples: SampleSet, inlie
     assert (tmp_path / "mine.npz").read_bytes() == (tmp_path / "theirs.npz").read_bytes()
 
 
+@pytest.mark.slow
 def test_options_act_or_are_refused(samples: SampleSet) -> None:
     def with_options(preset: Preset = "lutforge", **physical: Any) -> CameraProfile:
         return calibrate(samples, CalibrationOptions(preset=preset, size=5, physical=PhysicalOptions(**physical)))

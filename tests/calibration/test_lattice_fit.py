@@ -139,6 +139,7 @@ def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int) -> None:
     np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     """So many samples that the sums over them, too, are shared between threads."""
     x, y = colours_in_gamut(45_000, 12)

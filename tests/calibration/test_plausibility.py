@@ -43,6 +43,7 @@ def sets() -> dict[str, SampleSet]:
     return {"D5100": simulated(nikon_d5100(), seed=0), "D40": d40(0), "S40": s40(0)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["D5100", "D40", "S40"])
 @pytest.mark.parametrize("case", CASES)
 def test_the_cause_is_named(sets: dict[str, SampleSet], case: str, name: str) -> None:
@@ -63,6 +64,7 @@ def test_good_sets_are_not_accused(sets: dict[str, SampleSet], chart_samples: Sa
     assert accused == []
 
 
+@pytest.mark.slow
 def test_a_profile_keeps_what_was_found_and_blames_no_shot(sets: dict[str, SampleSet]) -> None:
     words, spoil = CASES["RAW white-balanced already"]
     spoilt = spoil(sets["D40"], np.random.default_rng(1))
@@ -80,6 +82,7 @@ def test_settings_with_each_other_s_names_are_told_by_the_warmth_of_their_light(
     assert found == 'the white balances "tungsten" and "shade" have each other\'s names'
 
 
+@pytest.mark.slow
 def test_what_no_cause_explains_is_only_said_to_be_no_camera_s(sets: dict[str, SampleSet]) -> None:
     samples = sets["D40"]
     mixed = replace(samples, srgb=np.random.default_rng(0).permutation(samples.srgb))

@@ -42,6 +42,7 @@ def median_of_means(d40_pairs: PublishedPairs, options: CalibrationOptions, seed
     return float(np.median([errors(d40_pairs, lattice(options), seed).mean() for seed in seeds]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "uniform", "nonuniform"), [(13, 0.0162, 0.0076), (17, 0.0103, 0.0056), (24, 0.0079, 0.0046)]
 )
@@ -57,6 +58,7 @@ def rbf_maxima(d40_pairs: PublishedPairs) -> dict[int, float]:
     return {seed: float(errors(d40_pairs, radial_basis_functions, seed).max()) for seed in SEEDS}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "mean"), [(17, 0.0034), (24, 0.0032), (33, 0.0031)])
 def test_with_a_curve_behind(d40_pairs: PublishedPairs, rbf_maxima: dict[int, float], size: int, mean: float) -> None:
     """The worst errors are no larger than those of radial basis functions, which take as many terms as samples."""
@@ -66,6 +68,7 @@ def test_with_a_curve_behind(d40_pairs: PublishedPairs, rbf_maxima: dict[int, fl
     assert middle <= mean and ratio <= 1.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["chroma", "hue", "bright"])
 def test_farther_out_than_any_sample(d40_pairs: PublishedPairs, where: str) -> None:
     """Held out: the most saturated tenth of the pairs, the outer 40 % of each sixth of hues, or the brightest tenth.

@@ -55,6 +55,7 @@ def test_refinishing_works_and_the_own_raw_is_refused(samples: SampleSet) -> Non
     assert all(row.figures.mean < 0.03 for row in rows)
 
 
+@pytest.mark.slow
 def test_a_dial_that_is_wrong_for_the_light_needs_nothing_neutral() -> None:
     """All white balances in one light: what is neutral under one of them tells the light, one Tc serves them all."""
     raws = {name: camera.expose(surfaces(400, 5), "daylight") for name, camera in (("own", OWN), ("ref", REFERENCE))}
@@ -116,6 +117,7 @@ def test_the_thesis_preset_trusts_unsaturated_colours_alike_and_the_exposures(sa
     np.testing.assert_allclose(scale, scale[0, 0], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_samples_of_another_raw_are_no_measure_of_a_profile(samples: SampleSet) -> None:
     profile = calibrate(samples.select(samples.style == "standard"), CalibrationOptions(size=9))
     own = photograph_patches(OWN, chart_140(), balances=("daylight",), stops=(-1,))

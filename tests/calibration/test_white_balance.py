@@ -157,6 +157,7 @@ def test_gains_are_found_and_none_is_invented(gains: tuple[float, ...], patches:
     np.testing.assert_allclose(found, true / np.median(gains), rtol=0.003)
 
 
+@pytest.mark.slow
 def test_settings_with_gains_calibrate_as_well_as_without() -> None:
     options = CalibrationOptions(size=9)
     errors = []

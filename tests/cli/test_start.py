@@ -67,6 +67,7 @@ def test_grading_with_a_lut_loads_what_reads_grades_and_writes(tmp_path: Path, s
     assert found <= {"numpy", "OpenImageIO", "PyOpenColorIO", "PIL", "simplejpeg"}
 
 
+@pytest.mark.slow
 def test_commands_of_the_journey_load_nothing_of_reports_and_charts(tmp_path: Path, s40_samples: SampleSet) -> None:
     write_samples(tmp_path / "samples.csv", s40_samples)
     write_picture(tmp_path / "a.jpg")

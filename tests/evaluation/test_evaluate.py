@@ -149,6 +149,7 @@ def test_a_shot_that_the_profile_has_not_seen_is_predicted_as_it_is(samples: Sam
     assert any("add them" in note for note in alone.notes)
 
 
+@pytest.mark.slow
 def test_two_shots_on_the_thesis_preset_without_exposure_pairs() -> None:
     """Too little for f from exposure pairs: the tables take it from RAW, and say so."""
     one = photograph_patches(CAMERA, chart_140()[:30], balances=("daylight",), stops=(-1,))

@@ -76,6 +76,7 @@ def test_white_stays_white_in_a_dng_profile(profile: CameraProfile) -> None:
     assert np.allclose(forward.sum(axis=1), [0.9642, 1.0, 0.8251], atol=2e-3)  # D50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", sorted(KITS))
 def test_every_kit_says_what_it_is(program: str, profile: CameraProfile, tmp_path: Path) -> None:
     if program == "blender":
@@ -181,6 +182,7 @@ def test_scripts_say_what_is_missing(profile: CameraProfile, tmp_path: Path) -> 
     assert missing.stderr == "rawtherapee-cli is not installed\n"
 
 
+@pytest.mark.slow
 def test_a_kit_goes_where_a_link_leads(profile: CameraProfile, tmp_path: Path) -> None:
     (tmp_path / "real").mkdir()
     (tmp_path / "link").symlink_to("real")
@@ -205,6 +207,7 @@ def stand_in(folder: Path, name: str, says: str, makes: str) -> dict[str, str]:
     return {"PATH": f"{folder}:{os.environ['PATH']}"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("says", "makes", "code", "words"),
     [

@@ -174,6 +174,7 @@ PROGRAMS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: f"{program.name}{program.suffix}")
 def test_the_program_renders_what_the_file_holds(tmp_path: Path, program: Program) -> None:
     if program.command is None:

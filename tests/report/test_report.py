@@ -152,6 +152,7 @@ def test_it_prints_on_a4_with_the_answers_on_page_one(hostile: tuple[CameraProfi
     assert len(asked) == 1  # the file itself
 
 
+@pytest.mark.slow
 def test_same_input_gives_the_same_bytes_and_figures_are_written_as_svg_and_png(tmp_path: Path) -> None:
     profile = calibrate(shots(), CalibrationOptions(size=9))
     for name in ("one.html", "two.html"):

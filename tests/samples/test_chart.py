@@ -96,6 +96,7 @@ def test_patches_outside_the_picture_are_left_out() -> None:
     assert np.isfinite(raw.mean).any()
 
 
+@pytest.mark.slow
 def test_without_the_detector(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
     note = detector_note()

@@ -430,6 +430,7 @@ def test_an_export_is_the_command_that_it_tells(
         assert file.read_bytes() == other.read_bytes(), file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("program", "why"), [("rawtherapee", "is not installed"), ("resolve", "by eye")])
 def test_a_kit_is_written_where_its_program_is_not(
     profile: CameraProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, why: str

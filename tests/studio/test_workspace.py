@@ -80,6 +80,7 @@ def test_saturated_colours_are_kept_from_the_response_alone(samples: SampleSet) 
     assert np.array_equal(~moved.fitting_rows("lattice"), bright | (np.arange(len(samples)) == 5))
 
 
+@pytest.mark.slow
 def test_gamut_map_and_lattice_stand_on_the_stages_that_were_fitted(samples: SampleSet) -> None:
     """What the filters keep from the response is in no model that builds on it."""
     options = CalibrationOptions(size=5)
@@ -104,6 +105,7 @@ def test_gamut_map_and_lattice_stand_on_the_stages_that_were_fitted(samples: Sam
     assert not np.array_equal(alone.models["lattice"].profile.matrix, stages.matrix)
 
 
+@pytest.mark.slow
 def test_what_changes_upstream_makes_models_stale(samples: SampleSet) -> None:
     fresh = Workspace(samples, find_pairs(samples), options=CalibrationOptions(size=5))
     workspace = fitted(fitted(fresh, "matrix"), "lattice")
@@ -135,6 +137,7 @@ def test_samples_of_no_ticked_pair_do_not_tell_the_response(samples: SampleSet) 
     assert one.task("matrix").options.physical == PhysicalOptions(without_pairs=((shots[0], shots[1]),))
 
 
+@pytest.mark.slow
 def test_figures_of_a_camera_without_raw_are_those_of_the_profile_itself() -> None:
     samples = chart_samples(patches=120)
     reference = replace(samples, raw_camera=np.full(len(samples), "Reference"), wb=np.full((len(samples), 3), np.nan))

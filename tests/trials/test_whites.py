@@ -116,6 +116,7 @@ def test_white_is_white_by_every_way(tmp_path: Path) -> None:
         assert ways.apart["clf"] <= 0.01, ways
 
 
+@pytest.mark.slow
 def test_a_cube_keeps_the_colours_beside_white() -> None:
     profile = small_profile()
     beside = np.array([np.where(np.arange(3) == c, code, 255) for c in range(3) for code in range(250, 255)]) / 255
