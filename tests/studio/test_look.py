@@ -111,9 +111,21 @@ class Served:
         self.view, self._document = views.get(timeout=30)
 
     def do(self, action: Callable[[LookView], Any]) -> Any:
-        """Act on the view as a callback of the server would; return what the action returns."""
+        """Act on the view as `Session.guarded` does, its changes as one message; return what the action returns.
+
+        Without the hold Panel may keep back what changes while an earlier message is being written.
+        """
         done: Future[Any] = Future()
-        self._document.add_next_tick_callback(lambda: done.set_result(action(self.view)))
+
+        def act() -> None:
+            self._document.hold("combine")
+            try:
+                result = action(self.view)
+            finally:
+                self._document.unhold()
+            done.set_result(result)
+
+        self._document.add_next_tick_callback(act)
         return done.result(30)
 
     def drawn(self) -> None:
