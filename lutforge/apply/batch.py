@@ -16,7 +16,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply.grade import Grade, Recipe
 from lutforge.apply.image import REGION_SAMPLES, GradedImage, apply_image, check_colours
-from lutforge.apply.inputs import JOURNAL, Failure, Input, resolver
+from lutforge.apply.inputs import JOURNAL, Failure, resolver
 from lutforge.atomic_write import remove_temporaries
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.images.heif import is_heif
@@ -158,7 +158,7 @@ class BatchResult:
 
 def apply_batch(
     recipe: Recipe,
-    images: Sequence[Input | str | Path],
+    images: Sequence[str | Path],
     folder: str | Path,
     suffix: str | None = None,
     workers: int | None = None,
@@ -176,8 +176,7 @@ def apply_batch(
     would replace an input, or the recipe is wrong for all images.
     """
     folder = Path(folder)
-    inputs = [image if isinstance(image, Input) else Input(Path(image), Path(Path(image).name)) for image in images]
-    jobs = plan_jobs(inputs, folder, suffix, quality)
+    jobs = plan_jobs(list(map(Path, images)), folder, suffix, quality)
     recipe.check()
     remove_temporaries(job.target for job in jobs)
     records = read_journal(folder) if resume else {}
@@ -232,19 +231,17 @@ def rate(images: int, pixels: int, seconds: float) -> str:
     return f"{images / seconds:.2g} images/s, {pixels / 1e6 / seconds:.3g} Mpixel/s"
 
 
-def plan_jobs(
-    inputs: Sequence[Input], folder: Path, suffix: str | None = None, quality: int | None = None
-) -> list[Job]:
+def plan_jobs(images: Sequence[Path], folder: Path, suffix: str | None = None, quality: int | None = None) -> list[Job]:
     """Choose where each image is written. Raises ImageError where two share a place or one would replace an input."""
     if suffix is not None and not suffix.startswith("."):
         suffix = f".{suffix}"
     if suffix is not None and Path(f"x{suffix}").suffix != suffix:
         raise ImageError(f'"{suffix}" is no suffix of an image; write for example .png')
     jobs = []
-    for image in inputs:
-        raw = image.place.suffix.lower() in RAW_SUFFIXES
-        chosen = suffix or (".jpg" if raw or is_heif(image.place) else image.place.suffix)
-        jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), quality))
+    for image in images:
+        raw = image.suffix.lower() in RAW_SUFFIXES
+        chosen = suffix or (".jpg" if raw or is_heif(image) else image.suffix)
+        jobs.append(Job(image, folder / Path(image.name).with_suffix(chosen), quality))
     resolved = resolver()
     sources = {resolved(job.source) for job in jobs}
     seen: dict[str, Path] = {}
@@ -325,8 +322,6 @@ def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iter
 def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
     if grade.raw:
         raise ImageError(f"{job.source}: oiiotool does not develop RAW files; let `lutforge apply` render it")
-    if not words:
-        raise ImageError(f"{job.source}: oiiotool has no such interpolation or conversion; let `lutforge apply` do it")
     if any(sign in word for word in words for sign in "$%"):
         path = next(word for word in words if set(word) & set("$%"))
         raise ImageError(f'{path}: OpenColorIO takes "$" and "%" in the path of a LUT for variables; rename it')

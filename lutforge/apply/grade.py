@@ -13,7 +13,6 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge import __version__
 from lutforge.child_processes import guarded
 from lutforge.errors import ConfigError, LutError, LutForgeError, alternatives
-from lutforge.interpolation import Interpolation
 from lutforge.luts.reading import stranger
 from lutforge.luts.sequence import ENCODED, OCIO_ERRORS, Lut, of_codes, read_input_and_output
 
@@ -91,10 +90,9 @@ def fingerprint(*parts: object) -> str:
 
 @dataclass(frozen=True)
 class LutRecipe(Recipe):
-    """One LUT file for all images. interpolation: for files that name none."""
+    """One LUT file for all images; cubes of files that name no interpolation are interpolated tetrahedrally."""
 
     path: Path
-    interpolation: Interpolation = "tetrahedral"
 
     def grade(self, source: Path) -> Grade:
         """The grade by the LUT."""
@@ -108,7 +106,7 @@ class LutRecipe(Recipe):
                 f"{self.path}: half of a LUT, {self.path.with_suffix(pair).name} is the other; bake a .clf or .cube to "
                 "apply, or use the two in an OpenColorIO config"
             )
-        processor, comments = stranger(self.path, self.interpolation)
+        processor, comments = stranger(self.path)
         ends = read_input_and_output(comments)
         takes_linear, gives_linear = (False, False) if ends is None else ends.are_linear
         return Grade(
@@ -116,8 +114,7 @@ class LutRecipe(Recipe):
             f"graded with {self.path.name}",
             takes_linear=takes_linear,
             gives_linear=gives_linear,
-            # oiiotool interpolates its own way: tetrahedral for cubes.
-            oiiotool=("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else (),
+            oiiotool=("--ociofiletransform", str(self.path)),
             codes=of_codes(processor),
             for_srgb=ends is not None and ends.input == ENCODED,
         )

@@ -148,7 +148,8 @@ def config(
 def apply(
     grade: Annotated[Path, argument("A LUT file, a profile (.npz) or a config.")],
     images: Annotated[
-        list[Path], argument("Images: JPEG, PNG, TIFF, EXR, with a profile RAW; before them further profiles.")
+        list[Path],
+        argument("Files and folders: JPEG, PNG, TIFF, EXR, with a profile RAW; before them further profiles."),
     ],
     output: Annotated[Path | None, option("The folder for the graded images.", "-o", "--output")] = None,
     source: Annotated[
@@ -171,10 +172,7 @@ def apply(
     ] = None,
     suffix: Annotated[str | None, option("Another format for the output, such as .png or .exr.")] = None,
     quality: Annotated[int | None, option("Of JPEG files, 1 to 100, if not as their sources.")] = None,
-    interpolation: Annotated[str, option("trilinear or tetrahedral, for LUTs that do not say it.")] = "tetrahedral",
     workers: Annotated[int | None, option("Threads; one per core by default.")] = None,
-    frames: Annotated[str | None, option("Frames of sequences: 1001-1100, 1-9x2, 1,5,9.")] = None,
-    recursive: Annotated[bool, option("Folders with their subfolders.", "--recursive")] = False,
     resume: Annotated[bool, option("Skip what an earlier run did that is still right.", "--resume")] = False,
     scheduler: Annotated[str | None, option("A Dask cluster that does the work: tcp://HOST:PORT.")] = None,
     print_commands: Annotated[
@@ -182,10 +180,7 @@ def apply(
     ] = False,
     as_json: Annotated[bool, option("Print the summary as JSON, for programs.", "--json")] = False,
 ) -> None:
-    """Grade images through OpenColorIO; metadata, bit depth and extra channels are kept.
-
-    IMAGES are files, folders, and sequences: shot.####.exr, shot.1001-1100####.exr, shot.%04d.exr.
-    """
+    """Grade images through OpenColorIO; metadata, bit depth and extra channels are kept."""
     from lutforge.child_processes import prepare
 
     if grade.suffix.lower() not in (".npz", ".ocio", ".ocioz"):
@@ -193,8 +188,8 @@ def apply(
     from lutforge.pipeline.grading import Grading
 
     grading = Grading(
-        (grade, *images), output, source, target, ev, look, tuple(transfer or ()), interpolation, suffix, workers,
-        frames, recursive, resume, scheduler, quality, space, exposure,
+        (grade, *images), output, source, target, ev, look, tuple(transfer or ()), suffix, workers, resume,
+        scheduler, quality, space, exposure,
     )  # fmt: skip
     failed = False
     if print_commands:
@@ -207,7 +202,7 @@ def apply(
     else:
         failed = _run(grading, as_json)
     if failed:
-        raise typer.Exit(1 if grading.asked > 1 else 2)
+        raise typer.Exit(1 if len(grading.inputs[0]) > 1 else 2)
 
 
 def _run(grading: "Grading", as_json: bool) -> bool:
@@ -236,7 +231,7 @@ def _run(grading: "Grading", as_json: bool) -> bool:
         print(json.dumps({**document, "seconds": round(seconds, 3)}, indent=1))
     else:
         say(*(str(done.target) for done in result.done))
-    if grading.asked > 1:
+    if len(grading.inputs[0]) > 1:
         pixels = sum(done.width * done.height for done in result.done)
         counts = f"{len(result.done)} graded, {len(result.skipped)} skipped, {len(result.failed)} failed"
         note(f"{counts} in {seconds:.1f} s: {rate(len(result.done), pixels, seconds)}")

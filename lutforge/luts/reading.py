@@ -77,13 +77,13 @@ def processor_of_file(path: str | Path, interpolation: Interpolation = "tetrahed
         return processor
 
 
-def stranger(path: str | Path, interpolation: Interpolation = "tetrahedral") -> tuple[OCIO.Processor, tuple[str, ...]]:
+def stranger(path: str | Path) -> tuple[OCIO.Processor, tuple[str, ...]]:
     """The processor of a file of unknown origin and its comments; it is read in a process of its own first."""
     path = Path(path)
     require_file(path, "a LUT", LutError, MOST_BYTES)
     with reading(path, "a LUT", LutError):
-        comments = _elsewhere(_comments_of, path, interpolation)
-    return processor_of_file(path, interpolation), comments
+        comments = _elsewhere(_comments_of, path)
+    return processor_of_file(path), comments
 
 
 def file_processor(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.CPUProcessor:
@@ -100,9 +100,9 @@ def _elsewhere(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) 
         raise LutError(str(error)) from error
 
 
-def _comments_of(path: Path, interpolation: Interpolation) -> tuple[str, ...]:
+def _comments_of(path: Path) -> tuple[str, ...]:
     """The comments of a file whose processor can be made. Raises LutError."""
-    processor = processor_of_file(path, interpolation)
+    processor = processor_of_file(path)
     processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
     return _heading(path, processor.createGroupTransform())[1]
 

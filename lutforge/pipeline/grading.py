@@ -10,9 +10,8 @@ from pathlib import Path
 
 from lutforge.apply.batch import BatchResult, apply_batch, plan_jobs
 from lutforge.apply.grade import ConfigRecipe, LutRecipe, Recipe
-from lutforge.apply.inputs import Failure, Inputs, find_inputs, is_picture
+from lutforge.apply.inputs import Failure, find_inputs, is_picture
 from lutforge.errors import ImageError, SettingsError
-from lutforge.interpolation import INTERPOLATIONS
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, check_output, one_of, several
 from lutforge.progress import Progress, silent
 
@@ -21,10 +20,9 @@ from lutforge.progress import Progress, silent
 class Grading:
     """What to grade, and how: the arguments of `apply`, and what the command alone has.
 
-    words: paths: one LUT file, one config, or profiles of different cameras; then files, folders, frame sequences.
-    transfers: RAW → RAW from other cameras to that of `look`. interpolation: for LUTs that name none. frames: of
-    sequences; recursive: folders with their subfolders. resume: skip what an earlier run did. scheduler: the address of
-    a Dask cluster. quality: of JPEG files, 1 … 100, by default that of a JPEG's source.
+    words: paths: one LUT file, one config, or profiles of different cameras; then files and folders. transfers: RAW →
+    RAW from other cameras to that of `look`. resume: skip what an earlier run did. scheduler: the address of a Dask
+    cluster. quality: of JPEG files, 1 … 100, by default that of a JPEG's source.
     """
 
     words: tuple[Path, ...]
@@ -34,11 +32,8 @@ class Grading:
     ev: float = 0.0
     look: Path | None = None
     transfers: tuple[Path, ...] = ()
-    interpolation: str = "tetrahedral"
     suffix: str | None = None
     workers: int | None = None
-    frames: str | None = None
-    recursive: bool = False
     resume: bool = False
     scheduler: str | None = None
     quality: int | None = None
@@ -68,18 +63,15 @@ class Grading:
 
     @property
     def images(self) -> tuple[Path, ...]:
-        """The images, folders and sequences: every path after the first that is no profile."""
+        """The images and folders: every path after the first that is no profile."""
         return tuple(path for path in self.words[1:] if not _is_profile(path))
 
     @cached_property
     def recipe(self) -> Recipe:
         """The recipe of the profiles, LUT or config, checked. Raises LutForgeError where an option does not fit it."""
         recipe: Recipe
-        interpolation = one_of("interpolation", self.interpolation, INTERPOLATIONS)
         path, *others = self.words[0], *filter(_is_profile, self.words[1:])  # LUT, config or profile; further profiles
         is_config = path.suffix.lower() in (".ocio", ".ocioz")
-        if interpolation != "tetrahedral" and (is_config or _is_profile(path)):
-            raise SettingsError("--interpolation goes with a LUT; profiles and configs say how theirs are interpolated")
         if _is_profile(path):
             from lutforge.apply.profile_recipe import ProfileRecipe, SceneRecipe
 
@@ -99,7 +91,7 @@ class Grading:
                 "--from and --to go with a profile or a config, --ev with a profile; a LUT is applied as it is"
             )
         else:
-            recipe = LutRecipe(path, interpolation)
+            recipe = LutRecipe(path)
         recipe.check()
         return recipe
 
@@ -114,14 +106,9 @@ class Grading:
         return self.output
 
     @cached_property
-    def inputs(self) -> Inputs:
-        """The images to grade. Raises ImageError or SettingsError."""
-        return find_inputs(self.images, self.frames, self.recursive, [self.folder], raw=_is_profile(self.words[0]))
-
-    @property
-    def asked(self) -> int:
-        """The number of images that were named, there or not."""
-        return len(self.inputs.images) + len(self.inputs.missing)
+    def inputs(self) -> tuple[list[Path], list[str]]:
+        """The images to grade, and notes. Raises ImageError or SettingsError."""
+        return find_inputs(self.images, self.folder, raw=_is_profile(self.words[0]))
 
     def commands(self) -> Iterator[str | Failure]:
         """The oiiotool lines that grade as `run` would, for a POSIX shell, or why there is none."""
@@ -129,19 +116,18 @@ class Grading:
 
         if self.space is not None:
             raise SettingsError("--print-commands goes without --space: oiiotool cannot mark what is clipped")
-        yield from oiiotool_commands(
-            self.recipe, plan_jobs(self.inputs.images, self.folder, self.suffix), self.folder / "luts"
-        )
-        yield from self.inputs.missing
+        jobs = plan_jobs(self.inputs[0], self.folder, self.suffix)
+        yield from oiiotool_commands(self.recipe, jobs, self.folder / "luts")
 
     def run(self, progress: Progress = silent) -> BatchResult:
         """Grade the images; one that fails is told of in the result, and the others go on. progress: tells the rate."""
         suffix = self.suffix if self.space is None else ".exr"
+        images, notes = self.inputs
         result = apply_batch(
-            self.recipe, self.inputs.images, self.folder, suffix, self.workers, progress,
+            self.recipe, images, self.folder, suffix, self.workers, progress,
             resume=self.resume, scheduler=self.scheduler, quality=self.quality,
         )  # fmt: skip
-        return replace(result, failed=(*result.failed, *self.inputs.missing), notes=(*self.inputs.notes, *result.notes))
+        return replace(result, notes=(*notes, *result.notes))
 
 
 def _is_profile(path: Path) -> bool:
@@ -167,7 +153,7 @@ def apply(
 
     Args:
         grade: a LUT file, an OpenColorIO config, or profiles (.npz) of one camera or several.
-        images: files, folders and frame sequences; with profiles RAW files, too.
+        images: files and folders; with profiles RAW files, too.
         output: the folder.
         source: STYLE/WB of the images where they do not tell; with a config, their colour space.
         target: STYLE/WB wanted, as-shot to keep either; with a config, the colour space wanted.

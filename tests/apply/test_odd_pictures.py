@@ -15,7 +15,7 @@ import pytest
 from PIL import Image as Picture
 from PIL import ImageCms
 
-from lutforge.apply.batch import BatchResult, apply_batch
+from lutforge.apply.batch import apply_batch
 from lutforge.apply.grade import ConfigRecipe, LutRecipe
 from lutforge.apply.inputs import find_inputs
 from lutforge.colour.rgb_spaces import NAME, adobe_rgb_profile
@@ -110,38 +110,20 @@ def test_links_are_images_of_their_own(tmp_path: Path, cube: LutRecipe) -> None:
     (tmp_path / "in" / "b.png").symlink_to("a.png")
     (tmp_path / "in" / "gone.png").symlink_to("nowhere.png")
     (tmp_path / "in" / "loop").symlink_to(tmp_path / "in")
-    inputs = find_inputs([tmp_path / "in"], recursive=True)
-    result = apply_batch(cube, inputs.images, tmp_path / "out")
+    images, _ = find_inputs([tmp_path / "in"], tmp_path / "out")
+    result = apply_batch(cube, images, tmp_path / "out")
     assert [done.target.name for done in result.done] == ["a.png", "b.png"]
     assert [failure.reason for failure in result.failed] == [f"{tmp_path / 'in' / 'gone.png'}: no such file"]
     assert not (tmp_path / "out" / "b.png").is_symlink()
 
 
-def test_what_an_earlier_batch_made_is_not_graded_again(tmp_path: Path, cube: LutRecipe) -> None:
-    (tmp_path / "in").mkdir()
-    write_picture(tmp_path / "in" / "a.png")
-
-    def graded(out: str) -> tuple[BatchResult, tuple[str, ...]]:
-        folder = tmp_path / "in" / out
-        inputs = find_inputs([tmp_path / "in"], recursive=True, leave_out=[folder])
-        return apply_batch(cube, inputs.images, folder), inputs.notes
-
-    assert len(graded("first")[0].done) == 1
-    result, notes = graded("second")
-    assert len(result.done) == 1
-    assert notes == (f"{tmp_path / 'in' / 'first'}: left out, it was graded into; name it to grade what is in it",)
-    assert len(find_inputs([tmp_path / "in" / "first"]).images) == 1
-
-
 def test_raw_files_of_a_folder_are_rendered_unless_their_picture_is_there(tmp_path: Path) -> None:
     for name in ("a.NEF", "a.JPG", "b.CR2", "c.jpg"):
         (tmp_path / name).touch()
-    found = find_inputs([tmp_path], raw=True)
-    assert [image.path.name for image in found.images] == ["a.JPG", "b.CR2", "c.jpg"]
-    assert found.notes == (
-        f"{tmp_path}: 1 RAW file left out beside pictures of the same name; to render them, name them",
-    )
-    assert [image.path.name for image in find_inputs([tmp_path]).images] == ["a.JPG", "c.jpg"]
+    images, notes = find_inputs([tmp_path], tmp_path / "out", raw=True)
+    assert [path.name for path in images] == ["a.JPG", "b.CR2", "c.jpg"]
+    assert notes == [f"{tmp_path}: 1 RAW file left out beside pictures of the same name; to render them, name them"]
+    assert [path.name for path in find_inputs([tmp_path], tmp_path / "out")[0]] == ["a.JPG", "c.jpg"]
 
 
 @pytest.mark.parametrize("suffix", [".clf", ".ctf", ".cube", ".csp"])
@@ -309,17 +291,6 @@ def test_a_full_disk(folder: Path) -> None:
         assert reasons[0].startswith(f"out/large.{suffix}: "), reasons
         assert reasons[1:] == ["none.png: no such file"]
     assert not (folder / "out").exists()
-
-
-def test_missing_frames_are_failures_where_they_were_asked_for(folder: Path, run: Run) -> None:
-    for number in (1001, 1002, 1004):
-        write_picture(folder / f"shot.{number}.exr", (20, 30), "half")
-    done = run("look.cube", "shot.1001-1004####.exr", "-o", "out", status=1)
-    assert "lutforge: shot.1003.exr: this frame is missing" in done.stderr
-    assert done.stdout.split() == [f"out/shot.{number}.exr" for number in (1001, 1002, 1004)]
-    again = run("look.cube", "shot.####.exr", "-o", "out", "--resume")
-    assert "not there: frame 1003" in again.stderr
-    assert "0 graded, 3 skipped" in again.stderr
 
 
 # --- Files of strangers that made `apply` hang or end in a traceback: each is one line of our own error --------------

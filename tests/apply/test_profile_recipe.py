@@ -340,8 +340,6 @@ def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do(
     [
         ("config.ocio", {"ev": 1.0}, "--ev goes with a profile"),
         ("a.cube", {"ev": 1.0}, "--ev with a profile"),
-        ("config.ocio", {"interpolation": "trilinear"}, "--interpolation goes with a LUT"),
-        ("camera.npz", {"interpolation": "trilinear"}, "--interpolation goes with a LUT"),
         ("camera.npz", {"exposure": "exif"}, "--exposure goes with --space"),
         ("camera.npz", {"space": "acescg", "exposure": "meter"}, "unknown exposure"),
         ("camera.npz", {"space": "vlog"}, "pictures become linear light"),

@@ -113,7 +113,7 @@ def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:
     assert told.camera == CAMERA.name
     assert told.exposure == pytest.approx(read_picture_settings(tmp_path / "shot.JPG").exposure)
     assert ("picture", "648 × 440, heif, 10 bits") in inspect(picture).rows
-    assert (picture, Path(picture.name)) in [(each.path, each.place) for each in find_inputs([picture.parent]).images]
+    assert picture in find_inputs([picture.parent], tmp_path / "out")[0]
 
 
 @pytest.mark.parametrize(("bits", "suffix", "depth"), [(8, ".jpg", "uint8"), (10, ".tif", "uint16")])
@@ -132,7 +132,7 @@ def test_a_heif_is_graded(tmp_path: Path, bits: int, suffix: str, depth: str) ->
         write_heif(source, colours, exif.tobytes(), quality=100)
         expected = read_image(source).pixels.astype(np.float64)
     grade = replace(LutRecipe(write_cube(tmp_path / "look.cube")).grade(source), for_srgb=True)
-    (job,) = plan_jobs(find_inputs([source]).images, tmp_path, None if bits == 8 else suffix)
+    (job,) = plan_jobs([source], tmp_path, None if bits == 8 else suffix)
     assert job.target == tmp_path / f"a{suffix}"
     result = apply_image(grade, source, job.target)
     graded = read_image(job.target)

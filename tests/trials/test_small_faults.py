@@ -204,18 +204,14 @@ def test_tables_and_luts_on_a_full_disk(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_read_stops_a_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The rights of the user who runs the tests may open every folder, so the system's answer is made up."""
-    picture(tmp_path / "a.jpg")
     (tmp_path / "locked").mkdir()
-    listed = os.scandir
 
-    def scandir(folder: str) -> object:
-        if Path(folder).name == "locked":
-            raise PermissionError(13, "Permission denied", folder)
-        return listed(folder)
+    def iterdir(folder: Path) -> object:
+        raise PermissionError(13, "Permission denied", str(folder))
 
-    monkeypatch.setattr(os, "scandir", scandir)
+    monkeypatch.setattr(Path, "iterdir", iterdir)
     with pytest.raises(ImageError, match="locked: the folder cannot be read"):
-        find_inputs([tmp_path], recursive=True)
+        find_inputs([tmp_path / "locked"], tmp_path / "out")
 
 
 @pytest.mark.parametrize(
