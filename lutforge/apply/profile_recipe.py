@@ -21,7 +21,7 @@ from lutforge.model.camera_profile import CameraProfile, load_profile, match, ra
 from lutforge.model.coverage import refinish_confidence
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
+from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Transform, through_stages
 from lutforge.model.white_balance import LIGHT_SOURCES, temperatures_of
 from lutforge.progress import Progress, silent
@@ -90,9 +90,8 @@ class BakedGrades:
         camera, given, look, wanted, transfer = change.camera, change.given, change.look, change.wanted, change.transfer
         before = camera.multipliers(given if look is not camera else wanted)
         k = 2.0**change.ev
-        levels = uniform_levels(2 if transfer is None or transfer.roots is None else 49)
         stages = raw_to_balanced(camera, given, look, wanted, transfer=transfer)
-        balanced = through_stages(stages, grid(levels) / before)
+        balanced = through_stages(stages, grid(uniform_levels(2)) / before)
         gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
         exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
         return Lut((*exposed, *self.baked(look.render_balanced(wanted)).ops)).processor()
@@ -205,20 +204,20 @@ class _OfProfiles(Recipe):
 class ProfileRecipe(_OfProfiles):
     """Grade each picture from the settings that it was made with to other settings.
 
-    look: the profile of the camera whose look is wanted. transfers: RAW → RAW from other cameras to it, or in steps.
+    look: the profile of the camera whose look is wanted. transfer: RAW → RAW from another camera to it.
     """
 
     look: Path | None = None
-    transfers: tuple[Path, ...] = ()
+    transfer: Path | None = None
 
     def check(self) -> None:
-        """Raise SettingsError or ProfileError where the profiles, the transfers or the settings asked for are wrong."""
+        """Raise SettingsError or ProfileError where the profiles, the transfer or the settings asked for are wrong."""
         super().check()
         for camera in [self._look] if self._look else self.cameras.values():
             style = self._wanted.style if self._wanted.style != AS_SHOT else next(iter(camera.styles))
             first = next(iter(camera.white_balances))
             camera.selector(Selector(style, self._wanted.white_balance if self.shift is None else first))
-        _ = self._transfers
+        _ = self._transfer
 
     def grade(self, source: Path) -> Grade:
         """Return the grade of one picture by its own settings."""
@@ -288,28 +287,18 @@ class ProfileRecipe(_OfProfiles):
         return self.cameras[look.camera.lower()] if same else look
 
     @cached_property
-    def _transfers(self) -> dict[str, RawTransfer]:
-        """The transfer to the wanted look, by the camera at which it begins; steps may be given in any order."""
+    def _transfer(self) -> RawTransfer | None:
+        if self.transfer is None:
+            return None
         if self._look is None:
-            if self.transfers:
-                raise SettingsError("--transfer goes with --as: it leads to the RAW of the camera whose look is wanted")
-            return {}
-        steps = {step.source: step for step in map(load_transfer, self.transfers)}
-        transfers = {}
-        for camera in self.cameras.values():
-            path: list[RawTransfer] = []
-            at = camera.camera
-            while at != self._look.camera and at in steps and len(path) < len(steps):
-                path.append(steps[at])
-                at = steps[at].target
-            if path and at == self._look.camera:
-                transfers[camera.camera] = chained(path)
-        if steps and not transfers:
+            raise SettingsError("--transfer goes with --as: it leads to the RAW of the camera whose look is wanted")
+        transfer = load_transfer(self.transfer)
+        if transfer.source.lower() not in self.cameras or transfer.target != self._look.camera:
             raise SettingsError(
-                f"no transfer leads from {', '.join(camera.camera for camera in self.cameras.values())} to "
-                f"{self._look.camera}; those given begin at {', '.join(steps)}"
+                f"{self.transfer}: leads from {transfer.source} to {transfer.target}, not from "
+                f"{', '.join(camera.camera for camera in self.cameras.values())} to {self._look.camera}"
             )
-        return transfers
+        return transfer
 
     def change(self, camera: CameraProfile, given: Selector) -> SettingChange:
         """What is changed of a picture with given settings.
@@ -317,7 +306,9 @@ class ProfileRecipe(_OfProfiles):
         "as-shot" ones are those of the picture, for another camera those under which the same light is neutral.
         """
         look = self._look or camera
-        transfer = None if look is camera else self._transfers.get(camera.camera)
+        transfer = self._transfer
+        if look is camera or (transfer is not None and transfer.source != camera.camera):
+            transfer = None
         style = given.style if self._wanted.style == AS_SHOT else self._wanted.style
         balance = given.white_balance
         if self.shift is None:

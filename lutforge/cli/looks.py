@@ -65,9 +65,7 @@ def bake(
     tolerance: Annotated[float | None, option("Instead of a size: the ΔE00 that 99 % of colours keep within.")] = None,
     interpolation: Annotated[str | None, option("trilinear or tetrahedral: how the reader interpolates.")] = None,
     model: Annotated[str | None, option("lattice or rbf, where the profile holds both.")] = None,
-    transfer: Annotated[
-        list[Path] | None, option("For match: RAW to RAW, from `lutforge transfer`; may repeat, in steps.")
-    ] = None,
+    transfer: Annotated[Path | None, option("For match: RAW to RAW, from `lutforge transfer`.")] = None,
     colours: Annotated[
         bool, option(".icc: without the camera's tone curve, scene-linear, for one's own tone mapper.", "--colours")
     ] = False,
@@ -75,7 +73,7 @@ def bake(
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.pipeline.baking import TransformRequest, bake_files
 
-    wanted = TransformRequest(kind, source, target, ev, space, model, other, tuple(transfer or ()))
+    wanted = TransformRequest(kind, source, target, ev, space, model, other, transfer)
     with progress_bar("baking") as progress:
         files, notes = bake_files(
             profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
@@ -167,9 +165,7 @@ def apply(
         str | None, option("With --space: exif divides by time, ISO and aperture, so that pictures of a scene agree.")
     ] = None,
     look: Annotated[Path | None, option("The profile of the camera whose look is wanted.", "--as")] = None,
-    transfer: Annotated[
-        list[Path] | None, option("With --as: RAW to RAW, from `lutforge transfer`; may repeat.")
-    ] = None,
+    transfer: Annotated[Path | None, option("With --as: RAW to RAW, from `lutforge transfer`.")] = None,
     suffix: Annotated[str | None, option("Another format for the output, such as .png or .exr.")] = None,
     quality: Annotated[int | None, option("Of JPEG files, 1 to 100, if not as their sources.")] = None,
     workers: Annotated[int | None, option("Threads; one per core by default.")] = None,
@@ -188,7 +184,7 @@ def apply(
     from lutforge.pipeline.grading import Grading
 
     grading = Grading(
-        (grade, *images), output, source, target, ev, look, tuple(transfer or ()), suffix, workers, resume,
+        (grade, *images), output, source, target, ev, look, transfer, suffix, workers, resume,
         scheduler, quality, space, exposure,
     )  # fmt: skip
     failed = False

@@ -229,11 +229,9 @@ def transfer(
     from lutforge.pipeline.calibration import write_transfer
 
     with progress_bar("sampling") as progress:
-        common, fitted, of_matrix = write_transfer(
-            source, target, output, progress, lambda sampled: note(*sampled.left_out)
-        )
-    say(f"{output}: {fitted.source} to {fitted.target}, from {common} common colours: a root polynomial")
-    say(f"  held-out error, relative: {fitted.error:.2%}; of one matrix {of_matrix:.2%}")
+        common, fitted = write_transfer(source, target, output, progress, lambda sampled: note(*sampled.left_out))
+    say(f"{output}: {fitted.source} to {fitted.target}, from {common} common colours")
+    say(f"  held-out error, relative: {fitted.error:.2%}")
 
 
 def evaluate(

@@ -292,7 +292,7 @@ def raw_to_balanced(
     light = same_light(source_camera, source, target_camera)
     if transfer is not None:
         under = None if light is None else target_camera.multipliers(Selector(target.style, light))
-        return transfer.under(source_camera.multipliers(source), under), balance
+        return MatrixStage(transfer.under(source_camera.multipliers(source), under).matrix), balance
     if (source_camera.raw_camera or source_camera.camera) == (target_camera.raw_camera or target_camera.camera):
         return MatrixStage(_from_reference(target_camera) @ np.linalg.inv(_from_reference(source_camera))), balance
     light_of_target = target_camera.multipliers(Selector(target.style, light or target.white_balance))

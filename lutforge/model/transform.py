@@ -16,7 +16,6 @@ from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.lattice import Lattice
-from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response import Response
 
 
@@ -76,7 +75,7 @@ class Decode:
         return self.curve.linearize(x)
 
 
-Stage = Gain | MatrixStage | Clip | Encode | Decode | Lattice | GamutMap | RawTransfer | NeutralHighlights
+Stage = Gain | MatrixStage | Clip | Encode | Decode | Lattice | GamutMap | NeutralHighlights
 """Any stage: (…, 3) → (…, 3), float64. A lattice is h of the thesis, chapter 5; a gamut map h of chapter 4."""
 
 

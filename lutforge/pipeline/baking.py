@@ -23,7 +23,7 @@ from lutforge.luts.formats import ACES_ID, PROCESS_LISTS
 from lutforge.luts.programs import Target, files_for, program_named, target_of
 from lutforge.luts.sequence import ADOBE_RGB, ENCODED, FORMS, Form, Lut, format_of, input_and_output_of
 from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, is_response_alone, match, through_camera
-from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
+from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Purpose, Transform
 from lutforge.pipeline.outputs import Paths, check_output, one_of, several
 from lutforge.progress import Progress, silent, telling_of_compilation
@@ -46,14 +46,14 @@ class TransformRequest:
     space: str = "raw"
     model: str | None = None
     look: CameraProfile | Path | None = None
-    transfers: Sequence[RawTransfer | Path] = ()
+    transfer: RawTransfer | Path | None = None
 
     def __post_init__(self) -> None:
         kind, space = one_of("transform", self.kind, KINDS), self.space.strip().lower()
         space = space if space == "raw" else rgb_space(self.space).name
         if (self.look is not None) != (kind == "match"):
             raise SettingsError("match needs two profiles, A.npz match B.npz; the other transforms need one")
-        if self.transfers and kind != "match":
+        if self.transfer is not None and kind != "match":
             raise SettingsError("--transfer goes with match")
         if space != "raw" and kind in ("refinish", "match"):
             raise SettingsError(f"--space goes with linearize and render; a {kind} has JPEGs on both sides")
@@ -74,7 +74,7 @@ def transform(
     space: str = "raw",
     model: str | None = None,
     look: CameraProfile | str | Path | None = None,
-    transfers: Sequence[RawTransfer | str | Path] = (),
+    transfer: RawTransfer | str | Path | None = None,
 ) -> Transform:
     """Return the transform of a profile that words ask for: a function of colours (…, 3), exact to the model.
 
@@ -89,7 +89,7 @@ def transform(
         space: what render takes and linearize gives: "raw", or a colour space such as "acescg" or "vlog".
         model: "lattice" or "rbf", where the profile holds both.
         look: for match, the profile whose look is wanted.
-        transfers: for match, transfers from RAW to RAW or their files, in steps.
+        transfer: for match, the transfer from RAW to RAW, or its file.
 
     Returns:
         The transform; its `purpose` has a title, and notes on settings that stand for others.
@@ -98,9 +98,9 @@ def transform(
         SettingsError: a setting is missing or unknown, or an option does not go with the kind.
         ProfileError: a profile or transfer cannot be read, or holds no such model.
     """
-    steps = tuple(each if isinstance(each, RawTransfer) else Path(each) for each in transfers)
     beside = Path(look) if isinstance(look, str) else look
-    wanted = TransformRequest(kind, source, target, ev, space, model, beside, steps)
+    step = Path(transfer) if isinstance(transfer, str) else transfer
+    wanted = TransformRequest(kind, source, target, ev, space, model, beside, step)
     return choose_transform(as_profile(profile), wanted)
 
 
@@ -121,8 +121,7 @@ def choose_transform(camera: CameraProfile, wanted: TransformRequest) -> Transfo
     if kind == "render":
         fed = camera.fed_to if space == "raw" else space
         return camera.render(target, model) if fed == "raw" else through_camera(camera, target, fed, wanted.ev, model)
-    steps = [each if isinstance(each, RawTransfer) else load_transfer(each) for each in wanted.transfers]
-    step = chained(steps) if steps else None
+    step = load_transfer(wanted.transfer) if isinstance(wanted.transfer, Path) else wanted.transfer
     return match(camera, source, end, target, wanted.ev, model, step)
 
 
@@ -271,7 +270,7 @@ def bake_files(
     Returned are the files, the most exact first, and what the user should know of them. colours: of an ICC profile, the
     look without its tone curve, scene-linear. Raises ProfileError, and what `bake` does.
     """
-    inputs = [path for path in (profile, wanted.look, *wanted.transfers) if isinstance(path, str | Path)]
+    inputs = [path for path in (profile, wanted.look, wanted.transfer) if isinstance(path, str | Path)]
     paths = [check_output(path, inputs=inputs) for path in outputs]
     if not paths and program is None:
         raise LutError(

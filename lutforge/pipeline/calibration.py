@@ -74,11 +74,11 @@ def write_transfer(
     output: Path,
     progress: Progress = silent,
     tell: Callable[[SampledShots], None] = lambda sampled: None,
-) -> tuple[int, RawTransfer, float]:
+) -> tuple[int, RawTransfer]:
     """Fit the transfer from the RAW of one camera to another's, and write it (.json).
 
     source, target: samples, RAW files or folders of one camera each. Returned are the number of colours that both saw,
-    the transfer, and the error that one matrix has in its place. Raises SampleError, CalibrationError.
+    and the transfer. Raises SampleError, CalibrationError.
     """
     check_output(output, (".json",), (source, target))
     both, names = [], []
@@ -91,13 +91,11 @@ def write_transfer(
         both.append(sampled.samples)
         names.append(str(cameras[0]))
     x, y, neutral = pair_samples(*both)
-    fitted, of_matrix = fit_raw_transfer(names[0], names[1], x, y, neutral)
-    if (
-        fitted.error is not None and fitted.error > 0.3
-    ):  # of the value: then the two cameras did not see the same colours
+    fitted = fit_raw_transfer(names[0], names[1], x, y, neutral)
+    if fitted.error is not None and fitted.error > 0.3:  # then the two cameras did not see the same colours
         raise CalibrationError(
             f"{len(x)} colours that should be common differ by {fitted.error:.0%} after the best transfer: the "
             "shots are not of the same scenes; photograph the same charts with both cameras"
         )
     fitted.save(output)
-    return len(x), fitted, of_matrix
+    return len(x), fitted

@@ -20,8 +20,8 @@ from lutforge.progress import Progress, silent
 class Grading:
     """What to grade, and how: the arguments of `apply`, and what the command alone has.
 
-    words: paths: one LUT file, one config, or profiles of different cameras; then files and folders. transfers: RAW →
-    RAW from other cameras to that of `look`. resume: skip what an earlier run did. scheduler: the address of a Dask
+    words: paths: one LUT file, one config, or profiles of different cameras; then files and folders. transfer: RAW →
+    RAW from another camera to that of `look`. resume: skip what an earlier run did. scheduler: the address of a Dask
     cluster. quality: of JPEG files, 1 … 100, by default that of a JPEG's source.
     """
 
@@ -31,7 +31,7 @@ class Grading:
     target: str | None = None
     ev: float = 0.0
     look: Path | None = None
-    transfers: tuple[Path, ...] = ()
+    transfer: Path | None = None
     suffix: str | None = None
     workers: int | None = None
     resume: bool = False
@@ -56,7 +56,7 @@ class Grading:
                 raise SettingsError("--exposure goes with --space: it scales linear light")
         elif not _is_profile(self.words[0]):
             raise SettingsError("--space goes with profiles (.npz)")
-        elif self.look is not None or self.transfers:
+        elif self.look is not None or self.transfer is not None:
             raise SettingsError("--as goes without --space: light of a scene is of no camera")
         elif self.suffix is not None and self.suffix.lower().lstrip(".") != "exr":
             raise SettingsError(f"--suffix {self.suffix}: linear light is written as .exr")
@@ -79,8 +79,8 @@ class Grading:
             if self.space is not None:
                 recipe = SceneRecipe(*settings, space=self.space, by_exposure=self.exposure is not None)
             else:
-                recipe = ProfileRecipe(*settings, self.look, self.transfers)
-        elif self.look is not None or self.transfers or others:
+                recipe = ProfileRecipe(*settings, self.look, self.transfer)
+        elif self.look is not None or self.transfer is not None or others:
             raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
         elif is_config:
             if self.ev:

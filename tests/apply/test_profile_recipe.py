@@ -261,12 +261,12 @@ def test_photographs_of_two_cameras_come_to_one_look(
     theirs.dng.unlink()
     surfaces = palette(200, np.random.default_rng(5))
     x, y = (camera.expose(surfaces, "daylight") for camera in (other, nikon_d5100()))
-    transfer, _ = fit_raw_transfer(other.name, nikon_d5100().name, x, y, 1 / other.multipliers("daylight"))
+    transfer = fit_raw_transfer(other.name, nikon_d5100().name, x, y, 1 / other.multipliers("daylight"))
     transfer.save(tmp_path / "t.json")
     errors = []
-    for transfers in ((), (tmp_path / "t.json",)):
+    for measured in (None, tmp_path / "t.json"):
         profiles = (folder / "camera.npz", tmp_path / "other.npz")
-        recipe = ProfileRecipe(profiles, target="standard/as-shot", look=profiles[0], transfers=transfers)
+        recipe = ProfileRecipe(profiles, target="standard/as-shot", look=profiles[0], transfer=measured)
         recipe.check()
         again: ProfileRecipe = pickle.loads(pickle.dumps(replace(recipe)))  # as it goes to a cluster
         assert again.key == recipe.key
@@ -280,7 +280,11 @@ def test_photographs_of_two_cameras_come_to_one_look(
         assert own.history.endswith(f"-> {nikon_d5100().name}: standard/tungsten")
     assert max(errors) <= 0.02
     with pytest.raises(SettingsError, match="--as"):
-        recipe_of(transfers=(tmp_path / "t.json",)).check()
+        recipe_of(transfer=tmp_path / "t.json").check()
+    transfer = replace(transfer, target="Another")
+    transfer.save(tmp_path / "t.json")
+    with pytest.raises(SettingsError, match=f"leads from {other.name} to Another, not from"):
+        replace(recipe).check()
 
 
 # --- Which settings a picture is taken for, and what is said where its file says otherwise ----------------------------

@@ -332,7 +332,7 @@ def transfers() -> Figures:
     """
     for source, target in permutations((nikon_d5100(), sigma_sd_merrill()), 2):
         by_light = np.array([_transfer_errors(source, target, light) for light in source.white_balances])
-        for form, values in zip(("matrix", "root polynomial", "best one matrix"), by_light.T, strict=True):
+        for form, values in zip(("matrix", "best one matrix"), by_light.T, strict=True):
             name, compared = f"transfer {source.model} to {target.model}, {form}", form != "best one matrix"
             yield Figure(f"{name}: least RMSE", values.min(), compared=compared)
             yield Figure(f"{name}: worst RMSE", values.max(), compared=compared)
@@ -343,7 +343,7 @@ def _transfer_errors(source: SimulatedCamera, target: SimulatedCamera, light: st
     surfaces, unseen = np.vstack([chart_reflectances(), surface_reflectances()]), palette(600, np.random.default_rng(9))
     x, y = (camera.expose(surfaces, light) + rng.normal(0, 0.002, (len(surfaces), 3)) for camera in (source, target))
     raw, truth = (camera.expose(unseen, light) for camera in (source, target))
-    fit, _ = fit_raw_transfer(source.name, target.name, x, y, 1 / source.multipliers(light))
+    fit = fit_raw_transfer(source.name, target.name, x, y, 1 / source.multipliers(light))
     wanted = target.render(truth, "standard", light)
     inside = np.all((wanted > 0.004) & (wanted < 0.996), axis=1)
 
@@ -351,7 +351,7 @@ def _transfer_errors(source: SimulatedCamera, target: SimulatedCamera, light: st
         return np.asarray((target.render(values, "standard", light) - wanted)[inside].ravel())
 
     best = least_squares(lambda m: residual(raw @ m.reshape(3, 3).T), fit.matrix.ravel(), x_scale=0.1).fun
-    return [float(np.sqrt(np.mean(off**2))) for off in (residual(raw @ fit.matrix.T), residual(fit(raw)), best)]
+    return [float(np.sqrt(np.mean(off**2))) for off in (residual(fit(raw)), best)]
 
 
 def configs(data: Path, keep: Path) -> Figures:

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from lutforge.arrays import Array
 from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, ModelName, match
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
-from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
+from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Encode
 from lutforge.model.white_balance import WhiteBalance
 from tests.cases.profiles import GAMMA, MATRIX, gamma_response, identity_map, small_profile
@@ -154,7 +153,7 @@ def test_lists_of_black_and_white_and_rows_of_different_lengths() -> None:
         checked_colours([[0.1, 0.2], [0.3]])
 
 
-# --- RAW to RAW between cameras: evaluation, other lights, steps, files -----------------------------------------------
+# --- RAW to RAW between cameras: evaluation, other lights, files ------------------------------------------------------
 
 
 SENSORS = np.array([[1.1, -0.1, 0.05], [0.1, 0.9, 0.0], [0.0, 0.2, 0.7]])
@@ -173,29 +172,6 @@ def test_under_another_light_white_stays_white() -> None:
     np.testing.assert_allclose(same(x), transfer(x), rtol=1e-12)
 
 
-def test_steps_go_through_a_reference_camera_in_order() -> None:
-    other = np.array([[0.9, 0.2, 0.0], [0.0, 1.0, 0.1], [0.1, 0.0, 1.2]])
-    through = chained([RawTransfer("A", "R", SENSORS, NEUTRAL), RawTransfer("R", "B", other, NEUTRAL)])
-    assert (through.source, through.target) == ("A", "B")
-    np.testing.assert_allclose(through.matrix, other @ SENSORS)
-    with pytest.raises(ProfileError, match="cannot be followed"):
-        chained([RawTransfer("R", "B", other, NEUTRAL), RawTransfer("A", "R", SENSORS, NEUTRAL)])
-
-
-ROOTS = np.vstack([SENSORS.T, [[0.1, 0.0, -0.1], [0.0, 0.2, 0.0], [0.05, 0.0, 0.0]]])
-
-
-def test_a_root_polynomial_without_roots_is_the_matrix_and_keeps_the_scale() -> None:
-    x = np.random.default_rng(4).uniform(0, 1, (50, 3))
-    plain = np.vstack([NEUTRAL[:, None] * SENSORS.T, np.zeros((3, 3))])
-    np.testing.assert_allclose(RawTransfer("A", "B", SENSORS, NEUTRAL, roots=plain)(x), x @ SENSORS.T, atol=1e-12)
-    bent = RawTransfer("A", "B", SENSORS, NEUTRAL, roots=ROOTS)
-    np.testing.assert_allclose(bent(7 * x), 7 * bent(x), rtol=1e-12)
-    assert np.all(np.isfinite(bent(x - 0.5)))  # noise around black
-    with pytest.raises(ProfileError, match="6 × 3"):
-        RawTransfer("A", "B", SENSORS, NEUTRAL, roots=ROOTS[:5])
-
-
 def test_pixels_that_are_no_colours_are_refused() -> None:
     with pytest.raises(ImageError, match="scale them"):
         RawTransfer("A", "B", SENSORS, NEUTRAL)(np.zeros((4, 3), np.uint8))
@@ -203,9 +179,8 @@ def test_pixels_that_are_no_colours_are_refused() -> None:
         RawTransfer("A", "B", SENSORS, NEUTRAL)(np.zeros((4, 4)))
 
 
-@pytest.mark.parametrize("roots", [None, ROOTS], ids=["matrix", "root polynomial"])
-def test_a_file_reads_back(tmp_path: Path, roots: Array | None) -> None:
-    transfer = RawTransfer("Camera ü", "B", SENSORS, NEUTRAL, roots, 0.012)
+def test_a_file_reads_back(tmp_path: Path) -> None:
+    transfer = RawTransfer("Camera ü", "B", SENSORS, NEUTRAL, 0.012)
     transfer.save(tmp_path / "t.json")
     read = load_transfer(tmp_path / "t.json")
     x = np.random.default_rng(3).uniform(0, 1, (50, 3))
@@ -217,11 +192,10 @@ def test_a_file_reads_back(tmp_path: Path, roots: Array | None) -> None:
     "text",
     [
         "", "{}", "[]", "nonsense", '{"format": "lutforge-raw-transfer", "version": 99}',
-        '{"format": "lutforge-raw-transfer", "version": 2, "source": "a", "target": "b", "matrix": [[1, 0], [0, 1]], '
-        '"neutral": [1, 1, 1], "roots": null, "error": null}',
+        '{"format": "lutforge-raw-transfer", "version": 3, "source": "a", "target": "b", "matrix": [[1, 0], [0, 1]], '
+        '"neutral": [1, 1, 1], "error": null}',
         '{"format": "lutforge-raw-transfer", "version": 2, "source": "a", "target": "b", "neutral": [1, 1, 1], '
-        '"matrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "wedges": {"hues": [0, 0, 0], "images": []}, "roots": null, '
-        '"error": null}',
+        '"matrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "roots": null, "error": null}',
     ],
 )  # fmt: skip
 def test_anything_else_is_refused_in_one_line(tmp_path: Path, text: str) -> None:

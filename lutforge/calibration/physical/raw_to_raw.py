@@ -1,12 +1,12 @@
-"""Fit one camera's RAW → another's from common scenes: a matrix (thesis 6.2), and a root polynomial."""
+"""Fit one camera's RAW → another's from common scenes: a matrix (thesis 6.2)."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from lutforge.arrays import Array, Mask
+from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
-from lutforge.model.raw_transfer import RawTransfer, root_terms
+from lutforge.model.raw_transfer import RawTransfer
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_samples_out, predict_held_out
 
@@ -14,9 +14,6 @@ LEAST_PAIRS = 12
 CLIPPED = 0.999
 DARK = 0.05
 """Colours darker than this share of the brightest count by their absolute error, not by their relative one."""
-STIFFNESSES = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
-"""Weights of what is 0 of a single matrix, of which held-out pairs choose; TIED of it ties each coefficient."""
-TIED = 0.001
 
 
 def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Array]:
@@ -52,12 +49,12 @@ def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Ar
     return x[usable], y[usable], np.asarray(neutral)
 
 
-def fit_raw_transfer(source: str, target: str, x: Array, y: Array, neutral: Array) -> tuple[RawTransfer, float]:
+def fit_raw_transfer(source: str, target: str, x: Array, y: Array, neutral: Array) -> RawTransfer:
     """Fit RAW of one camera → another's, x (n, 3) → y (n, 3), aligned, both before white balance.
 
-    neutral: (3,) the source's RAW of a white, about which the polynomial is fitted; it lets the transfer serve under
-    other lights. Colours count by their relative error. Returned is also the error of one matrix; both errors are those
-    of pairs left out of the fit, in five parts. Raises CalibrationError where the colours do not determine it.
+    neutral: (3,) the source's RAW of a white, which lets the transfer serve under other lights. Colours count by their
+    relative error; the error of the transfer is that of pairs left out of the fit, in five parts. Raises
+    CalibrationError where the colours do not determine it.
     """
     if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3 or len(x) < LEAST_PAIRS:
         raise CalibrationError(
@@ -71,42 +68,10 @@ def fit_raw_transfer(source: str, target: str, x: Array, y: Array, neutral: Arra
     held = predict_held_out(
         leave_samples_out(len(x)), lambda train, test: x[test] @ _least_squares(x[train], y[train], weight[train]).T
     )
-    # Without the roots it is the matrix.
-    start = np.vstack([neutral[:, None] * matrix.T, np.zeros((3, 3))])
-    bend = np.hstack([np.zeros((3, 3)), np.eye(3)])
-    roots, error = _fit_bent(root_terms(x / neutral), y, weight, start, bend)
-    return RawTransfer(source, target, matrix, neutral, roots, error), _relative(held - y, weight)
-
-
-def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) -> tuple[Array, float]:
-    """Return coefficients (k, 3) of terms (n, k), as near to y (n, 3) as held-out pairs bear, and the held-out error.
-
-    Else they are as at the start, a single matrix. bend: (m, k), what is 0 of a single matrix.
-    """
-    size = float(np.median(weight * np.linalg.norm(terms, axis=1)))
-
-    def fit(stiffness: float, rows: Mask) -> Array:
-        scale = stiffness * np.sqrt(rows.sum()) * size
-        left = np.vstack([terms[rows] * weight[rows, None], scale * bend, TIED * scale * np.eye(len(start))])
-        rest = (y[rows] - terms[rows] @ start) * weight[rows, None]
-        right = np.vstack([rest, np.zeros((len(bend) + len(start), 3))])
-        return np.asarray(start + np.linalg.lstsq(left, right)[0])
-
-    masks = leave_samples_out(len(y))
-
-    def held_out_error(stiffness: float) -> float:
-        held = predict_held_out(masks, lambda train, test: terms[test] @ fit(stiffness, train))
-        return _relative(held - y, weight)
-
-    errors = {stiffness: held_out_error(stiffness) for stiffness in STIFFNESSES}
-    best = min(errors, key=lambda stiffness: errors[stiffness])
-    return fit(best, np.ones(len(y), dtype=np.bool_)), errors[best]
+    error = float(np.sqrt(np.mean(np.sum(((held - y) * weight[:, None]) ** 2, axis=1))))
+    return RawTransfer(source, target, matrix, neutral, error)
 
 
 def _least_squares(x: Array, y: Array, weight: Array) -> Array:
     """argmin Σ w² ‖y − T x‖²."""
     return np.asarray(np.linalg.lstsq(x * weight[:, None], y * weight[:, None])[0].T)
-
-
-def _relative(difference: Array, weight: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum((difference * weight[:, None]) ** 2, axis=1))))
