@@ -1,7 +1,5 @@
-"""`lutforge response`: a bracket, a film of an exposure ramp, or exposures of a chart → a profile, LUTs, a config."""
+"""`lutforge response`: a bracket, or exposures of a chart → a profile, LUTs, a config."""
 
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +12,8 @@ import lutforge as lf
 from lutforge.cli.profiles import response as response_command
 from lutforge.colour.spectra import chart_reflectances, reflectances
 from lutforge.errors import CalibrationError, LutForgeError
-from lutforge.images.read import read_image
 from lutforge.luts.formats import ACES_ID
-from lutforge.pipeline.response import open_bracket, parse_times, write_input_transform
+from lutforge.pipeline.response import parse_times, write_input_transform
 from lutforge.report.report import build_report
 from lutforge.samples.chart import chart_kind
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
@@ -69,36 +66,6 @@ def test_pictures_become_a_profile_luts_and_a_config(frames: Path, tmp_path: Pat
     light = np.array(there.applyRGB(grey.tolist()))
     np.testing.assert_allclose(light, wanted[0], rtol=1e-4)
     np.testing.assert_allclose(back.applyRGB(light.tolist()), grey, atol=1e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
-def test_a_film_of_an_exposure_ramp_is_a_bracket(frames: Path, tmp_path: Path) -> None:
-    film = tmp_path / "ramp.mkv"
-    lossless = ["-vf", "fps=10", "-c:v", "ffv1", "-pix_fmt", "bgr0", str(film)]
-    subprocess.run(["ffmpeg", "-v", "error", "-framerate", "1", "-i", str(frames / "%d.png"), *lossless], check=True)
-    fitted = lf.response([film], tmp_path / "camera.npz", TIMES)
-    assert _power(fitted.profile) == pytest.approx(GAMMA, rel=0.02)
-    with pytest.raises(LutForgeError, match="a film states no exposures"):
-        lf.response([film], tmp_path / "camera.npz")
-
-
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
-def test_frames_of_an_exposure_are_averaged_where_it_is_steady(tmp_path: Path) -> None:
-    codes, rng = (60.4, 150.7), np.random.default_rng(3)
-    for number in range(40):
-        level = codes[number // 20] + (30 if number % 20 in (0, 1, 18, 19) else 0)  # while the exposure is changed
-        noisy = np.rint(level + rng.normal(0, 4, (64, 64, 3)))
-        assert oiio.ImageBuf(noisy.astype(np.uint8)).write(str(tmp_path / f"{number:02d}.png"))
-    film = tmp_path / "film.mkv"
-    lossless = ["-c:v", "ffv1", "-pix_fmt", "bgr0", str(film)]
-    command = ["ffmpeg", "-v", "error", "-framerate", "20", "-i", str(tmp_path / "%02d.png"), *lossless]
-    subprocess.run(command, check=True)
-    with open_bracket([film], [1.0, 4.0], "") as opened:
-        pictures = [255 * read_image(file).pixels for file in opened.files]
-    for picture, level in zip(pictures, codes, strict=True):
-        assert picture.mean() == pytest.approx(level, abs=0.15)
-        assert picture.std() < 1.7  # of one frame 4
 
 
 def test_what_is_wrong_is_said_in_a_line(frames: Path, tmp_path: Path) -> None:

@@ -154,7 +154,7 @@ def calibrate(
 
 
 def response(
-    bracket: Annotated[list[Path], argument("Pictures of one still scene, a folder of them, or a film of it.")],
+    bracket: Annotated[list[Path], argument("Pictures of one still scene, or a folder of them.")],
     output: ProfileOutput = None,
     times: Annotated[str | None, option("Exposure times in the order of the files, such as 1/60,1/30,1/15.")] = None,
     camera: Annotated[str, option("The camera's name, where the files do not tell it.")] = "",

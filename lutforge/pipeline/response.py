@@ -1,4 +1,4 @@
-"""Use case: a bracket of a camera without RAW, photographs or a film of it → its response, and a profile with it.
+"""Use case: a bracket of a camera without RAW → its response, and a profile with it.
 
 With a chart in the pictures the whole rendering is calibrated: the colours that the chart is known to have under the
 light, times the exposure, take the place of RAW. Errors of the exposures, and the level of white, come from the
@@ -7,19 +7,14 @@ response that the exposures alone tell (thesis 4.2.1).
 
 from __future__ import annotations  # so that help() shows the names of types
 
-import subprocess
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge import child_processes
 from lutforge.arrays import Array, Pixels
-from lutforge.atomic_write import scratch_folder
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
 from lutforge.calibration.physical.response_from_exposures import (
     CLIPPED,
@@ -28,12 +23,10 @@ from lutforge.calibration.physical.response_from_exposures import (
     pairs_of_samples,
 )
 from lutforge.calibration.physical.unsaturated import BETA
-from lutforge.child_processes import run_command
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import srgb_encode
-from lutforge.errors import CalibrationError, ShotError
-from lutforge.images.read import Image, read_image
-from lutforge.images.write import write_image
+from lutforge.errors import CalibrationError
+from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile, profile_of_response
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
@@ -53,11 +46,6 @@ from lutforge.samples.chart import (
 )
 from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.metadata import UNKNOWN, read_picture_settings
-
-VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".avi", ".mxf", ".mts", ".m2ts", ".webm"})
-
-FRAMES = 8
-"""Frames of a film that are averaged for an exposure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +77,7 @@ def response(
     """Fit the response of a camera without RAW to photographs of one still scene that differ in the exposure only.
 
     Args:
-        bracket: pictures, a folder of them, or one film, of which each exposure takes the same share.
+        bracket: pictures, or a folder of them.
         output: the profile to write (.npz).
         exposure_s: relative exposures in the order of the files; without, from their time, aperture and ISO.
         camera: its name, where the files do not tell it.
@@ -102,14 +90,14 @@ def response(
 
     Raises:
         CalibrationError: the bracket does not determine a response; it says what to shoot.
-        ImageError, ShotError: a picture or film cannot be read.
+        ImageError: a picture cannot be read.
         LutForgeError: nothing can be written there.
     """
     files = several(bracket)
     if output is not None:
         check_output(output, PROFILE_SUFFIXES, files)
-    with open_bracket(files, exposure_s, camera) as opened:
-        fit = fit_bracket(_pairs(opened.files, opened.exposure_s, progress), 1.0 if all_colours else BETA)
+    opened = open_bracket(files, exposure_s, camera)
+    fit = fit_bracket(_pairs(opened.files, opened.exposure_s, progress), 1.0 if all_colours else BETA)
     profile = profile_of_response(fit.response, opened.camera, opened.style, opened.white_balance, opened.names)
     profile = replace(profile, notes=(*profile.notes, *fit.told))
     if output is not None:
@@ -148,38 +136,33 @@ class Bracket:
         return f"{seen}: a bracket of {steps} exposures over {stops:.1f} stops, if they show one scene"
 
 
-@contextmanager
-def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, camera: str) -> Iterator[Bracket]:
-    """Give the pictures of a bracket; of a film a frame for each exposure, which is a file while the block runs.
+def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, camera: str) -> Bracket:
+    """Return the pictures of a bracket, those of its folders too.
 
-    Raises CalibrationError where exposures are not stated, or are not one for each picture; ImageError, ShotError.
+    Raises CalibrationError where exposures are not stated, or are not one for each picture; ImageError.
     """
-    with scratch_folder() as folder:
-        if len(bracket) == 1 and bracket[0].suffix.lower() in VIDEO_SUFFIXES:
-            files = _frames(bracket[0], len(exposure_s or ()), folder)
-        else:
-            files = []
-            for path in bracket:
-                entries = sorted(path.iterdir()) if path.is_dir() else ()
-                pictures = [file for file in entries if file.suffix.lower() in PICTURE_SUFFIXES and file.is_file()]
-                if path.is_dir() and not pictures:
-                    raise CalibrationError(f"{path}: no pictures in this folder")
-                files += pictures or [path]
-        times, of_files = exposure_s, [read_picture_settings(file) for file in files]
-        if times is None:
-            times = [settings.exposure for settings in of_files]
-            for file, time in zip(files, times, strict=True):
-                if not time > 0:
-                    raise CalibrationError(
-                        f"{file.name}: the file states no exposure time; give those of the bracket (--times)"
-                    )
-        check_exposures(files, times)
-        settings, cameras = of_files[0], sorted({each.camera for each in of_files if each.camera})
-        if len(cameras) > 1:
-            raise CalibrationError(f"pictures of {len(cameras)} cameras ({', '.join(cameras[:4])}): give those of one")
-        style = "standard" if settings.style == UNKNOWN else settings.style
-        balance = "auto" if settings.white_balance == UNKNOWN else settings.white_balance
-        yield Bracket(tuple(files), tuple(times), camera or settings.camera or "camera", style, balance)
+    files = []
+    for path in bracket:
+        entries = sorted(path.iterdir()) if path.is_dir() else ()
+        pictures = [file for file in entries if file.suffix.lower() in PICTURE_SUFFIXES and file.is_file()]
+        if path.is_dir() and not pictures:
+            raise CalibrationError(f"{path}: no pictures in this folder")
+        files += pictures or [path]
+    times, of_files = exposure_s, [read_picture_settings(file) for file in files]
+    if times is None:
+        times = [settings.exposure for settings in of_files]
+        for file, time in zip(files, times, strict=True):
+            if not time > 0:
+                raise CalibrationError(
+                    f"{file.name}: the file states no exposure time; give those of the bracket (--times)"
+                )
+    check_exposures(files, times)
+    settings, cameras = of_files[0], sorted({each.camera for each in of_files if each.camera})
+    if len(cameras) > 1:
+        raise CalibrationError(f"pictures of {len(cameras)} cameras ({', '.join(cameras[:4])}): give those of one")
+    style = "standard" if settings.style == UNKNOWN else settings.style
+    balance = "auto" if settings.white_balance == UNKNOWN else settings.white_balance
+    return Bracket(tuple(files), tuple(times), camera or settings.camera or "camera", style, balance)
 
 
 def _pairs(files: Sequence[Path], times: Sequence[float], progress: Progress) -> ExposurePairs:
@@ -239,36 +222,6 @@ def parse_times(text: str) -> list[float]:
         raise CalibrationError(f'exposure times "{text[:60]}": give seconds, such as 1/60,1/30,0.5') from None
 
 
-def _frames(film: Path, count: int, folder: Path) -> list[Path]:
-    """The mean of FRAMES frames, by ffmpeg, of the steady half in the middle of each of `count` equal parts of a film.
-
-    Written in 16 bits: it has a third of the noise of one frame, and its levels lie between 8-bit codes.
-    """
-    if count < 2:
-        raise CalibrationError(f"{film}: a film states no exposures; give those of its equal parts, in order (--times)")
-    probe = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0", str(film)]
-    try:
-        answer = child_processes.run(probe, 60)
-        seconds = float(answer.stdout)
-    except (OSError, subprocess.TimeoutExpired):
-        raise ShotError("ffprobe, which comes with ffmpeg, cannot be run: install ffmpeg, or give frames") from None
-    except ValueError:
-        raise ShotError(f"{film}: ffmpeg cannot read it ({' '.join(answer.stderr.split())[-120:]})") from None
-    half = seconds / count / 2
-    pictures = [folder / f"{film.stem}_{place + 1:03d}.tif" for place in range(count)]
-    for place, picture in enumerate(pictures):
-        frames = [folder / f"{number}.ppm" for number in range(1, FRAMES + 1)]
-        take = ["-ss", f"{half * (2 * place + 0.5):.3f}", "-t", f"{half:.3f}", "-i", str(film)]
-        even = ["-vf", f"fps={FRAMES / half:.6f},tpad=stop=-1:stop_mode=clone", "-frames:v", str(FRAMES)]
-        command = ["ffmpeg", "-v", "error", "-nostdin", *take, *even, "-y", str(folder / "%d.ppm")]
-        run_command(command, "ffmpeg", film, frames[-1])
-        mean = np.asarray(np.mean([read_image(frame).pixels for frame in frames], axis=0), dtype=np.float32)
-        write_image(picture, mean, Image(mean, oiio.ImageSpec(mean.shape[1], mean.shape[0], 3, "uint16")))
-        for frame in frames:
-            frame.unlink()
-    return pictures
-
-
 # --- With a chart in the pictures -----------------------------------------------------------------------------------
 
 
@@ -294,8 +247,8 @@ def write_input_transform(
     """
     if output is not None:
         check_output(output, PROFILE_SUFFIXES, bracket)
-    with open_bracket(bracket, exposure_s, camera) as opened:
-        codes, charted = _patches(opened, kind, light, corners, part(progress, 0.0, 0.2))
+    opened = open_bracket(bracket, exposure_s, camera)
+    codes, charted = _patches(opened, kind, light, corners, part(progress, 0.0, 0.2))
     names, times = opened.names, opened.exposure_s
     usable = np.asarray(np.isfinite(codes).all(axis=2))
     shot, patch = np.nonzero(usable)
