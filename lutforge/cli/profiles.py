@@ -279,7 +279,6 @@ def report(
         list[Path] | None, argument("What it was calibrated from: sample tables, RAW files, folders.")
     ] = None,
     output: Annotated[Path, option("The page to write (.html).", "-o", "--output")] = Path("report.html"),
-    figures: Annotated[Path | None, option("A folder for the figures, each as SVG and PNG.")] = None,
 ) -> None:
     """Write a report that needs no network: curves, maps and tables of a profile.
 
@@ -288,17 +287,15 @@ def report(
     from lutforge.pipeline.reports import check_report_output
     from lutforge.pipeline.sampling import gather_samples
 
-    check_report_output(output, figures, [profile, *(sources or [])])
+    check_report_output(output, [profile, *(sources or [])])
     camera, sampled = lf.load_profile(profile), None
     if sources:
         with progress_bar("sampling") as progress:
             sampled = gather_samples(sources, progress)
         tell(sampled)
     with progress_bar("reporting") as progress:
-        page = lf.report(camera, sampled, output, figures, progress)
+        page = lf.report(camera, sampled, output, progress)
     say(f"{output}: {len(page.pictures)} figures, {output.stat().st_size / 1e6:.1f} MB")
-    if figures is not None:
-        say(f"{figures}: {2 * len(page.pictures)} files")
 
 
 def compare(

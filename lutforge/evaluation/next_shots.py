@@ -15,35 +15,33 @@ from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode, srgb_to_lab
 TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
 """Names by upper bound of L*."""
 HUES = (
-    (20.0, "pink", "pink flowers, lipstick, magenta print"),
-    (50.0, "red", "red cloth, berries, tomatoes, signal paint"),
-    (75.0, "orange", "oranges, bricks, wood, autumn leaves"),
-    (105.0, "yellow", "lemons, yellow flowers, straw, brass"),
-    (165.0, "green", "leaves and grass in sun and in shade, vegetables"),
-    (230.0, "cyan", "turquoise cloth, pool water, copper roofs"),
-    (300.0, "blue", "blue cloth, the sky away from the sun, road signs"),
-    (335.0, "purple", "violets, lavender, plums"),
-    (361.0, "pink", "pink flowers, lipstick, magenta print"),
+    (20.0, "pink"),
+    (50.0, "red"),
+    (75.0, "orange"),
+    (105.0, "yellow"),
+    (165.0, "green"),
+    (230.0, "cyan"),
+    (300.0, "blue"),
+    (335.0, "purple"),
+    (361.0, "pink"),
 )
-"""Names by upper bound of the CIELAB hue angle in degrees, and what has such colours."""
-GREYS = "a grey card, concrete, white paper and black cloth"
+"""Names by upper bound of the CIELAB hue angle in degrees."""
 
 
 @dataclass(frozen=True)
 class Gap:
-    """A region of real colours that is not known: its name, where to find it, and the share of it that is unknown.
+    """A region of real colours that is not known: its name, and the share of it that is unknown.
 
     error: the mean error to expect there, of encoded RGB; NaN where that is not known.
     """
 
     colour: str
-    subjects: str
     unknown: float
     error: float = np.nan
 
     def __str__(self) -> str:
         expected = "" if np.isnan(self.error) else f", {255 * self.error:.0f} codes of error to expect"
-        return f"{self.colour} ({self.unknown:.0%} of them unseen{expected}): {self.subjects}"
+        return f"{self.colour} ({self.unknown:.0%} of them unseen{expected})"
 
 
 def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None) -> tuple[Gap, ...]:
@@ -55,11 +53,8 @@ def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None
     gamut of real surface colors", Color Research & Application 5(3), 1980).
     """
     cells, lab = _real_colours()
-    if len(encoded):
-        distance, _ = cKDTree(encoded).query(cells, distance_upper_bound=0.1)  # in encoded RGB: known
-        unknown = ~np.isfinite(distance)
-    else:
-        unknown = np.ones(len(cells), dtype=np.bool_)
+    distance, _ = cKDTree(encoded.reshape(-1, 3)).query(cells, distance_upper_bound=0.1)  # in encoded RGB: known
+    unknown = ~np.isfinite(distance)
     error = np.full(len(cells), np.nan) if expected is None else expected(cells)
     names = [_name(colour) for colour in lab]
     gaps = []
@@ -70,9 +65,9 @@ def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None
         size = float(error[inside].mean())
         if expected is not None:
             if size > 6.0 / 255.0:  # what is to be seen side by side
-                gaps.append((float(error[inside].sum()), Gap(name[0], name[1], share, size)))
+                gaps.append((float(error[inside].sum()), Gap(name, share, size)))
         elif share >= 0.5 and count >= 4:  # half of a region, and more than a corner of it
-            gaps.append((float(count), Gap(name[0], name[1], share)))
+            gaps.append((float(count), Gap(name, share)))
     gaps.sort(key=lambda entry: -entry[0])
     return tuple(gap for _, gap in gaps[:6])
 
@@ -94,11 +89,10 @@ def _is_grey(lab: Array) -> Mask:
     return np.asarray(np.hypot(lab[..., 1], lab[..., 2]) < 12.0)
 
 
-def _name(lab: Array) -> tuple[str, str]:
-    """The region of a colour and what has such colours."""
+def _name(lab: Array) -> str:
+    """The region of a colour."""
     tone = next(name for bound, name in TONES if lab[0] < bound)
     if _is_grey(lab):
-        return f"{tone} greys", GREYS
+        return f"{tone} greys"
     angle = float(np.degrees(np.arctan2(lab[2], lab[1]))) % 360.0
-    hue, subjects = next((name, subjects) for bound, name, subjects in HUES if angle < bound)
-    return f"{tone} {hue}s", subjects
+    return f"{tone} {next(name for bound, name in HUES if angle < bound)}s"

@@ -10,7 +10,7 @@ from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sampling import SampledShots, gather_samples, require_same_origin
 from lutforge.progress import Progress, part, silent, telling_of_compilation
-from lutforge.report.report import Report, build_comparison, build_report, write_figures, write_page
+from lutforge.report.report import Report, build_comparison, build_report, write_page
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
 
@@ -18,7 +18,6 @@ def report(
     profile: CameraProfile | str | Path,
     samples: SampledShots | SampleSet | Paths | None = None,
     output: str | Path | None = None,
-    figures: str | Path | None = None,
     progress: Progress = silent,
 ) -> Report:
     """Build the report of a profile: curves, maps and tables; with samples its held-out errors and what to shoot next.
@@ -27,7 +26,6 @@ def report(
         profile: a profile, or the path of its file.
         samples: those that it was calibrated from, or tables and shots; with shots there are error maps, too.
         output: the page to write (.html).
-        figures: a folder for the figures, each as SVG and PNG.
         progress: called with what is being done, and the share that is done.
 
     Returns:
@@ -38,7 +36,7 @@ def report(
         CalibrationError: the samples hold none of the profile's styles.
         LutForgeError: nothing can be written there; that is raised before the work.
     """
-    check_report_output(output, figures)
+    check_report_output(output)
     sampled = SampledShots(samples) if isinstance(samples, SampleSet) else samples
     if sampled is not None and not isinstance(sampled, SampledShots):
         sampled = gather_samples(sampled, progress)
@@ -55,8 +53,6 @@ def report(
             page = build_report(camera, named, sampled.shots, files, part(telling, 0.0, share))
     if output is not None:
         write_page(page, output, part(progress, share, 1.0))
-    if figures is not None:
-        write_figures(page, figures)
     return page
 
 
@@ -72,7 +68,7 @@ def compare(
 
     one, other: STYLE/WB of each; without, the first style under daylight, or what there is.
     """
-    check_report_output(output, None, [each for each in (first, second) if not isinstance(each, CameraProfile)])
+    check_report_output(output, [each for each in (first, second) if not isinstance(each, CameraProfile)])
     a, b = as_profile(first), as_profile(second)
     progress(f"{a.camera} and {b.camera}", 0.0)
     settings = [words or setting_of(each, next(iter(each.styles))) for each, words in ((a, one), (b, other))]
@@ -81,11 +77,7 @@ def compare(
     return page
 
 
-def check_report_output(
-    output: str | Path | None, figures: str | Path | None, inputs: Sequence[str | Path] = ()
-) -> None:
-    """Raise LutForgeError where the page or its figures cannot be written."""
+def check_report_output(output: str | Path | None, inputs: Sequence[str | Path] = ()) -> None:
+    """Raise LutForgeError where the page cannot be written."""
     if output is not None:
         check_output(output, (".html", ".htm"), inputs)
-    if figures is not None:
-        check_output(Path(figures) / "figure.svg")

@@ -10,7 +10,6 @@ from lutforge.arrays import Array
 from lutforge.calibration.physical.bracket import BracketFit
 from lutforge.calibration.physical.brightness_transfer import TransferFunction
 from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode, srgb_encode, srgb_to_lab
-from lutforge.evaluation.methods import ErrorFigures
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import Direction, PictureStyle
@@ -90,15 +89,7 @@ class Bars:
     label: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Labels:
-    """Short texts over points (n, 2)."""
-
-    points: Array
-    texts: Sequence[str]
-
-
-Mark = Line | Lines | Dots | Arrows | Raster | Bars | Labels
+Mark = Line | Lines | Dots | Arrows | Raster | Bars
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +97,7 @@ class Panel:
     """One pair of axes with marks.
 
     x_range, y_range: None: as wide as the marks; equal: one unit is as long on both axes; scale: of the values that
-    colours stand for, (low, high), and in words what they are, "" for no colour bar; bare: without axes; log: the x
-    axis is logarithmic; rows: names of the places 0, 1, … on the y axis.
+    colours stand for, (low, high), and in words what they are, "" for no colour bar; bare: without axes.
     """
 
     title: str
@@ -120,8 +110,6 @@ class Panel:
     scale: tuple[float, float] = (0.0, 1.0)
     scale_name: str = ""
     bare: bool = False
-    log: bool = False
-    rows: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,31 +172,6 @@ def error_by_colour_figure(encoded: Array, error: Array) -> Drawing:
     by_hue = Panel("error over hue and chroma", hues, x, y, equal=True, scale=scale, scale_name=of)
     dots = Dots(np.column_stack([lab[:, 0], error]), encoded[chosen], size=4)
     return Drawing(((by_hue, Panel("error over lightness", (dots,), "L*", of)),), 3.8)
-
-
-def error_boxes(directions: Sequence[tuple[str, Sequence[tuple[str, ErrorFigures]]]], own: str) -> Drawing:
-    """Draw errors as boxes on a logarithmic scale. directions: a title and figures by method; `own` is in colour."""
-    panels = []
-    for title, methods in directions:
-        names, figures = zip(*reversed(methods), strict=True)
-        marks: list[Mark] = []
-        for place, (name, each) in enumerate(zip(names, figures, strict=True)):
-            colour = "#2f5fb3" if name == own else "#999999"
-            left, right, low, high = (np.array([value]) for value in (each.q1, each.q3, place - 0.27, place + 0.27))
-            marks += [
-                Line(np.array([each.q3, each.maximum]), np.full(2, place), colour, width=0.8),
-                Bars(left, right, low, high, colour),
-                Line(np.full(2, each.median), np.array([place - 0.27, place + 0.27]), "#ffffff"),
-                Dots(np.array([[each.maximum, place]]), colour, marker="dash", size=10),
-            ]
-        means = np.array([[each.mean, place] for place, each in enumerate(figures)])
-        marks += [
-            Dots(means, "#000000", marker="diamond", size=5),
-            Labels(means + np.array([0, 0.33]), [f"{mean:.4f}" for mean, _ in means]),
-        ]
-        heights, x = (-0.6, len(methods) - 0.2), "RGB error, 1 = full scale"
-        panels.append(Panel(title, tuple(marks), x, y_range=heights, log=True, rows=tuple(names)))
-    return Drawing((tuple(panels),), 1.0 + 0.36 * max(len(methods) for _, methods in directions))
 
 
 def residuals_figure(named: Mapping[str, Array]) -> Drawing:

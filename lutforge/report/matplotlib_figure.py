@@ -10,14 +10,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.report import figures
 
-MARKERS = {"circle": "o", "x": "x", "cross": "+", "diamond": "D", "dash": "|", "square": "s"}
+MARKERS = {"circle": "o", "x": "x", "cross": "+"}
 
 
 def figure_of(drawing: figures.Drawing) -> Figure:
@@ -34,15 +33,6 @@ def figure_of(drawing: figures.Drawing) -> Figure:
                 _draw(axis, mark, panel.scale)
             axis.set_title(panel.title, fontsize=8 if panel.bare else 10)
             axis.set(xlabel=panel.x, ylabel=panel.y)
-            if panel.log:
-                axis.set_xscale("log")
-                axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-                axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
-                axis.xaxis.set_minor_formatter(NullFormatter())
-                axis.grid(axis="x", color="0.9", linewidth=0.6)
-                axis.set_axisbelow(True)
-            if panel.rows:
-                axis.set_yticks(range(len(panel.rows)), panel.rows)
             if panel.x_range is not None:
                 axis.set_xlim(*panel.x_range)
             if panel.y_range is not None:
@@ -96,9 +86,6 @@ def _draw(axis: Axes, mark: figures.Mark, scale: tuple[float, float]) -> None:
             axis.bar(
                 mark.left, height, width, mark.bottom, align="edge", color=mark.colour, alpha=0.6, label=mark.label
             )
-        case figures.Labels():
-            for (x, y), text in zip(mark.points, mark.texts, strict=True):
-                axis.text(x, y, text, ha="center", va="bottom", fontsize=7)
 
 
 def save_png(figure: Figure, path: str | Path, dpi: float = 100) -> None:

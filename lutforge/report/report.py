@@ -35,7 +35,7 @@ from lutforge.model.profile_data import PictureStyle
 from lutforge.progress import Progress, part, silent
 from lutforge.report import figures
 from lutforge.report.figures import ERROR_SCALE, Drawing, Line, Panel, Raster
-from lutforge.report.matplotlib_figure import figure_of, save_png, to_svg
+from lutforge.report.matplotlib_figure import figure_of, to_svg
 from lutforge.report.tables import TITLES, Table, balance_table, error_table, matrix_table, more_tables
 from lutforge.samples.extract import ShotSamples, places_in_picture
 from lutforge.samples.sample_set import SampleSet
@@ -46,7 +46,7 @@ from lutforge.shots.read import TURNS, read_shot
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A figure; name: of its files, where the figures are written apart."""
+    """A figure; name: its own within a page."""
 
     name: str
     drawing: Drawing
@@ -271,17 +271,7 @@ def error_tables(own: str, evaluation: Evaluation) -> Iterator[Table]:
 
 
 def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Picture]:
-    """Draw errors by method, and by colour."""
-    for style in dict.fromkeys(row.style for row in evaluation.rows):
-        directions = []
-        for direction, title in TITLES.items():
-            rows = [row for row in evaluation.rows if row.direction == direction and row.style == style]
-            methods = [(row.method, row.figures) for row in rows if row.shot == "all"]
-            if methods:
-                directions.append((title, methods))
-        if directions:
-            words = "box from the first to the third quartile, line to the maximum, white the median, diamond the mean"
-            yield Picture(f"errors_{style}", figures.error_boxes(directions, own), f"{style}: {words}. Logarithmic.")
+    """Draw errors by colour."""
     for style, predictions in evaluation.predictions.items():
         error = np.linalg.norm(np.clip(predictions.predicted.render[own], 0, 1) - predictions.data.encoded, axis=1)
         known = np.isfinite(error)
@@ -437,7 +427,7 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
 
 
 def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
-    """A table and a plot of the falloffs; nothing where there are none."""
+    """A table of the falloffs; nothing where there are none."""
     if not falloffs:
         return
     rows = tuple(
@@ -446,18 +436,10 @@ def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
     )
     header = ("lens setting", "corners, EV", "centre right", "centre down")
     yield Table("Lens falloff that the camera corrects in its JPEGs only", header, rows)
-    radius = np.linspace(0.0, 1.0, 101)
-    along = np.column_stack([radius, 0 * radius])
-    lines = tuple(
-        Line(radius, falloff.stops(along + falloff.centre), f"C{index % 10}", label=falloff.setting)
-        for index, falloff in enumerate(falloffs)
+    yield (
+        "In the corners the JPEGs are by so much brighter than the RAW. The profile renders the middle; RAW is "
+        "brightened by this first. Centres: in per cent of half the diagonal."
     )
-    panel = Panel("", lines, "distance from the centre, half the diagonal = 1", "EV")
-    caption = (
-        "How much brighter than the RAW the JPEGs are, against the distance from the middle. The profile renders the "
-        "middle; RAW is brightened by this first. Centres: in per cent of half the diagonal."
-    )
-    yield Picture("falloff", Drawing(((panel,),), 3.4, 6.0), caption)
 
 
 # --- Two cameras, or two styles of one, side by side: what each makes of the same light ------------------------------
@@ -525,15 +507,3 @@ def write_page(report: Report, path: str | Path, progress: Progress = silent) ->
     html = jinja.get_template("report.html").render(report=report, version=__version__)
     with atomic_path(path) as temporary:
         temporary.write_text(html, encoding="utf-8")
-
-
-def write_figures(report: Report, folder: str | Path) -> list[Path]:
-    """Every figure as SVG and PNG."""
-    written = []
-    for picture in report.pictures:
-        vector, pixels = (Path(folder) / f"{picture.name}{suffix}" for suffix in (".svg", ".png"))
-        with atomic_path(vector) as temporary:
-            temporary.write_text(to_svg(picture.figure), encoding="utf-8")
-        save_png(picture.figure, pixels, dpi=150)
-        written += [vector, pixels]
-    return written

@@ -27,7 +27,6 @@ from lutforge.report.report import (
     build_comparison,
     build_report,
     exposure_blocks,
-    write_figures,
     write_page,
 )
 from lutforge.report.tables import Table, balance_table
@@ -153,15 +152,12 @@ def test_it_prints_on_a4_with_the_answers_on_page_one(hostile: tuple[CameraProfi
 
 
 @pytest.mark.slow
-def test_same_input_gives_the_same_bytes_and_figures_are_written_as_svg_and_png(tmp_path: Path) -> None:
+def test_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
     profile = calibrate(shots(), CalibrationOptions(size=9))
     for name in ("one.html", "two.html"):
         report = build_report(profile)
         write_page(report, tmp_path / name)
     assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
-    written = write_figures(report, tmp_path / "figures")
-    assert len(written) == 2 * len(report.pictures) > 0
-    assert all(path.stat().st_size > 1000 for path in written)
 
 
 def test_error_maps_of_real_files(demo: tuple[Path, str]) -> None:
