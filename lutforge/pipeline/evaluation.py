@@ -10,16 +10,11 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.falloff import at_the_centre
-from lutforge.calibration.options import options_from_json
-from lutforge.calibration.physical.white_balance import complete_multipliers, with_known_balances
-from lutforge.calibration.style import style_data, uniform_lattice_errors
-from lutforge.colour.srgb import srgb_encode
-from lutforge.errors import LutForgeError
+from lutforge.calibration.physical.white_balance import with_known_balances
 from lutforge.evaluation.evaluation import Evaluation, known_styles, scene_departures
 from lutforge.evaluation.evaluation import evaluate as evaluate_profile
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.falloff import falloff_of
-from lutforge.model.profile_data import DIRECTIONS, Direction
 from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sampling import as_samples, gather_samples, require_same_origin
 from lutforge.progress import Progress, silent, telling_of_compilation
@@ -131,27 +126,3 @@ def predict(profile: CameraProfile, samples: SampleSet) -> Predicted:
             transformed[rows, channel] = np.interp(rendered[rows, channel], tones[:, channel], even)
             decoded[rows, channel] = np.interp(encoded[:, channel], tones[:, channel], even)
     return Predicted(scene, linearized, rendered, transformed, decoded)
-
-
-def without_a_model(samples: SampleSet) -> Array:
-    """What there is before any fit (n, 3): white-balanced RAW through sRGB's own curve; NaN: unknown white balance."""
-    try:
-        multipliers, _ = complete_multipliers(with_setting_names(samples))
-    except LutForgeError:
-        multipliers = samples.wb
-    return srgb_encode(np.clip(samples.raw * multipliers, 0.0, 1.0))
-
-
-def node_level_errors(
-    profile: CameraProfile, samples: SampleSet
-) -> dict[tuple[str, Direction], tuple[Array, Array, Array]]:
-    """By style and direction, per axis the histogram of the squared error of a uniform lattice (thesis, Fig. 5.4)."""
-    samples = with_setting_names(samples)
-    data, _ = style_data(samples, complete_multipliers(samples)[0])
-    options = options_from_json(profile.options)
-    return {
-        (name, direction): uniform_lattice_errors(style, options, direction)
-        for name, style in data.items()
-        if name in profile.styles
-        for direction in DIRECTIONS
-    }

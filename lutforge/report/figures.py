@@ -174,17 +174,6 @@ def error_by_colour_figure(encoded: Array, error: Array) -> Drawing:
     return Drawing(((by_hue, Panel("error over lightness", (dots,), "L*", of)),), 3.8)
 
 
-def residuals_figure(named: Mapping[str, Array]) -> Drawing:
-    """Draw the distribution of RGB distances (n,) between JPEG and rendering, by what rendered; NaN counts nowhere."""
-    edges, bars = np.linspace(0.0, 0.15, 61), []
-    for (name, distance), colour in zip(named.items(), (GREY, CHANNELS[2][1]), strict=False):
-        known = distance[np.isfinite(distance)]
-        share = np.histogram(np.minimum(known, edges[-1]), edges)[0] / max(len(known), 1)
-        bars.append(Bars(edges[:-1], edges[1:], np.zeros(60), share, colour, name))
-    x = "RGB distance between the JPEG and what is rendered"
-    return Drawing(((Panel("Residuals", tuple(bars), x, "share of samples", (0.0, 0.15)),),))
-
-
 def brightness_transfer_figure(functions: Sequence[TransferFunction]) -> Drawing:
     """JPEG values of the longer exposure over those of the shorter, per channel, with τ of each ratio (thesis, 3.1).
 

@@ -1,10 +1,8 @@
 """Export: profile, LUTs, kits, config, report: use cases of the command line, each with the words that do the same."""
 
-import re
 import shlex
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +12,11 @@ import panel_material_ui as pmui
 from lutforge.atomic_write import require_writable
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.rgb_spaces import SPACES
-from lutforge.errors import LutForgeError, one_line
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import export_published
 from lutforge.pipeline.baking import TransformRequest, bake_files
 from lutforge.pipeline.configs import write_config
-from lutforge.pipeline.kits import SCRIPT, check_kit, kits_of, write_kit
+from lutforge.pipeline.kits import kits_of, write_kit
 from lutforge.pipeline.reports import report
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet
@@ -37,10 +34,8 @@ class ExportPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.proposed = "camera"
-        self.name = ui.entry("Name of the files", value=self.proposed)
+        self.name = ui.entry("Name of the files", value="camera")
         self.program = ui.select("Program of the kit", {"compute a model first": ""})
-        self.check = ui.checkbox("Check the kit on the shots")
         self.kind = ui.select("Transform of the LUT", ["refinish", "render", "linearize"])
         self.space = ui.select("Scene of render and linearize", ["raw", *SPACES])
         self.suffix = ui.select("LUT file", list(LUT_SUFFIXES))
@@ -64,7 +59,7 @@ class ExportPage:
             ui.text(folder),
             self.name,
             profile,
-            pn.Column(self.look, self.program, self.check, kit, **ui.TOGETHER),
+            pn.Column(self.look, self.program, kit, **ui.TOGETHER),
             pn.Column(self.kind, self.space, self.suffix, bake, **ui.TOGETHER),
             *others,
         ]
@@ -86,41 +81,25 @@ class ExportPage:
             self.main[:] = list(self._cards.values()) or [ui.text(ui.paragraphs(nothing))]
 
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
-        """What was written: lines that tell of it, and its command with a button that copies it."""
+        """What was written: lines that tell of it, and its command."""
         title = f"{made.what}: {self.session.folders.name(made.path)}{' (stale)' if stale else ''}"
         shown = ui.text(ui.html("<h2>{}</h2>{}", title, ui.paragraphs(*made.lines)))
-        card = pmui.Paper(shown, variant="outlined", sizing_mode="stretch_width", margin=8)
-        if made.command:
-            words = f"Copy the command: {made.what}"
-            copy = pmui.Button(label="Copy", description=words, size="small", variant="outlined", margin=8)
-            copied = "navigator.clipboard.writeText(command); button.data.label = 'Copied';"
-            copied += " setTimeout(() => { button.data.label = 'Copy'; }, 1500);"
-            copy.js_on_click(args={"command": made.command, "button": copy}, code=copied)
-            card.append(pn.Row(ui.text(ui.html("<code>{}</code>", made.command)), copy, sizing_mode="stretch_width"))
-        return card
+        command = ui.html("<code>{}</code>", made.command) if made.command else ui.Html("")
+        return pmui.Paper(shown, ui.text(command), variant="outlined", sizing_mode="stretch_width", margin=8)
 
     def _paths(self, *suffixes: str) -> list[Path]:
         """Return where files, and folders (a suffix without a dot), go, under one name.
 
-        A proposed name gives way to files of before. Raises WorkspaceError, once, where one that the visitor wrote has
-        such.
+        Raises WorkspaceError, once, where there are such that this visit has not written.
         """
-        name = wished = ui.written(self.name)
-        for number in count(2):
-            paths = [self.session.folders.inside(name + suffix) for suffix in suffixes]
-            for path, suffix in zip(paths, suffixes, strict=True):
-                require_writable(path if "." in suffix else path / "README.md")
-            there = [path for path in paths if path.exists() and path not in self.written]
-            if not there or there == self.asked:
-                break
-            if wished != self.proposed:
-                self.asked = there
-                names = ", ".join(path.name for path in there)
-                raise WorkspaceError(f"{names}: there already; press again to replace, or choose another name")
-            name = f"{re.sub(r'_[0-9]+$', '', wished)}_{number}"
-        if name != wished:
-            self.proposed = name
-            self.name.param.update(value=name, value_input=name)
+        paths = [self.session.folders.inside(ui.written(self.name) + suffix) for suffix in suffixes]
+        for path, suffix in zip(paths, suffixes, strict=True):
+            require_writable(path if "." in suffix else path / "README.md")
+        there = [path for path in paths if path.exists() and path not in self.written]
+        if there and there != self.asked:
+            self.asked = there
+            names = ", ".join(path.name for path in there)
+            raise WorkspaceError(f"{names}: there already; press again to replace, or choose another name")
         self.written.update(paths)
         return paths
 
@@ -176,16 +155,16 @@ class ExportPage:
                 words = command(("response", *request.files), options, path)
             self._tell("profile", path, (f"profile of {profile.camera}", *profile.notes), words)
             return
-        stages = None if task.stages is None else task.stages.task
-        path, table, *others = self._paths(".npz", "_samples.npz", *(["_inliers.npz"] if stages is not None else []))
+        path, table = self._paths(".npz", "_samples.npz")
         profile.save(path)
         write_samples(table, workspace.samples.select(task.rows))
-        if stages is not None:
-            write_samples(others[0], workspace.samples.select(stages.rows))
         error = held_out_error(profile)
         known = "no shot could be left out" if error is None else f"mean error on shots left out {error:.4f}"
-        line = f"profile of {profile.camera}, {int(task.rows.sum()):,} samples; {known}"
-        self._tell("profile", path, (line,), calibration_command(task, table, others, path))
+        words = calibration_command(task, table, path)
+        lines = [f"profile of {profile.camera}, {int(task.rows.sum()):,} samples; {known}"]
+        if not words:
+            lines.append("no command has its stages or options: Save workspace keeps them")
+        self._tell("profile", path, tuple(lines), words)
 
     def _bake(self) -> None:
         profile, look, kind = self.session.require_profile(), self.session.look, self.kind.value
@@ -205,10 +184,7 @@ class ExportPage:
         target, program = self.session.look.target, self.program.value
         if not program:
             raise WorkspaceError("a kit needs a camera with RAW: compute a model, or open a profile")
-        shots = tuple(self.session.opened.files.values()) if self.check.value else ()
-        checks = tuple(word for shot in shots for word in ("--check", shot))
-        options, given = {"to": target, "for": program}, (target, program, shots)
-        self._run(f"kit for {program}", "kit", f"_{program}_kit", given, checks, **options)
+        self._run(f"kit for {program}", "kit", f"_{program}_kit", (target, program), **{"to": target, "for": program})
 
     def _parameters(self) -> None:
         style = next(iter(self.session.require_profile().styles))
@@ -228,21 +204,14 @@ def command(words: Iterable[object], options: Mapping[str, object], output: Path
     return shlex.join(map(str, ("lutforge", *words, *(word for pair in given for word in pair), "-o", output)))
 
 
-def calibration_command(task: FitTask, table: Path, inliers: list[Path], profile: Path) -> str:
-    """Return what makes a profile of the samples in a table: a command, or lines of Python where no command does.
+def calibration_command(task: FitTask, table: Path, profile: Path) -> str:
+    """Return the command that makes a profile of the samples in a table, "" where none does.
 
-    inliers: the table that response, matrix and white balances were fitted to, where that was another.
+    No command fits the stages alone, takes stages that were fitted before, or options of the physical model.
     """
     options, usual = task.options, CalibrationOptions()
-    if task.kind == "matrix":  # no command fits the stages alone
+    if task.kind == "matrix" or task.stages is not None or options.physical != usual.physical:
         return ""
-    if inliers or options.physical != usual.physical:
-        given = f", stages=calibrate_stages({str(inliers[0])!r}, options)" if inliers else ""
-        return (
-            "from lutforge.calibration.options import CalibrationOptions, PhysicalOptions\n"
-            "from lutforge.pipeline.calibration import calibrate, calibrate_stages\n"
-            f"options = {options!r}\ncalibrate({str(table)!r}, options{given}).save({str(profile)!r})"
-        )
     names = ("model", "preset", "size", "interpolation")
     moved = {name: getattr(options, name) for name in names if getattr(options, name) != getattr(usual, name)}
     return command(("calibrate", table), {**moved, "uniform": not options.nonuniform}, profile)
@@ -251,7 +220,7 @@ def calibration_command(task: FitTask, table: Path, inliers: list[Path], profile
 def export(kind: str, profile: Path, output: Path, given: Any, progress: Progress) -> tuple[str, ...]:
     """Write what the command of a kind writes, in another process, and tell in lines what that is.
 
-    given: of a LUT the transform, of parameters the style, of a report the samples, of a kit look, program and shots.
+    given: of a LUT the transform, of parameters the style, of a report the samples, of a kit look and program.
     Raises LutForgeError.
     """
     progress(kind, 0.0)
@@ -265,17 +234,5 @@ def export(kind: str, profile: Path, output: Path, given: Any, progress: Progres
         return tuple(map(str, export_published(as_profile(profile), given, output)))
     if kind == "report":
         return (f"{len(report(profile, given, output, progress=progress).pictures)} figures",)
-    target, program, shots = given
-    folder = write_kit(profile, target, output, program)
-    lines = [f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first"]
-    if shots and not (folder / SCRIPT).is_file():
-        lines.append(f"not checked: {program} is not run from the command line; compare a shot there by eye")
-    elif shots:
-        try:
-            checks, notes = check_kit(folder, shots, progress)
-        except LutForgeError as error:  # such as a program that is not installed here: the kit is written all the same
-            return (*lines, f"not checked: {one_line(str(error), 300)}")
-        errors = "the program against the camera's JPEG, ΔE00 mean"
-        lines += [f"{each.shot}: {errors} {each.mean:.2f}, 95 % {each.p95:.2f}" for each in checks]
-        lines += notes
-    return tuple(lines)
+    folder = write_kit(profile, given[0], output, given[1])
+    return (f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first",)

@@ -1,4 +1,4 @@
-// --- Scopes ------------------------------------------------------------------------------------------------------------
+// --- The waveform ------------------------------------------------------------------------------------------------------
 
 const SCOPE = 256;
 
@@ -26,37 +26,6 @@ function waveform(canvas, pixels, width) {
   for (const share of [0, 0.25, 0.5, 0.75, 1]) context.fillRect(0, Math.round(share * (SCOPE - 1)), width, 1);
 }
 
-const colourDifference = (r, g, b) => {
-  const y = 0.2126 * r + 0.7152 * g + 0.0722 * b;  // ITU-R BT.709
-  return [(b - y) / 1.8556, (r - y) / 1.5748];
-};
-
-// Cb to the right, Cr upward, with the places of the primaries and secondaries at 75 % and the line of skin.
-function vectorscope(canvas, pixels) {
-  const counts = new Uint32Array(3 * SCOPE * SCOPE);
-  for (let n = 0; n < pixels.length; n += 4) {
-    const [cb, cr] = colourDifference(pixels[n], pixels[n + 1], pixels[n + 2]);
-    const at = 3 * (Math.round(127.5 - cr) * SCOPE + Math.round(127.5 + cb));
-    for (let c = 0; c < 3; c++) counts[at + c] += (pixels[n + c] + 40) / 64;
-  }
-  plotted(canvas, counts, SCOPE, 0.6);
-  const context = canvas.getContext("2d");
-  context.strokeStyle = context.fillStyle = "rgba(255,255,255,.5)";
-  context.font = "11px system-ui, sans-serif";
-  context.textAlign = "center";
-  context.beginPath();
-  context.arc(127.5, 127.5, 127, 0, 2 * Math.PI);
-  context.moveTo(117, 127.5); context.lineTo(138, 127.5); context.moveTo(127.5, 117); context.lineTo(127.5, 138);
-  context.moveTo(127.5, 127.5);
-  context.lineTo(127.5 - 127 * Math.cos(57 * Math.PI / 180), 127.5 - 127 * Math.sin(57 * Math.PI / 180));  // +I
-  context.stroke();
-  for (const [name, ...rgb] of [["R", 1, 0, 0], ["Y", 1, 1, 0], ["G", 0, 1, 0], ["C", 0, 1, 1], ["B", 0, 0, 1], ["M", 1, 0, 1]]) {
-    const [cb, cr] = colourDifference(...rgb.map(value => 0.75 * 255 * value));
-    context.strokeRect(127.5 + cb - 4, 127.5 - cr - 4, 8, 8);
-    context.fillText(name, 127.5 + cb * 1.14, 131.5 - cr * 1.14);
-  }
-}
-
 // --- The page's part ---------------------------------------------------------------------------------------------------
 
 function make(tag, properties = {}, ...children) {
@@ -70,7 +39,7 @@ function make(tag, properties = {}, ...children) {
 
 const KEYS = "Wheel, + and −: zoom. 0: whole picture, 1: single pixels, or double click. Drag or arrows: move. " +
   "[ and ]: wipe. G, O, W, S: graded, original, wipe, side by side. B: keep as B. C: clipping. U: unsure colours. " +
-  "H: scopes. P: pipette at the middle, arrows move it, Escape lifts it. Page keys: other pictures.";
+  "H: waveform. P: pipette at the middle, arrows move it, Escape lifts it.";
 
 export function render({ model, el }) {
   // Elements
@@ -84,17 +53,10 @@ export function render({ model, el }) {
   const stage = make("div", { className: "stage" }, canvas, left, right, line, cross, empty);
   const values = make("output", { className: "values", "aria-live": "off", "aria-label": "Pipette" });
   const news = make("span", { className: "news", role: "status" });
-  const scopes = make("aside", { className: "scopes", "aria-label": "Scopes" });
-  const scope = name => {
-    const drawing = make("canvas", { role: "img", "aria-label": name });
-    scopes.append(make("figure", {}, make("figcaption", {}, name), drawing));
-    return drawing;
-  };
-  const waves = scope("Waveform"), vectors = scope("Vectorscope"), shares = make("p", {});
-  scopes.append(shares);
-  const strip = make("nav", { className: "strip", "aria-label": "Pictures", hidden: true });
+  const waves = make("canvas", { role: "img", "aria-label": "Waveform" }), shares = make("p", {});
+  const scopes = make("aside", { className: "scopes", "aria-label": "Waveform" }, waves, shares);
   const bar = make("div", { className: "bar", role: "toolbar", "aria-label": "Look" });
-  const root = make("div", { className: "look" }, bar, make("div", { className: "middle" }, stage, scopes), strip,
+  const root = make("div", { className: "look" }, bar, make("div", { className: "middle" }, stage, scopes),
     make("div", { className: "foot" }, values, news), make("p", { id: "keys", className: "hidden" }, KEYS));
 
   // Buttons, each with its key
@@ -115,7 +77,7 @@ export function render({ model, el }) {
     toggle("beside_b", "Beside B", "On the left B, not the original"));
   group(toggle("clipping", "Clipping", "Stripes over clipped colours: orange white, violet black", "C"),
     toggle("unsure", "Unsure", "Green stripes over colours that no calibration shot has shown", "U"),
-    toggle("scopes", "Scopes", "Waveform and vectorscope", "H"));
+    toggle("scopes", "Waveform", "Codes over the width of the picture", "H"));
   group(button("fit", "Fit", "The whole picture", "0", () => fit()),
     button("one", "100 %", "A pixel of the picture on a pixel of the screen", "1", () => zoomTo(1)));
   const zoomed = make("span", { className: "zoomed" });
@@ -234,7 +196,6 @@ export function render({ model, el }) {
     const height = Math.max(1, Math.round(width * grader.size[1] / grader.size[0]));
     const pixels = grader.read(ops, width, height);
     waveform(waves, pixels, width);
-    vectorscope(vectors, pixels);
     let white = 0, black = 0;
     for (let n = 0; n < pixels.length; n += 4) {
       const codes = [pixels[n], pixels[n + 1], pixels[n + 2]];
@@ -253,22 +214,13 @@ export function render({ model, el }) {
     const y = (event.clientY - box.top) * ratio();
     return [view.centre[0] + (x - part.middle) / view.zoom, view.centre[1] + (y - h / 2) / view.zoom].map(Math.floor);
   }
-  let probed = 0, lastProbe;
   function tell() {
     const at = pinned || hovered;
-    if (!at || !loaded || !inside(at)) { values.textContent = ""; lastProbe = ""; return; }
+    if (!at || !loaded || !inside(at)) { values.textContent = ""; return; }
     if (!complete([...model.a, ...model.b])) return;
     const code = side => [...grader.read(opsOf(side), 1, 1, [at[0] + 0.5, at[1] + 0.5], 1)].slice(0, 3);
-    const asked = String([...at, model.a_name]);
-    if (model.tells_raw && asked !== lastProbe && performance.now() - probed > 60) {
-      probed = performance.now(); lastProbe = asked; model.probe = [...at, ...code("original")];
-    }
     const sides = [["JPEG", "original"], ["A", "a"], ...(model.b.length ? [["B", "b"]] : [])];
-    const raw = model.raw.length === 5 && model.raw[0] === at[0] && model.raw[1] === at[1] ? model.raw.slice(2) : null;
     values.replaceChildren(make("span", {}, `x ${at[0]}, y ${at[1]}`));
-    if (model.tells_raw) {
-      values.append(make("span", {}, make("b", {}, model.raw_name), " ", raw ? raw.map(v => v.toFixed(4)).join("  ") : "…"));
-    }
     for (const [name, side] of sides) {
       const codes = code(side), swatch = make("i", { "aria-hidden": "true" });
       swatch.style.background = `rgb(${codes})`;
@@ -326,12 +278,10 @@ export function render({ model, el }) {
   }, { passive: false });
 
   const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-  const turn = step => { if (model.pictures.length) model.chosen = Math.min(model.pictures.length - 1, Math.max(0, model.chosen + step)); };
   const pin = place => { pinned = place; draw(false); tell(); };
   Object.assign(actions, {
     "+": () => zoomTo(view.zoom * 1.25), "=": () => zoomTo(view.zoom * 1.25), "-": () => zoomTo(view.zoom / 1.25),
     "[": () => wipe(model.wipe - 0.02), "]": () => wipe(model.wipe + 0.02),
-    pageup: () => turn(-1), pagedown: () => turn(1),
     p: () => pin(view.centre.map(Math.floor)), escape: () => pin(null),
   });
   stage.addEventListener("keydown", event => {
@@ -347,24 +297,6 @@ export function render({ model, el }) {
       if (inside(next)) pin(next);
     } else pan(60 * ratio() * step[0], 60 * ratio() * step[1]);
   });
-
-  // The film strip
-  function film() {
-    strip.hidden = model.pictures.length < 2;
-    strip.replaceChildren(...model.pictures.map(({ name, thumbnail }, index) => {
-      const src = URL.createObjectURL(new Blob([thumbnail])), onload = () => URL.revokeObjectURL(src);
-      const made = make("button", { type: "button", title: name }, make("img", { onload, src, alt: "" }), make("span", {}, name));
-      made.addEventListener("click", () => { model.chosen = index; });
-      return made;
-    }));
-    chosen();
-  }
-  function chosen() {
-    [...strip.children].forEach((made, index) => {
-      made.setAttribute("aria-current", index === model.chosen);
-      if (index === model.chosen) made.scrollIntoView({ block: "nearest", inline: "nearest" });
-    });
-  }
 
   // What comes from Python
   const decode = bytes => createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
@@ -419,17 +351,13 @@ export function render({ model, el }) {
     }
     buttons.beside_b.disabled = !model.b.length;
     buttons.unsure.disabled = !model.coverage.length;
-    root.dataset.theme = model.theme;
     scopes.hidden = !model.scopes;
   }
   model.on("picture", open);
   model.on("msg:custom", arrived);
   model.on(["a", "b", "coverage"], changed);
-  model.on("pictures", film);
-  model.on("chosen", chosen);
-  model.on("raw", tell);
   model.on("wipe", () => draw());
-  model.on(["mode", "beside_b", "clipping", "unsure", "scopes", "theme"], pressed);
+  model.on(["mode", "beside_b", "clipping", "unsure", "scopes"], pressed);
   model.on(["a_name", "b_name", "title"], () => { if (loaded) furnish(regions(whole()[0])); });
   const sizes = new ResizeObserver(([entry]) => {
     const exact = entry.devicePixelContentBoxSize?.[0];  // not in Safari
@@ -438,6 +366,6 @@ export function render({ model, el }) {
   });
   try { sizes.observe(stage, { box: "device-pixel-content-box" }); } catch { sizes.observe(stage); }
   model.on("remove", () => sizes.disconnect());
-  film(); pressed(); changed(); open();
+  pressed(); changed(); open();
   return root;
 }

@@ -3,7 +3,7 @@
 The browser grades the picture: Python sends LUTs, and no pixels while sliders move.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -17,7 +17,6 @@ import param
 from panel.custom import JSComponent
 
 from lutforge.apply.profile_recipe import BakedGrades, SettingChange, baked_steps
-from lutforge.arrays import Array
 from lutforge.errors import LutError, SettingsError
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range, lattice_ops
 from lutforge.luts.sequence import Lut
@@ -109,9 +108,7 @@ class LookPage:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.shown: Photograph | None = None
-        self._known: tuple[CameraProfile, Selector] | None = None  # what the pipette's RAW is of
-        self.opened: dict[Path, Photograph] = {}  # of the film strip, without their pictures
-        self.sources: dict[Path, tuple[str, list[Any]]] = {}  # what each was taken as, and by which controls
+        self._known: tuple[CameraProfile, Selector] | None = None  # what the coverage is of
         self.listed, self.path = ui.select("Photograph in the folders", ui.NOTHING), ui.entry("or its path")
         opening = session.button(
             "Show", lambda: self._open(session.folders.inside(ui.written(self.path) or self.listed.value)),
@@ -123,9 +120,7 @@ class LookPage:
         session.watch(self._change, *wanted, take=lambda value: setattr(session, "look_chosen", True))
         session.watch(self._change, *self.source.widgets)
         self.words = ui.text()
-        self.main = self.view = LookView(raw_name="RAW, by the model")
-        session.watch(lambda: self._open(list(self.opened)[self.view.chosen]), self.view, of="chosen")
-        self._tell_soon = session.rested(self._tell)  # the page's words wait while the picture moves
+        self.main = self.view = LookView()
         self.controls = [
             self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
         ]  # fmt: skip
@@ -147,20 +142,15 @@ class LookPage:
 
     def _show(self, photograph: Photograph) -> None:
         path, given = photograph.path, photograph.selector
-        self.shown = self.opened[path] = replace(photograph, picture=b"")
+        self.shown = replace(photograph, picture=b"")
         self.view.show(photograph.picture, path.name)
         news = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
         with self.session.setting():
-            self.view.film([(one.path.name, one.small) for one in self.opened.values()], list(self.opened).index(path))
             if given is not None:
                 self.source.style.value, self.source.balance.value = given.style, AS_SHOT
                 news = f"{path.name}: taken as {given}, as its metadata say"
                 if not self.session.look_chosen:
                     self.wanted.set(given)
-            elif path in self.sources:
-                news = f"{path.name}: taken as {self.sources[path][0]}, as you said"
-                for widget, value in zip(self.source.widgets, self.sources[path][1], strict=True):
-                    widget.value = value
             else:
                 self.source.style.value, self.source.balance.value, self.source.tint.value = photograph.style, "", 0
         self.session.say("; ".join([news, *photograph.notes]))
@@ -199,15 +189,9 @@ class LookPage:
         given = profile.selector(look.source) if known else None
         if (inspected := None if given is None else (profile, given)) != self._known:
             self._known = inspected
-            raw_of = None if given is None or profile.raw_camera else profile.linearize(given)
-            covered = None if given is None else Lut(lattice_ops(confidence(profile.styles[given.style])))
-            self.view.inspect(covered, raw_of)
-        if self.shown is not None and known:
-            if taken is None and self.shown.path not in self.sources:
-                self.session.say(f"{self.shown.path.name}: taken as {look.source}, as you said")
-            self.sources[self.shown.path] = look.source, [widget.value for widget in self.source.widgets]
+            self.view.cover(None if given is None else Lut(lattice_ops(confidence(profile.styles[given.style]))))
         self.session.chosen = look
-        self._tell_soon()
+        self._tell()
 
     def _baked(self, profile: CameraProfile, steps: Sequence[Transform], luts: Sequence[Lut]) -> None:
         for step, lut in zip(steps, luts, strict=True):
@@ -263,16 +247,15 @@ def _packed(op: Op) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
-    """A picture with a look on it: wipe, zoom, pipette, scopes, overlays, a second setting beside the first.
+    """A picture with a look on it: wipe, zoom, pipette, waveform, overlays, a second setting beside the first.
 
     `show` sets the picture, `grade` its look. The browser grades what is on the screen with WebGL2: each operation of
     the LUT becomes a line of a shader, which interpolates in float32 as OpenColorIO does, so that a page shows what
     `lut.processor()` gives, within rounding. A table is sent once, as bytes in a message, while any LUT holds it; the
     page asks for those that it misses. Where there is no WebGL2, the page says so, and shows no picture.
 
-    Parameters that the page changes, too: mode, wipe, beside_b, clipping, unsure, scopes, chosen. Those that it alone
-    sets: probe, the pixel under the pipette, while `inspect` has said what RAW is; kept, which counts "Keep as B"
-    (`b` and `b_name` are then those of `a`).
+    Parameters that the page changes, too: mode, wipe, beside_b, clipping, unsure, scopes. It alone sets kept, which
+    counts "Keep as B" (`b` and `b_name` are then those of `a`).
     """
 
     picture = param.Bytes(doc="The picture as a file that browsers read, JPEG or PNG; it is shown upright.")
@@ -288,15 +271,8 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     beside_b = param.Boolean(False, doc="On the left is B; else the original.")
     clipping = param.Boolean(False, doc="Stripes over what clips in the graded picture.")
     unsure = param.Boolean(False, doc="Stripes over what `coverage` says no sample tells of.")
-    scopes = param.Boolean(True, doc="Waveform and vectorscope beside the picture.")
-    theme = param.Selector(default="dark", objects=["dark", "light"], doc="The surround is 18 % grey in both.")
-    pictures = param.List(doc="The film strip: {name, thumbnail: bytes of a JPEG} each; shown from two on.")
-    chosen = param.Integer(0, doc="Which of `pictures` is shown; watch it, and call `show`.")
+    scopes = param.Boolean(True, doc="The waveform beside the picture.")
     kept = param.Integer(0)
-    tells_raw = param.Boolean(False)
-    probe = param.List(doc="(x, y) of the upright picture, and its codes there.")
-    raw = param.List(doc="(x, y, R, G, B): RAW there.")
-    raw_name = param.String("RAW")
 
     _debounce = 8  # ms; what the page changes is told so late
     _esm = "\n".join((ui.HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
@@ -306,26 +282,20 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         super().__init__(**{"sizing_mode": "stretch_both", "min_height": 320, "margin": 0, **options})
         self._luts: dict[str, Lut | None] = {"a": None, "b": None, "coverage": None}
         self._tables: dict[str, dict[str, Any]] = {}  # of those LUTs, by their keys
-        self._raw_of: Callable[[Array], Array] | None = None
         self.param.watch(
             lambda event: self._set("b", self._luts["a"], b_name=self.a_name or "kept", beside_b=bool(self.a)), "kept"
         )
-        self.param.watch(self._probe, "probe")
 
     def show(self, picture: bytes, title: str = "") -> None:
         """Show another picture, a JPEG or PNG file, with the look that is set."""
-        self.param.update(picture=picture, title=title, raw=[], probe=[])
+        self.param.update(picture=picture, title=title)
 
     def grade(self, lut: Lut | None, name: str = "") -> None:
         """Set the look, a LUT of the picture's encoded RGB, or none. Raises LutError on curves at free knots."""
         self._set("a", lut, number=self.number + 1, a_name=name)
 
-    def inspect(self, coverage: Lut | None, raw_of: Callable[[Array], Array] | None = None) -> None:
-        """Set what `unsure` marks, a LUT of the picture's encoded RGB, and what the pipette tells beside codes.
-
-        raw_of: encoded RGB (3,) → RAW (3,), which the page calls `raw_name`. None takes either away.
-        """
-        self._raw_of, self.tells_raw, self.raw = raw_of, raw_of is not None, []
+    def cover(self, coverage: Lut | None) -> None:
+        """Set what `unsure` marks, a LUT of the picture's encoded RGB, or none."""
         self._set("coverage", coverage)
 
     def _set(self, side: str, lut: Lut | None, **more: Any) -> None:
@@ -342,13 +312,3 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         tables = [self._tables[key] for key in data if key in self._tables]
         if tables:
             self._send_msg(tables)
-
-    def film(self, pictures: Sequence[tuple[str, bytes]], chosen: int = 0) -> None:
-        """Set the film strip: a name and a small JPEG each."""
-        strip = [{"name": name, "thumbnail": thumbnail} for name, thumbnail in pictures]
-        self.param.update(pictures=strip, chosen=chosen)
-
-    def _probe(self, event: Any) -> None:
-        if self._raw_of is not None and len(self.probe) == 5:
-            x, y, *codes = (int(value) for value in self.probe)
-            self.raw = [x, y, *map(float, self._raw_of(np.array(codes) / 255.0))]

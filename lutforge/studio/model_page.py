@@ -2,22 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
-from lutforge.arrays import Array
 from lutforge.calibration.options import LARGEST, PRESETS, SMALLEST
-from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
-from lutforge.pipeline.evaluation import without_a_model
 from lutforge.report import figures
-from lutforge.report.figures import CHANNELS, Drawing, Panel
+from lutforge.report.figures import CHANNELS, Drawing
 from lutforge.report.tables import TITLES, Table, balance_table, matrix_table
 from lutforge.studio import ui
 from lutforge.studio.session import Session
@@ -172,49 +168,38 @@ class FitView(View):
 
     def __init__(self, session: Session) -> None:
         self.numbers = ui.text(**ui.SCROLLED)
-        self.before = lru_cache(1)(without_a_model)  # of samples, kept while all else changes
         super().__init__(session, beside=self.numbers)
 
     def draw(self) -> None:
         """Everything, from the session's workspace and profile."""
-        rows: list[tuple[Panel, ...]] = []
         words = ui.paragraphs("The matrix and the white balances stand here after a fit.")
         profile, workspace = self.session.profile, self.session.workspace
         if profile is not None:
-            rows.append(figures.response_figure(next(iter(profile.styles.values()))).rows[0][:1])
             notes = (*map(str, profile.diagnoses), *profile.notes)
             title = ui.Html("<h2>Notes</h2>" if notes else "")
             tables = ui.table(matrix_table(profile)), ui.table(balance_table(profile))
             words = ui.html("{}{}{}{}", *tables, title, ui.paragraphs(*notes))
-        if workspace is not None and workspace.has_raw:
-            shown, table = residuals(workspace, self.before(workspace.samples))
-            rows.append(figures.residuals_figure(shown).rows[0])
-            words = ui.Html(ui.table(table) + words)
-        self.figures.show(Drawing(tuple(rows)) if rows else None, NO_PROFILE)
+        if workspace is not None and workspace.has_raw and workspace.fitted is not None:
+            words = ui.Html(ui.table(residuals(workspace)) + words)
+        response = None if profile is None else figures.response_figure(next(iter(profile.styles.values())))
+        self.figures.show(response, NO_PROFILE)
         self.numbers.object = words
 
 
-def residuals(workspace: Workspace, before: Array) -> tuple[dict[str, Array], Table]:
-    """RGB distances of what models render, on the samples in the fit: to be drawn, by title, and all as a table.
-
-    before: (n, 3), what there is before any fit, which is drawn beside the model in use.
-    """
-    rows, srgb, cells, shown = workspace.fitted_rows, workspace.samples.srgb, [], dict[str, Array]()
-    rendered = {"": before} | {name: model.predicted.rendered for name, model in workspace.models.items()}
-    for name, values in rendered.items():
-        title = MODELS.get(name, "before any fit")
-        distance = np.linalg.norm(values[rows] - srgb[rows], axis=1)
-        if name in ("", workspace.model):
-            shown[title] = distance
+def residuals(workspace: Workspace) -> Table:
+    """Tabulate RGB distances of what models render, on the samples in the fit."""
+    rows, srgb, cells = workspace.fitted_rows, workspace.samples.srgb, []
+    for name, model in workspace.models.items():
+        distance = np.linalg.norm(model.predicted.rendered[rows] - srgb[rows], axis=1)
         known = distance[np.isfinite(distance)]
         if len(known):
-            error = held_out_error(workspace.models[name].profile) if name else None
+            error = held_out_error(model.profile)
             numbers = (known.mean(), *np.percentile(known, [50, 95, 100]))
             left_out = "–" if error is None else f"{error:.4f}"
-            stale = " (stale)" if name and workspace.is_stale(name) else ""
-            cells.append((title + stale, *(f"{value:.4f}" for value in numbers), left_out))
+            stale = " (stale)" if workspace.is_stale(name) else ""
+            cells.append((MODELS[name] + stale, *(f"{value:.4f}" for value in numbers), left_out))
     header = ("model", "mean", "median", "95 %", "max", "held out")
-    return shown, Table(f"Residuals, RAW → JPEG, on {int(rows.sum()):,} samples", header, cells)
+    return Table(f"Residuals, RAW → JPEG, on {int(rows.sum()):,} samples", header, cells)
 
 
 def held_out_error(profile: CameraProfile) -> float | None:
@@ -273,7 +258,7 @@ class GamutView(View):
 
 
 class LatticeView(View):
-    """A lattice: its node levels, grey axis and coverage, where a plane goes, and the error that levels follow."""
+    """A lattice: its node levels, grey axis and coverage, and where a plane goes."""
 
     title = "Lattice"
 
@@ -284,30 +269,16 @@ class LatticeView(View):
         self.channel = ui.select("Plane of", channels, value=2, **ui.NARROW)
         self.level = ui.slider("at its level", 0.4, 0.0, 1.0, **ui.NARROW)
         super().__init__(session, self.direction, self.style, self.channel, self.level)
-        self.gaps = ui.text()
-        self.gaps_of: Workspace | None = None  # the words stay while controls move
-        self.layout.insert(1, self.gaps)
 
     def draw(self) -> None:
         """Everything, from the session's workspace and profile."""
         direction, channel = self.direction.value, int(self.channel.value)
-        profile, workspace = self.session.profile, self.session.workspace
-        if workspace is not None and workspace is not self.gaps_of:
-            self.gaps_of = workspace
-            gaps = colour_gaps(workspace.samples.srgb[workspace.fitting_rows("lattice")])
-            known = "; ".join(f"{gap.colour} ({gap.unknown:.0%} unseen)" for gap in gaps)
-            words = f"Colours to shoot next: {known or 'none, the samples come near most real colours'}."
-            self.gaps.object = ui.paragraphs(words)
+        profile = self.session.profile
         ui.offer(self.style, () if profile is None else profile.styles)
         style = None if profile is None else profile.styles[self.style.value]
         lattice = None if style is None else style.lattices.get(direction)
         if style is None or lattice is None:
             self.figures.show(None, NO_PROFILE if style is None else "This model has no lattice: compute one.")
             return
-        source, target = figures.ENDS[direction]
-        below = figures.plane_figure(lattice, target, {channel: self.level.value}).panels
-        fitted = None if workspace is None else workspace.fitted
-        histograms = None if fitted is None else fitted.level_errors.get((self.style.value, direction))
-        if histograms is not None:
-            below += figures.levels_on_errors(lattice, histograms, source).panels[channel : channel + 1]
+        below = figures.plane_figure(lattice, figures.ENDS[direction][1], {channel: self.level.value}).panels
         self.figures.show(Drawing((*figures.lattice_figure(style, [direction]).rows, below)))

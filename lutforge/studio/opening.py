@@ -1,18 +1,17 @@
 """What a visitor opens: paths inside the studio's folders; samples, shots, profiles, brackets; photographs."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from io import BytesIO
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageOps
+from PIL import Image
 
 from lutforge.apply.profile_recipe import choose_camera, source_selector
 from lutforge.arrays import Pixels
-from lutforge.boundary import reading
 from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
@@ -119,32 +118,15 @@ def read_small(path: Path, most: int) -> Pixels:
     return np.ascontiguousarray(pixels, dtype=np.float32)
 
 
-def thumbnail(picture: bytes) -> bytes:
-    """A picture file as a small JPEG, upright."""
-    with Image.open(BytesIO(picture)) as file:
-        file.draft("RGB", (480, 320))  # a JPEG is decoded at a fraction of its size
-        small = ImageOps.exif_transpose(file.convert("RGB"))
-    small.thumbnail((480, 320))
-    return jpeg_of(small)
-
-
-def jpeg_of(image: Image.Image) -> bytes:
-    """A picture as a JPEG file."""
-    buffer = BytesIO()
-    image.save(buffer, format="JPEG", quality=92)
-    return buffer.getvalue()
-
-
 @dataclass(frozen=True, eq=False)
 class Photograph:
-    """A picture, as a file that browsers read, and in small. selector: its settings, None where it does not tell.
+    """A picture, as a file that browsers read. selector: its settings, None where it does not tell.
 
     style: told by the metadata, "" where they do not; notes: what the visitor should know.
     """
 
     path: Path
     picture: bytes
-    small: bytes
     selector: Selector | None
     style: str
     notes: tuple[str, ...]
@@ -154,14 +136,12 @@ def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> P
     """Read a picture, and what it was taken as. Raises ImageError."""
     progress("reading", 0.1)
     settings, picture = read_picture_settings(path), picture_bytes(path)
-    with reading(path, "a picture", ImageError):
-        small = thumbnail(picture)
     notes: tuple[str, ...] = ()
     selector, style = None, settings.style if settings.style in profile.styles else ""
     with suppress(SettingsError):
         choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
         selector, notes = source_selector(path, settings, profile)
-    return Photograph(path, picture, small, selector, style, (*settings.notes, *notes))
+    return Photograph(path, picture, selector, style, (*settings.notes, *notes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,18 +149,15 @@ class Opened:
     """What was opened.
 
     workspace: None where there are no samples; profile_source: the file of the profile; accounts: of shots; left_out:
-    why other shots have none; files: by shot its RAW file; bracket: pictures without RAW, where that is all; small:
-    JPEGs of these.
+    why other shots have none; bracket: pictures without RAW, where that is all.
     """
 
     workspace: Workspace | None = None
     profile: CameraProfile | None = None
     accounts: tuple[ShotSamples, ...] = ()
     left_out: tuple[str, ...] = ()
-    files: Mapping[str, Path] = field(default_factory=dict)
     profile_source: Path | None = None
     bracket: Bracket | None = None
-    small: tuple[bytes, ...] = ()
 
 
 def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
@@ -195,17 +172,12 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
     files = [file for file in files if file.suffix.lower() in PICTURE_SUFFIXES and raw_beside(file) is None]
     if len(files) < 2:
         return None
-    small = []
-    for index, file in enumerate(files):
-        progress(file.name, index / len(files))
-        with reading(file.name, "a picture", ImageError):
-            small.append(thumbnail(picture_bytes(file)))
     settings = [read_picture_settings(file) for file in files]
     times, camera = tuple(each.exposure for each in settings), settings[0].camera
     workspace = None
     with suppress(CalibrationError):  # which Fit response then tells, with what to do
         workspace = Workspace(*bracket_samples(files, times, camera, progress))
-    return Opened(workspace, bracket=Bracket(tuple(files), times, camera), small=tuple(small))
+    return Opened(workspace, bracket=Bracket(tuple(files), times, camera))
 
 
 def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
@@ -227,4 +199,4 @@ def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
     workspace = Workspace(sampled.samples, find_pairs(sampled.samples))
     if profile is not None:
         workspace = with_profile(workspace, profile)
-    return Opened(workspace, profile, sampled.shots, sampled.left_out, sampled.files, source)
+    return Opened(workspace, profile, sampled.shots, sampled.left_out, source)

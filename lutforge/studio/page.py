@@ -36,7 +36,7 @@ class Page:
         self.session.on_change, self.session.on_look = lambda: self._refresh(*STEPS), self._tell
         self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12))
         self.session.watch(lambda: self.show(STEPS[self.steps.active]), self.steps, of="active")
-        on_dark = {"variant": "text", "sx": {"&.Mui-disabled": {"color": "#8f8f8f"}}}  # the bar is dark in both themes
+        on_dark = {"variant": "text", "sx": {"&.Mui-disabled": {"color": "#8f8f8f"}}}
         self.undo = self.session.button("Undo", self.session.undo, **on_dark)
         self.redo = self.session.button("Redo", self.session.redo, **on_dark)
         self.next = ui.text(margin=(6, 12))
@@ -49,10 +49,9 @@ class Page:
         self.layout = pmui.Page(
             title="LutForge studio", header=[bar], sidebar=[self.controls],
             main=[pn.Column(self.next, news, self.body, **ui.FILL)], sidebar_variant="permanent", sidebar_width=290,
-            sidebar_resizable=False, busy_indicator=None, theme="dark", theme_config=THEME, template=TEMPLATE,
-            stylesheets=[BESIDE],
+            sidebar_resizable=False, busy_indicator=None, theme="dark", theme_toggle=False, theme_config=THEME,
+            template=TEMPLATE, stylesheets=[BESIDE],
         )  # fmt: skip
-        self.layout.param.watch(self.session.guarded(lambda event: self._theme()), "dark_theme")
         self.show(self.shown)
         if inputs:
             self.session.guarded(self.session.open)(inputs)
@@ -64,16 +63,11 @@ class Page:
         if name not in self.pages:  # imported here: the first paint does not wait for what only later steps draw
             module = import_module(f"lutforge.studio.{name.lower()}_page")
             self.pages[name] = getattr(module, f"{name}Page")(self.session)
-            self._theme()
         shown = self.pages[name]
         self.controls[:], self.body[:] = shown.controls, [shown.main]
         if self.steps.active != STEPS.index(name):
             self.steps.active = STEPS.index(name)
         self._refresh()
-
-    def _theme(self) -> None:
-        if "Look" in self.pages:
-            self.pages["Look"].view.theme = "dark" if self.layout.dark_theme else "light"
 
     def _refresh(self, *stale: str) -> None:
         """Draw what is shown, if it has changed since, and note the steps that have."""
@@ -85,103 +79,66 @@ class Page:
                 self.pages[self.shown].refresh()
 
     def _tell(self) -> None:
-        """The steps' states, and what to do next in this one."""
+        """The steps' states, and what to do in this one."""
         states = states_of(self.session)
-        self.steps.items = [{"label": f"{step}: {states[step][0]}", "icon": ICONS[states[step][0]]} for step in STEPS]
-        self.next.object = ui.html("<b>{}.</b> {}", self.shown, states[self.shown][1])
+        self.steps.items = [{"label": f"{step}: {states[step]}", "icon": ICONS[states[step]]} for step in STEPS]
+        self.next.object = ui.html("<b>{}.</b> {}", self.shown, NEXT[self.shown])
         self.undo.disabled, self.redo.disabled = len(self.session.past) < 2, not self.session.future
 
 
-NEXT: dict[tuple[str, State], str] = {
-    ("Shots", "to do"): "Drop RAW files with their JPEGs here, or choose a folder; then press Sample.",
-    ("Shots", "done"): "Untick a shot to leave it out; then look at the samples.",
-    ("Samples", "to do"): "Open shots or a sample table first.",
-    ("Samples", "done"): (
-        "Keep saturated and clipped colours from the response by the filters, or mark samples with the lasso."
-    ),
-    ("Model", "to do"): "Press Compute: the lattice is what most want; or fit stage by stage.",
-    ("Model", "done"): "The model is up to date: see its errors here, then choose a look.",
-    ("Model", "stale"): "Samples or options have changed since: press Compute.",
-    ("Look", "to do"): "Choose a photograph and the style and white balance that you want.",
-    ("Look", "done"): "The look is what the exports hold.",
-    ("Look", "stale"): "The model is not up to date: compute it again under Model.",
-    ("Export", "to do"): "Name the files, and write what your program needs: a kit, a LUT, a config.",
-    ("Export", "done"): "Written as below; each line can be run again as a command.",
-    ("Export", "stale"): "Model or look have changed since: write again what you need.",
+NEXT = {
+    "Shots": "Drop RAW files with their JPEGs here, or choose a folder; then press Sample.",
+    "Samples": "Keep saturated and clipped colours from the response by the filters, or mark samples with the lasso.",
+    "Model": "Press Compute: the lattice is what most want; or fit stage by stage.",
+    "Look": "Choose a photograph, and the style and white balance that you want.",
+    "Export": "Write what your program needs: a kit, a LUT, a config. Each line can be run again as a command.",
 }
-"""What to do next in a step of a state."""
+"""What to do in each step."""
 
 
-def states_of(session: Session) -> dict[str, tuple[State, str]]:
-    """Each step's state, and in a sentence what to do next there."""
+def states_of(session: Session) -> dict[str, State]:
+    """Each step's state."""
     workspace, profile, stale = session.workspace, session.profile, session.is_stale
     old = any(map(session.is_old, session.written.values()))
-    states: dict[str, State] = {
+    return {
         "Shots": "to do" if workspace is None and profile is None else "done",
         "Samples": "to do" if workspace is None else "done",
         "Model": "stale" if stale else "to do" if profile is None else "done",
         "Look": "to do" if not session.look_chosen or profile is None else "stale" if stale else "done",
         "Export": "to do" if not session.written else "stale" if old else "done",
     }  # fmt: skip
-    sentences = {step: NEXT[step, state] for step, state in states.items()}
-    if workspace is None and profile is not None:
-        sentences["Shots"] = "A profile is open: go on to Look. Shots are needed for a new model alone."
-    if session.opened.bracket is not None:
-        sentences["Shots"] = (
-            "Name the chart, if the pictures show one, and press Fit response." if session.response is None
-            else "Untick a picture to leave it out, and fit again; or go on to Export."
-        )  # fmt: skip
-        if workspace is not None:
-            colours = "The colours that two exposures share: how they follow the exposure, and which leave the curve."
-            sentences["Samples"] = colours
-    if states["Look"] == "done" and not session.look.source:
-        kit = "A kit is made for this look; a picture needs “Taken as”, too: choose what it was taken as."
-        sentences["Look"] = kit
-    if states["Export"] == "to do" and profile is None:
-        sentences["Export"] = "Compute a model under Model first, or open a profile under Shots."
-    return {step: (states[step], sentences[step]) for step in STEPS}
 
 
 # --- The page's looks: neutral greys, in which colours can be judged --------------------------------------------------
 
 
-def _theme(ink: str, quiet: str, faint: str, back: str, paper: str, error: str) -> dict[str, Any]:
-    def root(**style: Any) -> dict[str, Any]:
-        return {"styleOverrides": {"root": style}}
+def _root(**style: Any) -> dict[str, Any]:
+    return {"styleOverrides": {"root": style}}
 
-    # On the border of its field at any size of letters; the toolkit's own 9 px are for letters of 16.
-    outlined = {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem) scale(0.75)"}}
-    white = {"color": "#e6e6e6 !important"}
-    bar = {"boxShadow": "none", "borderBottom": "1px solid #4a4a4a", "backgroundImage": "none"}
-    components = {
-        "MuiButton": {**root(textTransform="none", transition="none"), "defaultProps": {"disableElevation": True}},
-        "MuiToggleButton": root(textTransform="none", color="inherit", whiteSpace="nowrap"),
-        "MuiInputLabel": {"styleOverrides": {"root": {"transition": "none", "color": "inherit"}, "outlined": outlined}},
-        # Inherited from the page, which changes its theme at once, where each control takes its own time.
-        "MuiTypography": root(color="inherit"),
-        "MuiInputBase": root(color="inherit"),
+
+# On the border of its field at any size of letters; the toolkit's own 9 px are for letters of 16.
+OUTLINED = {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem) scale(0.75)"}}
+BAR = {"boxShadow": "none", "borderBottom": "1px solid #4a4a4a", "backgroundImage": "none"}
+WHITE = {"color": "#e6e6e6 !important"}
+THEME = {
+    "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
+    "shape": {"borderRadius": 4},
+    "components": {
+        "MuiButton": {**_root(textTransform="none", transition="none"), "defaultProps": {"disableElevation": True}},
+        "MuiToggleButton": _root(textTransform="none", color="inherit", whiteSpace="nowrap"),
+        "MuiInputLabel": {"styleOverrides": {"root": {"transition": "none", "color": "inherit"}, "outlined": OUTLINED}},
         "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
         "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
-        "MuiAppBar": root(backgroundColor="#1c1c1c", color="#e6e6e6", **bar),
+        "MuiAppBar": _root(backgroundColor="#1c1c1c", color="#e6e6e6", **BAR),
         "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
-        "MuiStepLabel": {"styleOverrides": {"label": white, "iconContainer": {"& .MuiIcon-root": white}}},
-    }
-    return {
-        "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
-        "shape": {"borderRadius": 4},
-        "components": components,
-        "palette": {
-            "primary": {"main": ink, "contrastText": back},
-            "text": {"primary": ink, "secondary": quiet, "disabled": faint},
-            "background": {"default": back, "paper": paper},
-            "error": {"main": error},
-        },
-    }
-
-
-THEME = {
-    "dark": _theme("#e6e6e6", "#bdbdbd", "#a0a0a0", "#1c1c1c", "#262626", "#ff8a80"),
-    "light": _theme("#1c1c1c", "#454545", "#666666", "#e8e8e8", "#f5f5f5", "#a11a0e"),
+        "MuiStepLabel": {"styleOverrides": {"label": WHITE, "iconContainer": {"& .MuiIcon-root": WHITE}}},
+    },
+    "palette": {
+        "primary": {"main": "#e6e6e6", "contrastText": "#1c1c1c"},
+        "text": {"primary": "#e6e6e6", "secondary": "#bdbdbd", "disabled": "#a0a0a0"},
+        "background": {"default": "#1c1c1c", "paper": "#262626"},
+        "error": {"main": "#ff8a80"},
+    },
 }
 
 CSS = (HERE / "page.css").read_text(encoding="utf-8")

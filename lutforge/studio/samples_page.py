@@ -11,14 +11,12 @@ import panel as pn
 import panel_material_ui as pmui
 from bokeh.events import SelectionGeometry, Tap
 from bokeh.models import ColumnDataSource, LassoSelectTool, Range1d
-from bokeh.palettes import Cividis256
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode
 from lutforge.report.figures import (
-    ERROR_SCALE,
     GREY,
     Dots,
     Drawing,
@@ -49,7 +47,7 @@ PLOTS = {
 }
 OF_PAIRS = ("srgb_btf", "raw_btf", "linearization")
 MOST_DRAWN = 4000
-COLOURS = ("exposure pair", "own colour", "shot", "residual")
+COLOURS = ("exposure pair", "own colour")
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#5b5b5b", "#8c6d31")
 """Okabe and Ito's colours, told apart by colour-blind eyes, and three more."""
 
@@ -139,8 +137,7 @@ class SamplesPage:
         linear, row = colours_in_space(workspace, self.space_of.value)
         x, y = chromaticities(linear).T
         shown = Points(x, y, row, row, np.full(len(row), -1, dtype=np.intp), "x", "y")
-        by = "residual" if self.by.value == "residual" else "own colour"
-        self.chromaticity.show(workspace, shown, by, self.inliers.value, 4.0)
+        self.chromaticity.show(workspace, shown, COLOURS[1], self.inliers.value, 4.0)
 
         # In CIE XYZ, within the cube of sRGB
         chosen = thinned(len(row), MOST_DRAWN)
@@ -343,13 +340,7 @@ def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> 
     row, pair = all_points.row[chosen], all_points.pair
     if by == "own colour":
         return ui.hex_colours(workspace.samples.srgb[row])
-    if by == "residual":
-        scale = np.clip(np.nan_to_num(workspace.residual[row]) / ERROR_SCALE, 0.0, 1.0)
-        return [Cividis256[place] for place in np.rint(255 * scale).astype(np.intp).tolist()]
-    if by == "shot":
-        number = np.unique(workspace.samples.shot, return_inverse=True)[1][row]
-    else:
-        number = np.where(pair < 0, -1, np.searchsorted(np.unique(pair[pair >= 0]), pair))[chosen]
+    number = np.where(pair < 0, -1, np.searchsorted(np.unique(pair[pair >= 0]), pair))[chosen]
     return [PALETTE[index % len(PALETTE)] if index >= 0 else GREY for index in number.tolist()]
 
 

@@ -331,26 +331,6 @@ class Session:
         self.watch(lambda: self.on_change(), widget, take=take)
         return show
 
-    def rested(self, callback: Callable[[], None]) -> Callable[[], None]:
-        """The callback, guarded, once for many calls, a fifth of a second after the last of them."""
-        run, calls = self.guarded(callback), 0
-
-        def later() -> None:
-            nonlocal calls
-            calls += 1
-            number, document = calls, pn.state.curdoc
-
-            def run_the_last() -> None:
-                if number == calls:
-                    run()
-
-            if document is None or document.session_context is None:  # no page waits for it
-                run()
-            else:
-                document.add_timeout_callback(run_the_last, 200)
-
-        return later
-
     def start(
         self,
         title: str,

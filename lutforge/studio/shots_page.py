@@ -3,6 +3,7 @@
 from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,9 +12,8 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image
 
-from lutforge.arrays import Array, Mask
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
 from lutforge.pipeline.response import Bracket, FittedResponse, ResponseRequest
@@ -24,15 +24,15 @@ from lutforge.samples.chart import chart_names
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
-from lutforge.studio.opening import OPENED_SUFFIXES, jpeg_of
+from lutforge.studio.opening import OPENED_SUFFIXES
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace, WorkspaceError
 
-SHOWN = ("JPEG and RAW", "samples, framed")
 EMPTY = (
     "No shots yet. To calibrate a camera takes five photographs or more, each as RAW with its JPEG, inside the RAW "
     "file or beside it; without RAW, JPEGs of one scene at several exposures."
 )
+FIT = "Name the chart, if the pictures show one, and press Fit response; untick a picture to leave it out."
 
 
 class ShotsPage:
@@ -47,8 +47,6 @@ class ShotsPage:
         self.drop.param.watch(session.guarded(lambda event: self._take()), "value")
         self.listed = ui.select("Folder or file", ui.NOTHING)
         self.path = ui.entry("or its path")
-        self.shown = ui.select("Shown", list(SHOWN))
-        session.watch(self.refresh, self.shown)
         self.notes = ui.text()
         self.grid = pn.FlexBox(sizing_mode="stretch_width")
         sample = session.button("Sample", self._open, variant="contained", **ui.WIDE)
@@ -63,7 +61,7 @@ class ShotsPage:
         self.bracket = pn.Column(
             self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **ui.TOGETHER
         )
-        self.controls = [self.drop, self.listed, self.path, sample, again, self.bracket, self.shown, self.notes]
+        self.controls = [self.drop, self.listed, self.path, sample, again, self.bracket, self.notes]
         self.curves, self.findings = ui.Figures(), ui.text(**ui.SCROLLED)
         self.response = pn.Row(self.curves.layout, self.findings, visible=False, **{**ui.FILL, "min_height": 260})
         self.main = pn.Column(self.response, pn.Column(self.grid, **ui.SCROLLED), **ui.FILL)
@@ -130,8 +128,7 @@ class ShotsPage:
             self.curves.show(bracket_figure(fit))
             notes = ui.paragraphs(*fit.told, fit.verdict.told, *profile.notes)
             self.findings.object = ui.html("{}{}", notes, ui.table(response_table(fit)))
-        framed_by = workspace.outliers.tobytes() if workspace is not None and self.shown.value == SHOWN[1] else b""
-        drawn = (bracket, None if workspace is None else workspace.samples, profile, self.shown.value, framed_by)
+        drawn = (bracket, None if workspace is None else workspace.samples, profile)
         if drawn != self._drawn:
             self._drawn = drawn
             if bracket is not None:
@@ -145,7 +142,7 @@ class ShotsPage:
         unused = (f"not used: {line}" for line in session.opened.left_out[:20])
         untick = "Untick a shot to leave it out. " if self.papers else ""
         known = "" if profile is not None or workspace is None else "The falloff is known once a model is computed."
-        hint = untick + known if bracket is None else f"{bracket}."
+        hint = untick + known if bracket is None else f"{bracket}. {FIT}"
         self.notes.object = ui.paragraphs(hint, *file_notes(session.opened.accounts), *unused)
 
     def _draw(self, cards: dict[str, ui.Html]) -> None:
@@ -180,21 +177,14 @@ class ShotsPage:
         for name, samples in workspace.samples.by_shot():
             account = accounts.get(name)
             cells = None if account is None else account.cells
-            pictures: dict[str, bytes | NDArray[np.uint8]]
-            if account is None or cells is None:
-                pictures = {"samples": swatches(samples.srgb)}
-            elif self.shown.value == SHOWN[1]:
-                out = workspace.outliers[workspace.samples.shot == name]
-                pictures = {"samples, outliers orange": framed(cells.picture, account.places, out)}
-            else:
-                pictures = {"JPEG": cells.picture, "RAW": cells.raw}
+            pictures = {} if cells is None else {"JPEG": cells.picture, "RAW": cells.raw}
             yield name, card_of(name, pictures, facts_of(name, samples, account, profile))
 
     def _cards_of_bracket(self, bracket: Bracket) -> Iterator[tuple[str, ui.Html]]:
         """A card a picture: its exposure as stated and as it was."""
         fitted = None if self.session.response is None else self.session.response[1]
         least = np.nanmin([*bracket.exposure_s, np.inf])
-        for file, exposure, small in zip(bracket.files, bracket.exposure_s, self.session.opened.small, strict=True):
+        for file, exposure in zip(bracket.files, bracket.exposure_s, strict=True):
             known = f"exposure × {exposure / least:.4g}, as stated"
             facts = [known if np.isfinite(exposure) else "exposure not stated"]
             if fitted is not None:
@@ -202,17 +192,19 @@ class ShotsPage:
                 facts += [f"true / stated: {errors[file.name]:.3f}"] if file.name in errors else []
                 facts += ["chart found here"] if file.name in fitted.found else []
                 facts += [f"white beside the chart: {fitted.level[file.name]:.3g}"] if file.name in fitted.level else []
-            yield file.name, card_of(file.name, {"picture": small}, facts)
+            yield file.name, card_of(file.name, {}, facts)
 
 
-def card_of(name: str, pictures: dict[str, bytes | NDArray[np.uint8]], facts: list[str]) -> ui.Html:
-    """Pictures by title beside each other, JPEG files or (h, w, 3), above what is known."""
+def card_of(name: str, pictures: dict[str, NDArray[np.uint8]], facts: list[str]) -> ui.Html:
+    """Pictures (h, w, 3) by title beside each other, above what is known."""
     images = []
     for title, picture in pictures.items():
-        data = picture if isinstance(picture, bytes) else jpeg_of(Image.fromarray(np.ascontiguousarray(picture)))
-        url = "data:image/jpeg;base64," + b64encode(data).decode("ascii")
+        buffer = BytesIO()
+        Image.fromarray(np.ascontiguousarray(picture)).save(buffer, format="JPEG", quality=92)
+        url = "data:image/jpeg;base64," + b64encode(buffer.getvalue()).decode("ascii")
         images.append(ui.html("<img src='{}' alt='{} of {}' title='{}'>", url, title, name, title))
-    return ui.html("<div class=pictures>{}</div>{}", ui.Html("".join(images)), ui.paragraphs(*facts))
+    shown = ui.html("<div class=pictures>{}</div>", ui.Html("".join(images))) if images else ui.Html("")
+    return ui.html("{}{}", shown, ui.paragraphs(*facts))
 
 
 def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile: CameraProfile | None) -> list[str]:
@@ -228,24 +220,3 @@ def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile
         )
         facts += [f"falloff: corners {lens.corner_ev:+.2f} EV"] if lens is not None else []
     return facts
-
-
-def swatches(encoded: Array) -> NDArray[np.uint8]:
-    """The colours of samples (n, 3) as a picture of squares, for a shot whose files are not there."""
-    few = encoded[np.linspace(0, len(encoded) - 1, min(len(encoded), 600)).astype(np.intp)]
-    columns = max(1, int(np.ceil(np.sqrt(1.5 * len(few)))))
-    grid = np.full((-(-len(few) // columns) * columns, 3), 0.46)
-    grid[: len(few)] = few
-    codes: NDArray[np.uint8] = np.rint(255 * np.clip(grid, 0, 1)).astype(np.uint8)
-    return np.kron(codes.reshape(-1, columns, 3), np.ones((8, 8, 1), dtype=np.uint8))
-
-
-def framed(picture: NDArray[np.uint8], places: Array, outlier: Mask) -> NDArray[np.uint8]:
-    """A picture (h, w, 3) with a frame round each sample, orange if an outlier. places: (n, 2), shares of its sides."""
-    image = Image.fromarray(np.ascontiguousarray(picture))
-    draw, reach = ImageDraw.Draw(image), max(2, image.width // 110)
-    for (x, y), out in sorted(
-        zip((places * image.size).tolist(), outlier.tolist(), strict=True), key=lambda one: one[1]
-    ):
-        draw.rectangle((x - reach, y - reach, x + reach, y + reach), outline="#ff8c00" if out else "#ffffff")
-    return np.asarray(image)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import panel as pn
 import panel_material_ui as pmui
-from bokeh.models import ColumnDataSource, CustomAction, CustomJS, DataRange1d, LinearColorMapper, Range1d
+from bokeh.models import ColumnDataSource, DataRange1d, LinearColorMapper, Range1d
 from bokeh.plotting import figure
 from panel.models.plotly import PlotlyPlot
 
@@ -94,26 +94,13 @@ def offer(choice: pmui.Select, names: Iterable[str]) -> None:
         choice.value = known[0] if known else ""
 
 
-_SAVE_SVG = """
-const view = Bokeh.index.find_one_by_id(drawing.id);
-view.export("svg").to_blob().then((blob) => {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = `${(drawing.title.text || "plot").replace(/[^\\w-]+/g, "_")}.svg`;
-  link.click();
-});
-"""
-
-
 def plot(title: str, tools: str = "pan,wheel_zoom,box_zoom,reset,save", **options: Any) -> Any:
-    """An empty Bokeh figure that fills its place and is saved as PNG or SVG by its tools."""
+    """An empty Bokeh figure that fills its place and is saved as PNG by its tools."""
     drawing = figure(
         title=title, tools=tools, toolbar_location="right", sizing_mode="stretch_both", min_width=160, min_height=140,
         min_border=4, **options,
     )  # fmt: skip
     drawing.toolbar.logo = None
-    svg = CustomJS(args={"drawing": drawing}, code=_SAVE_SVG)
-    drawing.add_tools(CustomAction(description="Save as SVG", icon="text_align_left", callback=svg))
     return drawing
 
 

@@ -23,10 +23,9 @@ from lutforge.calibration.physical.response_from_exposures import ExposurePairs,
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName, load_profile
-from lutforge.model.profile_data import Direction
 from lutforge.model.response import Response
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
-from lutforge.pipeline.evaluation import Predicted, node_level_errors, predict
+from lutforge.pipeline.evaluation import Predicted, predict
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples, write_samples
@@ -83,13 +82,11 @@ class FitTask:
 class FittedModel:
     """A profile, and what it makes of every sample.
 
-    level_errors: by style and direction, per axis the histogram of the squared error of a uniform lattice, where one
-    was fitted. task: what it was fitted to; None where it comes from a file.
+    task: what it was fitted to; None where it comes from a file.
     """
 
     profile: CameraProfile
     predicted: Predicted
-    level_errors: Mapping[tuple[str, Direction], tuple[Array, Array, Array]] = field(default_factory=dict)
     task: FitTask | None = None
 
 
@@ -282,8 +279,7 @@ def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedMo
         stages = None if task.stages is None else task.stages.profile
         profile = calibrate(chosen, task.options, progress, stages=stages)
     progress("predicting all samples", 0.9)
-    errors = node_level_errors(profile, chosen) if task.kind == "lattice" and not profile.raw_camera else {}
-    return FittedModel(profile, predict(profile, samples), errors)
+    return FittedModel(profile, predict(profile, samples))
 
 
 def save_workspace(workspace: Workspace, path: str | Path) -> None:

@@ -1,9 +1,6 @@
 """Stages that were fitted by themselves: what gamut map and lattice are then fitted with, and what a profile holds."""
 
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,21 +11,12 @@ from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import write_samples
-from lutforge.studio.export_page import calibration_command
-from lutforge.studio.workspace import FitTask
 from tests.studio.shots_for_the_studio import chart_samples
 
 
 @pytest.fixture(scope="module")
 def samples() -> SampleSet:
     return chart_samples(patches=45)
-
-
-@pytest.fixture(scope="module")
-def inliers(samples: SampleSet) -> SampleSet:
-    chroma = 1 - samples.srgb.min(axis=1) / np.maximum(samples.srgb.max(axis=1), 1e-6)
-    return samples.select(chroma < 0.4)
 
 
 @pytest.mark.slow
@@ -55,18 +43,6 @@ def test_a_camera_without_raw_takes_given_stages(samples: SampleSet) -> None:
     for before, after in zip(models, profile.styles["standard"].physical, strict=True):
         np.testing.assert_array_equal(before.matrix, after.matrix)
         assert 8 <= len(after.gamut_map.centres) <= 50
-
-
-@pytest.mark.slow
-def test_the_studio_s_lines_of_python_make_the_profile(samples: SampleSet, inliers: SampleSet, tmp_path: Path) -> None:
-    write_samples(tmp_path / "all.npz", samples)
-    write_samples(tmp_path / "inliers.npz", inliers)
-    options = CalibrationOptions(size=5, physical=PhysicalOptions(beta=0.25))
-    task = FitTask("lattice", np.ones(len(samples), dtype=np.bool_), options)
-    lines = calibration_command(task, tmp_path / "all.npz", [tmp_path / "inliers.npz"], tmp_path / "theirs.npz")
-    subprocess.run([sys.executable, "-c", lines], check=True)
-    calibrate(samples, options, stages=calibrate_stages(inliers, options)).save(tmp_path / "mine.npz")
-    assert (tmp_path / "mine.npz").read_bytes() == (tmp_path / "theirs.npz").read_bytes()
 
 
 @pytest.mark.slow

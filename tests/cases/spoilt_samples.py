@@ -55,14 +55,6 @@ def simulated(camera: SimulatedCamera, seed: int, style: str = "standard", shots
     return concatenate(parts)
 
 
-SETS: dict[str, Callable[[int], SampleSet]] = {
-    "D5100": lambda seed: simulated(nikon_d5100(), seed),
-    "SD Merrill": lambda seed: simulated(sigma_sd_merrill(), seed),
-    "D40": d40,
-    "S40": s40,
-}
-
-
 def _srgb(change: Callable[[Array], Array]) -> Case:
     return lambda samples, rng: replace(samples, srgb=np.clip(change(samples.srgb), 0.0, 1.0))
 
