@@ -172,16 +172,18 @@ class FitView(View):
 
     def draw(self) -> None:
         """Everything, from the session's workspace and profile."""
+        response = None
         words = ui.paragraphs("The matrix and the white balances stand here after a fit.")
         profile, workspace = self.session.profile, self.session.workspace
         if profile is not None:
+            curves = figures.response_figure(next(iter(profile.styles.values()))).panels
+            response = Drawing((curves[:1],))
             notes = (*map(str, profile.diagnoses), *profile.notes)
             title = ui.Html("<h2>Notes</h2>" if notes else "")
             tables = ui.table(matrix_table(profile)), ui.table(balance_table(profile))
             words = ui.html("{}{}{}{}", *tables, title, ui.paragraphs(*notes))
         if workspace is not None and workspace.has_raw and workspace.fitted is not None:
             words = ui.Html(ui.table(residuals(workspace)) + words)
-        response = None if profile is None else figures.response_figure(next(iter(profile.styles.values())))
         self.figures.show(response, NO_PROFILE)
         self.numbers.object = words
 
@@ -280,5 +282,6 @@ class LatticeView(View):
         if style is None or lattice is None:
             self.figures.show(None, NO_PROFILE if style is None else "This model has no lattice: compute one.")
             return
-        below = figures.plane_figure(lattice, figures.ENDS[direction][1], {channel: self.level.value}).panels
-        self.figures.show(Drawing((*figures.lattice_figure(style, [direction]).rows, below)))
+        levels, grey, *coverage = figures.lattice_figure(style, [direction]).panels
+        plane = figures.plane_figure(lattice, figures.ENDS[direction][1], {channel: self.level.value}).panels
+        self.figures.show(Drawing(((levels, grey), (*coverage, *plane))))
