@@ -26,9 +26,8 @@ class Grade:
 
     processor: colours in the image's own encoding → graded colours; history: one line for the output's metadata.
     attributes: further metadata to set in the output, by OpenImageIO's names; with None those that match the name, a
-    regular expression, are erased. confidence: colours → (confidence, unclipped, covered), each in [0, 1];
-    pixels below 0.5 of the last two are counted. raw: the source is a RAW file, and its linear camera RGB is graded,
-    brightened by the one of falloffs that is of its lens setting.
+    regular expression, are erased. raw: the source is a RAW file, and its linear camera RGB is graded, brightened by
+    the one of falloffs that is of its lens setting.
     notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
     scene-linear light and not an encoded picture, where that is known. oiiotool: the arguments with which oiiotool does
     the same, where it can; lut: the LUT of `processor`, where it is in no file. unchanged: the pixels stay as they are.
@@ -39,7 +38,6 @@ class Grade:
     processor: OCIO.CPUProcessor
     history: str
     attributes: Mapping[str, object] = field(default_factory=dict)
-    confidence: OCIO.CPUProcessor | None = None
     raw: bool = False
     falloffs: "tuple[Falloff, ...]" = ()
     notes: tuple[str, ...] = ()

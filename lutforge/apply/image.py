@@ -21,7 +21,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.apply.grade import Grade
-from lutforge.arrays import Codes, Index, Pixels
+from lutforge.arrays import Codes, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
@@ -120,15 +120,16 @@ def apply_image(
 
         # Whole, as codes, pictures of more than 64 Mpixel would take more than 256 MB each.
         if jpeg is not None and jpeg.plain and total <= 64_000_000 and grade.codes is not None and not profile:
-            doubtful = grade_whole(source, jpeg, grade, target, quality, threads, done)
+            broken = 0
+            grade_whole(source, jpeg, grade, target, quality, threads, done)
         else:
             start = None if jpeg is None else jpeg_metadata(jpeg, grade, profile)
             writer = stack.enter_context(image_writer(target, output, start))
-            doubtful = _grade_regions(grade, image, writer, threads, region_samples, count > 1, done)
+            broken = _grade_regions(grade, image, writer, threads, region_samples, count > 1, done)
         parts = image.parts
     notes = (
         *grade.notes,
-        *notes_on(grade, image.format, spec, output, space, doubtful),
+        *notes_on(grade, image.format, spec, output, space, broken),
         *((f"the first of {parts} images in the file was used",) if parts != 1 else ()),
         *(() if jpeg is None else jpeg.notes),
     )
@@ -203,22 +204,22 @@ def _grade_regions(
     region_samples: int,
     overlap: bool,
     done: Callable[[int], None],
-) -> Index:
-    """Read, grade and write an image region by region, and sum what `count_doubtful` counts, (3,).
+) -> int:
+    """Read, grade and write an image region by region, and count the pixels that are no finite numbers.
 
     overlap: the next region is read, and the last one written, meanwhile.
     """
     premultiplied = is_premultiplied(image.spec)
-    doubtful = np.zeros(3, dtype=np.int64)
+    broken = 0
 
     def work(pixels: Pixels) -> Pixels:
-        confidence = None
+        nonlocal broken
         clips = clipped(pixels[..., :3]) if grade.marks_clipped else None
-        if grade.confidence is not None:
-            confidence = np.empty_like(pixels)
-            grade_floats(grade.confidence, pixels, confidence, premultiplied, threads)
-        doubtful[:] += count_doubtful(pixels, confidence)
-        grade_floats(grade.processor, pixels, pixels, premultiplied, threads)
+        with np.errstate(all="ignore"):
+            total = np.sum(pixels)  # NaN and infinity stay what they are
+        if not np.isfinite(total):
+            broken += int(np.count_nonzero(~np.isfinite(pixels[..., :3]).all(axis=-1)))
+        grade_floats(grade.processor, pixels, premultiplied, threads)
         return pixels if clips is None else np.dstack([pixels, clips.astype(np.float32)])
 
     def write(region: Region, pixels: Pixels) -> None:
@@ -229,7 +230,7 @@ def _grade_regions(
     if not overlap or len(regions) == 1:
         for region in regions:
             write(region, work(image.read(region)))
-        return doubtful
+        return broken
     with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(1) as writing:
         ahead = reading.submit(image.read, regions[0])
         behind: Future[None] | None = None
@@ -243,7 +244,7 @@ def _grade_regions(
             behind = writing.submit(write, region, pixels)
         if behind is not None:
             behind.result()
-    return doubtful
+    return broken
 
 
 # --- A JPEG to a JPEG: as 8-bit codes, with the source's quality and all of its metadata ------------------------------
@@ -285,11 +286,8 @@ def grade_whole(
     quality: int | None,
     threads: Executor | None,
     done: Callable[[int], None],
-) -> Index:
-    """Grade a picture whole, and return what `count_doubtful` counts, (3,).
-
-    done: called with the number of pixels after each piece.
-    """
+) -> None:
+    """Grade a picture whole. done: called with the number of pixels after each piece."""
     assert grade.codes is not None
     start = jpeg_metadata(header, grade)
     size = header.height * header.width * 4
@@ -298,19 +296,9 @@ def grade_whole(
         _memory.codes = np.empty(size, np.uint8)
     canvas: Codes = _memory.codes[:size].reshape(header.height, header.width, 4)
     decode(source, source.read_bytes(), canvas)
-    doubtful = np.zeros(3, dtype=np.int64)
-    if grade.confidence is not None:  # counted in every eighth row
-        rows_in_eight = canvas[::8, :, :3]
-        for top in range(0, len(rows_in_eight), 256):
-            pixels = np.divide(rows_in_eight[top : top + 256], 255, dtype=np.float32)
-            confidence = np.empty_like(pixels)
-            grade_floats(grade.confidence, pixels, confidence, premultiplied=False, threads=threads)
-            doubtful += count_doubtful(pixels, confidence)
-        doubtful = doubtful * len(canvas) // len(rows_in_eight)
     grade_codes(grade.codes, canvas, threads, done)
     with atomic_path(target) as temporary, FileIO(temporary, "r+") as file:
         encode(file, canvas, start, header, quality)
-    return doubtful
 
 
 # --- Whether a grade can take the colours of an image, what tells their space, and notes on them ----------------------
@@ -372,29 +360,13 @@ def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, o
     return source.get_string_attribute("ICCProfile:profile_description").strip() or "a space without a name"
 
 
-def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
-    """Count the pixels (h, w, c) that cannot be trusted, by kind, (3,).
-
-    They are clipped, else unlike every colour of the calibration, or no finite numbers. confidence: as
-    `Grade.confidence` gives it, where it is known.
-    """
-    clipped, unlike, broken = np.intp(0), np.intp(0), np.intp(0)
-    if confidence is not None:
-        clips = confidence[..., 1] < 0.5
-        clipped, unlike = np.count_nonzero(clips), np.count_nonzero((confidence[..., 2] < 0.5) & ~clips)
-    with np.errstate(all="ignore"):
-        total = np.sum(pixels)  # NaN and infinity stay what they are
-    if not np.isfinite(total):
-        broken = np.count_nonzero(~np.isfinite(pixels[..., :3]).all(axis=-1))
-    return np.array([clipped, unlike, broken])
-
-
 def notes_on(
-    grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec, space: str, doubtful: Index
+    grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec, space: str, broken: int
 ) -> Iterator[str]:
     """Yield what the user should know of the colours of a graded image.
 
-    format: of the source, as `Image.format`; space: as `other_space` names it; doubtful: as `count_doubtful` counts.
+    format: of the source, as `Image.format`; space: as `other_space` names it; broken: how many pixels are no finite
+    numbers.
     """
     # Scene-linear light in 8-bit files, which hardly ever hold it, and in formats that are made for it
     if grade.for_srgb and not grade.raw and format in ("openexr", "hdr"):
@@ -415,12 +387,6 @@ def notes_on(
     layers = dict.fromkeys(name.rpartition(".")[0] for name in others if name.lower().endswith((".r", ".red")))
     if layers:
         yield f"{graded} were graded; the layers {', '.join(layers)} are as they were"
-    count = source.width * source.height
-    clipped, unlike, broken = (int(number) for number in doubtful)
-    if clipped > 0.001 * count:
-        yield f"{clipped / count:.1%} of the pixels are clipped; what they lost stays neutral"
-    if unlike > 0.001 * count:
-        yield f"{unlike / count:.1%} of the pixels are of colours that the calibration hardly knows"
     if broken:
         are = "pixels are not finite numbers" if broken > 1 else "pixel is not a finite number"
         yield f"{broken} {are}; what became of them means nothing"
@@ -433,19 +399,15 @@ BLOCK = 64 * 1024
 """Pixels per call of OpenColorIO, which packs them into 1 MB of RGBA floats: what a core's cache holds."""
 
 
-def grade_floats(
-    processor: OCIO.CPUProcessor, source: Pixels, result: Pixels, premultiplied: bool, threads: Executor | None
-) -> None:
-    """Grade `source` into `result`, which may be the same array; both C-contiguous, (h, w, c ≥ 3)."""
+def grade_floats(processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bool, threads: Executor | None) -> None:
+    """Grade pixels (h, w, c ≥ 3), C-contiguous, in place."""
     _keep_freed_memory()
-    channels = source.shape[2]
-    before, after = source.reshape(-1, channels), result.reshape(-1, channels)
+    channels = pixels.shape[2]
+    flat = pixels.reshape(-1, channels)
 
     def grade(start: int) -> None:
-        for at in range(start, min(start + 2 * BLOCK, len(before)), BLOCK):
-            block = after[at : at + BLOCK]
-            if result is not source:
-                block[:] = before[at : at + BLOCK]
+        for at in range(start, min(start + 2 * BLOCK, len(flat)), BLOCK):
+            block = flat[at : at + BLOCK]
             if channels == 3:
                 processor.applyRGB(block)
                 continue
@@ -460,7 +422,7 @@ def grade_floats(
                 processor.applyRGB(colours)
                 block[:, :3] = colours
 
-    _in_pieces(grade, range(0, len(before), 2 * BLOCK), threads)
+    _in_pieces(grade, range(0, len(flat), 2 * BLOCK), threads)
 
 
 def grade_codes(

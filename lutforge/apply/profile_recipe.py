@@ -15,10 +15,9 @@ from lutforge.colour.rgb_spaces import CHROMATICITIES, INTEROP_IDS, from_linear_
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB
 from lutforge.luts.bake import bake, grading_lut, grading_steps
-from lutforge.luts.ops import Cube, Matrix, Range, lattice_ops
+from lutforge.luts.ops import Cube, Matrix, Range
 from lutforge.luts.sequence import Lut, of_codes
 from lutforge.model.camera_profile import CameraProfile, load_profile, match, raw_to_balanced, same_light
-from lutforge.model.coverage import refinish_confidence
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.raw_transfer import RawTransfer, load_transfer
@@ -82,7 +81,6 @@ class BakedGrades:
         self.refinish: Callable[[SettingChange], Lut] = lru_cache(16)(
             lambda change: grading_lut(change.transform, self.baked)
         )
-        self.confidence = lru_cache(16)(self._confidence)
         self.processor: Callable[..., OCIO.CPUProcessor] = lru_cache(32)(Lut.processor)
 
     def develop(self, change: SettingChange) -> OCIO.CPUProcessor:
@@ -95,19 +93,6 @@ class BakedGrades:
         gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
         exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
         return Lut((*exposed, *self.baked(look.render_balanced(wanted)).ops)).processor()
-
-    def _confidence(self, change: SettingChange) -> OCIO.CPUProcessor:
-        """Colours of a picture → (confidence, unclipped, covered) of their refinish, as of `Grade.confidence`."""
-        camera, given, look, wanted = change.camera, change.given, change.look, change.wanted
-        linearize = camera.linearize_to_own_raw(given)
-        stages = raw_to_balanced(camera, given, look, wanted, change.ev, change.transfer)
-        lattice = refinish_confidence(
-            camera.styles[given.style],
-            look.styles[wanted.style],
-            change.transform,
-            lambda encoded: through_stages(stages, linearize(encoded)),
-        )
-        return Lut(lattice_ops(lattice)).processor()
 
     def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
         """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""
@@ -242,7 +227,6 @@ class ProfileRecipe(_OfProfiles):
             grades.processor(lut),
             change.history(str(given)),
             attributes=_attributes(change.look, change.wanted, given),
-            confidence=grades.confidence(change),
             notes=(*settings.notes, *notes, *doubts),
             lut=lut,
             codes=grades.processor(lut, codes=True),

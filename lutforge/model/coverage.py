@@ -14,8 +14,6 @@ from lutforge.model.profile_data import PictureStyle
 
 FARTHEST = 24.0 / 255.0
 """Default limit: distance to the nearest sample, in encoded RGB."""
-WORST = 0.1
-"""An expected error, the norm of encoded RGB, that is not trusted at all; 25 codes."""
 
 
 def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHEST) -> Mask:
@@ -52,33 +50,7 @@ def confidence(style: PictureStyle) -> Lattice:
     both. The lattice takes O(N³ log n) time; an image is then evaluated at the speed of a LUT.
     """
     nodes = grid((_AXIS, _AXIS, _AXIS))
-    return _unclipped(nodes, np.clip(1.5 - _distance(style, nodes, 1.5 * FARTHEST) / FARTHEST, 0.0, 1.0))
-
-
-def refinish_confidence(
-    style: PictureStyle, target: PictureStyle, graded: Callable[[Array], Array], balanced: Callable[[Array], Array]
-) -> Lattice:
-    """Return such a lattice for a refinish: covered is 1 − e / WORST where both styles know their expected error e.
-
-    Where they do not, it is that of `confidence`. graded: takes encoded colours (…, 3) to refinished ones; balanced:
-    takes them to Tw E of `target`, which renders them anew.
-    """
-    if "linearize" not in style.expected or "render" not in target.expected:
-        return confidence(style)
-    # Three independent errors, norms of encoded RGB, add up in the square: one code of noise in each channel and the
-    # error of linearizing, both multiplied by the gain of the refinish there, and the error of rendering.
-    nodes = grid((_AXIS, _AXIS, _AXIS))
-    changed = graded(nodes)
-    slopes = np.stack([np.gradient(changed, _AXIS, axis=axis) for axis in range(3)], axis=-1)
-    gain = np.sqrt(np.sum(slopes**2, axis=(-2, -1)))
-    linearized = _interpolated(style.linearize, style.expected["linearize"], nodes)
-    rendered = _interpolated(target.render, target.expected["render"], balanced(nodes))
-    error = np.sqrt((gain * 2 * CLIPPED) ** 2 + (gain * linearized) ** 2 / 3.0 + rendered**2)
-    return _unclipped(nodes, np.clip(1.0 - error / WORST, 0.0, 1.0))
-
-
-def _unclipped(nodes: Array, covered: Array) -> Lattice:
-    """The lattice of confidences (N, N, N) at nodes (N, N, N, 3)."""
+    covered = np.clip(1.5 - _distance(style, nodes, 1.5 * FARTHEST) / FARTHEST, 0.0, 1.0)
     unclipped = np.where(clipped(nodes), 0.0, 1.0)
     values = np.stack([np.minimum(covered, unclipped), unclipped, covered], axis=-1)
     return Lattice((_AXIS, _AXIS, _AXIS), values)
@@ -88,10 +60,7 @@ def linearizing_error(style: PictureStyle) -> Callable[[Array], Array] | None:
     """Return the expected error (…,) of linearizing as a function of encoded colours (…, 3), None if unknown."""
     if "linearize" not in style.expected:
         return None
-    return lambda encoded: _interpolated(style.linearize, style.expected["linearize"], encoded)
-
-
-def _interpolated(lattice: Lattice | None, expected: Array, at: Array) -> Array:
-    """Interpolate the expected errors of a lattice's nodes at colours (…, 3), (…,)."""
+    lattice, expected = style.linearize, style.expected["linearize"]
     assert lattice is not None  # or the style would hold no expected errors
-    return interpolate(at, lattice.levels, np.repeat(expected[..., None], 3, axis=-1), "trilinear")[..., 0]
+    values = np.repeat(expected[..., None], 3, axis=-1)
+    return lambda encoded: interpolate(encoded, lattice.levels, values, "trilinear")[..., 0]

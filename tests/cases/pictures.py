@@ -76,8 +76,7 @@ def apply_to_pixels(
     processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bool = False, workers: int = 2
 ) -> Pixels:
     """Pixels (h, w, c ≥ 3) graded as `apply` grades those of a picture, on so many threads."""
-    source = np.ascontiguousarray(pixels, dtype=np.float32)
-    result = np.empty_like(source)
+    result = np.array(pixels, dtype=np.float32, order="C")
     with ThreadPoolExecutor(workers) as threads:
-        grade_floats(processor, source, result, premultiplied, threads)
+        grade_floats(processor, result, premultiplied, threads)
     return result

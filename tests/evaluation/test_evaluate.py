@@ -18,7 +18,7 @@ from lutforge.evaluation.further_errors import model_delta
 from lutforge.evaluation.measured_profile import HeldOut
 from lutforge.evaluation.methods import channel_polynomials
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.coverage import linearizing_error, refinish_confidence
+from lutforge.model.coverage import linearizing_error
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
@@ -198,17 +198,6 @@ def test_a_profile_expects_more_error_away_from_its_samples(expecting: lf.Camera
     assert error is not None
     grey, pure = np.full((1, 3), 0.4), np.clip(np.eye(3), 0.02, 0.98)
     assert error(pure).mean() > 3 * error(grey)[0]
-
-
-def test_the_mask_counts_what_the_change_multiplies(expecting: lf.CameraProfile) -> None:
-    style = expecting.styles["standard"]
-
-    def mask(gain: float) -> float:
-        linearize = expecting.linearize("standard/cloudy")
-        trust = refinish_confidence(style, style, lambda encoded: gain * encoded, linearize)
-        return float(trust(np.array([0.4, 0.4, 0.4]))[0])
-
-    assert 0.5 < mask(4.0) < mask(1.0) < 1.0
 
 
 def test_expected_errors_survive_the_file(expecting: lf.CameraProfile, tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lutforge as lf
-from lutforge.apply.profile_recipe import BakedGrades, SettingChange
 from lutforge.images.read import read_image
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
@@ -64,24 +63,6 @@ def test_grading_comes_near_what_the_cameras_own_functions_would_make(demo: tupl
     # colours that no calibration shot shows.
     assert rmse(perfect) < 0.09 * rmse(before)
     assert rmse(after) < 1.24 * rmse(perfect)
-
-
-def test_the_mask_finds_the_errors_of_the_graded_picture(demo: tuple[Path, str]) -> None:
-    """Its expected error correlates with the true one; the lattice has 33 nodes per axis, the demo's usual number."""
-    folder = demo[0]
-    profile = lf.calibrate(lf.read_samples(folder / "samples.csv"))
-    given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/daylight")
-    shot = next((folder / "shots").rglob("held-out.JPG"))
-    before, truth = (read_image(path).pixels[..., :3] for path in (shot, shot.with_name("wanted.JPG")))
-    sure = np.array(before, dtype=np.float32, order="C").reshape(-1, 3)
-    BakedGrades().confidence(SettingChange(profile, given, profile, wanted, 0.7)).applyRGB(sure)
-    graded = np.clip(profile.refinish(given, wanted, 0.7)(before.reshape(-1, 3).astype(float)), 0, 1)
-    error = np.linalg.norm(graded - truth.reshape(-1, 3), axis=1)
-    seen = sure[:, 1] > 0.5
-    expected = 0.1 * (1.0 - sure[:, 0])
-    assert np.corrcoef(expected[seen], error[seen])[0, 1] > 0.4
-    assert np.mean(sure[seen, 0] < 0.5) < 0.2  # and not by marking everything
-    assert 0.5 < expected[seen].mean() / error[seen].mean() < 2.0
 
 
 # --- Photographs of a real camera -------------------------------------------------------------------------------------
