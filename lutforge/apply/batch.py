@@ -7,7 +7,6 @@ import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import Lock
@@ -261,9 +260,8 @@ def _run_here(
 ) -> Iterator[tuple[Job, Outcome] | None]:
     """The jobs and their outcomes as they come, and None a few times a second meanwhile.
 
-    As many images are in work as there are threads, one more waits in the pool for the first that is free, and the
-    system is asked to fetch those behind, so that no core waits for a disk. Where there are fewer images than threads,
-    each gets several. progress: as of `apply_image`.
+    As many images are in work as there are threads, and one more waits in the pool for the first that is free. Where
+    there are fewer images than threads, each gets several. progress: as of `apply_image`.
     """
     at_once = max(1, min(workers, len(jobs)))
     threads = max(1, workers // at_once)
@@ -280,12 +278,6 @@ def _run_here(
             while begun < len(jobs) and len(running) <= at_once:
                 running[pool.submit(run_job, recipe, jobs[begun], threads, samples, progress)] = jobs[begun]
                 begun += 1
-                if begun + at_once <= len(jobs) and hasattr(os, "posix_fadvise"):
-                    ahead = jobs[begun + at_once - 1].source
-                    with suppress(OSError):
-                        if ahead.is_file():  # to open a pipe would take what another program writes to it
-                            with ahead.open("rb") as file:
-                                os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_WILLNEED)
             finished = wait(running, timeout=0.2, return_when=FIRST_COMPLETED).done
             yield from ((running.pop(future), future.result()) for future in finished)
             if not finished:

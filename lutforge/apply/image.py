@@ -14,7 +14,7 @@ from functools import cache
 from io import FileIO
 from itertools import zip_longest
 from pathlib import Path
-from threading import Semaphore, local
+from threading import Semaphore
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
@@ -250,11 +250,6 @@ def _grade_regions(
 # --- A JPEG to a JPEG: as 8-bit codes, with the source's quality and all of its metadata ------------------------------
 
 
-_memory = local()
-"""Its attribute `codes` is what each thread uses for one picture after another: new memory costs as much as a tenth of
-the codec."""
-
-
 def jpeg_metadata(header: JpegHeader, grade: Grade, profile: bytes = b"") -> bytes:
     """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
 
@@ -290,11 +285,7 @@ def grade_whole(
     """Grade a picture whole. done: called with the number of pixels after each piece."""
     assert grade.codes is not None
     start = jpeg_metadata(header, grade)
-    size = header.height * header.width * 4
-    if getattr(_memory, "codes", np.empty(0)).size < size:
-        _memory.codes = None  # frees the smaller one first
-        _memory.codes = np.empty(size, np.uint8)
-    canvas: Codes = _memory.codes[:size].reshape(header.height, header.width, 4)
+    canvas = np.empty((header.height, header.width, 4), np.uint8)
     decode(source, source.read_bytes(), canvas)
     grade_codes(grade.codes, canvas, threads, done)
     with atomic_path(target) as temporary, FileIO(temporary, "r+") as file:
@@ -401,7 +392,6 @@ BLOCK = 64 * 1024
 
 def grade_floats(processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bool, threads: Executor | None) -> None:
     """Grade pixels (h, w, c ≥ 3), C-contiguous, in place."""
-    _keep_freed_memory()
     channels = pixels.shape[2]
     flat = pixels.reshape(-1, channels)
 
@@ -429,7 +419,6 @@ def grade_codes(
     processor: OCIO.CPUProcessor, canvas: Codes, threads: Executor | None, done: Callable[[int], None] | None = None
 ) -> None:
     """Grade 8-bit codes (h, w, 4), C-contiguous, in place; `done` is called with the number of pixels of each piece."""
-    _keep_freed_memory()
     flat = canvas.reshape(-1, 4)
     # OpenColorIO makes floats of the codes: a quarter of a block fills a core's cache together with them.
     block, piece = BLOCK // 4, 8 * BLOCK
@@ -446,13 +435,3 @@ def grade_codes(
 def _in_pieces(grade: Callable[[int], None], starts: range, threads: Executor | None) -> None:
     for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
         pass
-
-
-@cache
-def _keep_freed_memory() -> None:
-    """Have the C library keep what it frees.
-
-    OpenColorIO allocates a megabyte in each call. The C library fetches it from the system and gives it back, which
-    takes longer than the LUT, until a larger piece was freed once: from then on it keeps pieces of up to that size.
-    """
-    np.empty(30_000_000, np.uint8)
