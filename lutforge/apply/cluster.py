@@ -31,50 +31,30 @@ _PREPARING = Lock()
 def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterator[tuple[Job, Outcome]]:
     """The jobs and their outcomes as they come.
 
-    Images are sent in batches. One whose worker dies is graded again by another, up to the scheduler's
-    `allowed-failures`; then its images are sent one by one, so that only the one that ends workers fails. Each result
-    is checked: the worker had this recipe, and the file that it tells of is here. Raises LutForgeError where Dask is
-    not installed, or no scheduler or worker answers.
+    An image whose worker dies is graded again by another, up to the scheduler's `allowed-failures`. Each result is
+    checked: the worker had this recipe, and the file that it tells of is here. Raises LutForgeError where Dask is not
+    installed, or no scheduler or worker answers.
     """
     with _connected(address) as (distributed, client):
         shared, key = _with_absolute_paths(recipe), recipe.key
         threads = max(1, sum(client.nthreads().values()))
-        waiting = deque(_batches(jobs, threads))
-        running: dict[str, Sequence[Job]] = {}
+        waiting = deque(jobs)
+        running: dict[str, Job] = {}
 
         def submit() -> Any:
-            batch = waiting.popleft()
-            future = client.submit(_run_there, shared, key, [_with_absolute_paths(job) for job in batch], pure=False)
-            running[future.key] = batch
+            job = waiting.popleft()
+            future = client.submit(_run_there, shared, key, _with_absolute_paths(job), pure=False)
+            running[future.key] = job
             return future
 
         # A few per thread wait at the workers, so that none is idle; not all, so that the scheduler stays small.
         futures = [submit() for _ in range(min(4 * threads, len(waiting)))]
         finished = distributed.as_completed(futures, loop=client.loop)
         for future in finished:
-            batch = running.pop(future.key)
-            if len(batch) > 1 and future.exception() is not None:
-                waiting.extend([job] for job in batch)
-            else:
-                yield from _outcomes(batch, future)
-            while waiting and len(running) < 4 * threads:
+            job = running.pop(future.key)
+            yield job, _outcome(job, future)
+            if waiting:
                 finished.add(submit())
-
-
-def _batches(jobs: Sequence[Job], threads: int) -> Iterator[list[Job]]:
-    """Cut jobs into tasks of about 16 MB of pictures, a second of work; at least eight a thread, to end together."""
-    sizes = [job.source.stat().st_size if job.source.exists() else 0 for job in jobs]
-    least = min(16e6, sum(sizes) / (8 * threads))
-    batch: list[Job] = []
-    filled = 0
-    for job, size in zip(jobs, sizes, strict=True):
-        batch.append(job)
-        filled += size
-        if filled >= least:
-            yield batch
-            batch, filled = [], 0
-    if batch:
-        yield batch
 
 
 @contextmanager
@@ -100,28 +80,24 @@ def _connected(address: str) -> Iterator[tuple[Any, Any]]:
         yield distributed, client
 
 
-def _outcomes(batch: Sequence[Job], future: Any) -> Iterator[tuple[Job, Outcome]]:
-    """A worker's answers, checked against the files that are here."""
+def _outcome(job: Job, future: Any) -> Outcome:
+    """A worker's answer, checked against the file that is here."""
     try:
-        answers: list[Outcome] = future.result()
+        answer: Outcome = future.result()
     except Exception as error:  # whatever went wrong there: the other images are graded
         line = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
-        answers = [Failure(job.source, f"{job.source}: the cluster did not grade it ({line})") for job in batch]
-    for job, answer in zip(batch, answers, strict=True):
-        if isinstance(answer, Failure):
-            yield job, replace(answer, source=job.source)
-            continue
-        applied, record = answer
-        # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
-        until = time.monotonic() + 10
-        output = record.output
-        while not output.still_true() and time.monotonic() < until:
-            time.sleep(0.2)
-        if output.still_true():
-            yield job, (replace(applied, source=job.source, target=job.target), record)
-        else:
-            reason = f"{output.path}: a worker wrote it, but it is not here, or is another file"
-            yield job, Failure(job.source, reason)
+        return Failure(job.source, f"{job.source}: the cluster did not grade it ({line})")
+    if isinstance(answer, Failure):
+        return replace(answer, source=job.source)
+    applied, record = answer
+    # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
+    until = time.monotonic() + 10
+    output = record.output
+    while not output.still_true() and time.monotonic() < until:
+        time.sleep(0.2)
+    if output.still_true():
+        return replace(applied, source=job.source, target=job.target), record
+    return Failure(job.source, f"{output.path}: a worker wrote it, but it is not here, or is another file")
 
 
 def _with_absolute_paths(record: Sent) -> Sent:
@@ -136,8 +112,8 @@ def _with_absolute_paths(record: Sent) -> Sent:
     return replace(record, **changes)
 
 
-def _run_there(recipe: Recipe, key: str, jobs: Sequence[Job]) -> list[Outcome]:
-    """Grade images on a worker, whose threads share one prepared recipe."""
+def _run_there(recipe: Recipe, key: str, job: Job) -> Outcome:
+    """Grade an image on a worker, whose threads share one prepared recipe."""
     try:
         with _PREPARING:
             if key not in _RECIPES:
@@ -152,5 +128,5 @@ def _run_there(recipe: Recipe, key: str, jobs: Sequence[Job]) -> list[Outcome]:
                 _RECIPES[key] = recipe
             prepared = _RECIPES[key]
     except LutForgeError as error:
-        return [Failure(job.source, f"{job.source}: {error}") for job in jobs]
-    return [run_job(prepared, job) for job in jobs]
+        return Failure(job.source, f"{job.source}: {error}")
+    return run_job(prepared, job)
