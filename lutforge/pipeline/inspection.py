@@ -10,6 +10,7 @@ import numpy as np
 from lutforge.errors import ImageError
 from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
+from lutforge.report.tables import exposure_time
 from lutforge.samples.table import is_table, read_samples
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 
@@ -160,8 +161,8 @@ def check(path: str | Path) -> list[str]:
 
 def _exposure(data: "ShotMetadata") -> str:
     """Of a shot; what is not above 0, NaN included, is unknown."""
-    time_s, aperture, iso = data.exposure_s, data.aperture, data.iso
-    seconds = f"1/{1 / time_s:.0f} s" if 0 < time_s < 0.3 else f"{time_s:.3g} s" if time_s > 0 else "time unknown"
+    aperture, iso = data.aperture, data.iso
+    seconds = exposure_time(data.exposure_s) if data.exposure_s > 0 else "time unknown"
     f_number = f"f/{aperture:.3g}" if aperture > 0 else "aperture unknown"
     return f"{seconds}, {f_number}, {f'ISO {iso:g}' if iso > 0 else 'ISO unknown'}"
 

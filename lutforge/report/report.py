@@ -36,7 +36,15 @@ from lutforge.progress import Progress, part, silent
 from lutforge.report import figures
 from lutforge.report.figures import ERROR_SCALE, Drawing, Line, Panel, Raster
 from lutforge.report.matplotlib_figure import figure_of, to_svg
-from lutforge.report.tables import TITLES, Table, balance_table, error_table, matrix_table, more_tables
+from lutforge.report.tables import (
+    TITLES,
+    Table,
+    balance_table,
+    error_table,
+    exposure_time,
+    matrix_table,
+    more_tables,
+)
 from lutforge.samples.extract import ShotSamples, places_in_picture
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.tiles import clipping, saturation_levels
@@ -365,7 +373,7 @@ def sample_blocks(samples: SampleSet, accounts: Sequence[ShotSamples]) -> Iterat
     rows = []
     for name, taken in samples.by_shot():
         setting, time = f"{taken.style[0]}/{taken.white_balance[0]}", taken.exposure_s[0]
-        exposure = "–" if not np.isfinite(time) else f"{time:g} s" if time >= 0.3 else f"1/{1 / time:.0f} s"
+        exposure = exposure_time(time)
         rows.append((name, setting, exposure, str(len(taken)), *lost.get(name, ("–", "–"))))
     yield Table("Shots", ("shot", "setting", "exposure", "samples", "areas clipped", "areas rejected"), tuple(rows))
 
@@ -389,7 +397,7 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
         if np.all(stated > 0):
             error = pairs.shot_exposure - np.log(stated)
             exposures = [
-                (shot, f"{time:.3g} s" if time >= 0.3 else f"1/{1 / time:.3g} s", f"{ratio:.3f}")
+                (shot, exposure_time(time), f"{ratio:.3f}")
                 for shot, time, ratio in zip(pairs.shots, stated, np.exp(error - np.median(error)), strict=True)
             ]
             title = f"{name}: exposures of the shots, as RAW tells them"

@@ -35,6 +35,13 @@ class Table:
         return tuple(all(map(number.fullmatch, column)) for column in columns)
 
 
+def exposure_time(seconds: float) -> str:
+    """An exposure time as cameras show it: "1/60 s", "0.5 s"; "–" where it is not known."""
+    if not seconds > 0:
+        return "–"
+    return f"{seconds:.3g} s" if seconds >= 0.3 else f"1/{1 / seconds:.0f} s"
+
+
 def held_out_table(profile: CameraProfile) -> Table:
     """Tabulate the errors on held-out shots that a profile holds; no rows where it holds none."""
     rows = []

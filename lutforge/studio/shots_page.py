@@ -19,7 +19,7 @@ from lutforge.model.falloff import falloff_of
 from lutforge.pipeline.response import Bracket, FittedResponse, ResponseRequest
 from lutforge.pipeline.sampling import file_notes
 from lutforge.report.figures import bracket_figure
-from lutforge.report.tables import response_table
+from lutforge.report.tables import exposure_time, response_table
 from lutforge.samples.chart import chart_names
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
@@ -210,7 +210,7 @@ def card_of(name: str, pictures: dict[str, NDArray[np.uint8]], facts: list[str])
 def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile: CameraProfile | None) -> list[str]:
     """What is known of a shot, a line each: settings, samples and falloff."""
     time, balance = float(samples.exposure_s[0]), samples.white_balance[0]
-    seconds = "" if not np.isfinite(time) else f", 1/{1 / time:.0f} s" if time < 0.4 else f", {time:g} s"
+    seconds = f", {exposure_time(time)}" if np.isfinite(time) else ""
     facts = [f"{samples.style[0]}/{balance}{seconds}", f"{len(samples):,} samples"]
     if account is not None:
         facts = [facts[0], account.summary.removeprefix(f"{account.shot}: ")]
