@@ -7,7 +7,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from threading import Lock, RLock, Timer
 from typing import Any, ParamSpec, TypeVar
@@ -134,19 +133,13 @@ def guarded(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> 
     return value  # type: ignore[no-any-return]  # pickled
 
 
-def prepare(module: str) -> None:
-    """Begin the process of guarded calls: it loads the module of one to come while this one does other things."""
-    with _guarding:
-        _guard_process(module)
-
-
-def _guard_process(module: str = __name__) -> Any:  # a process with its channels
+def _guard_process() -> Any:  # a process with its channels
     global _guard
     if _guard is None or _guard.poll() is not None:
         paths = [str(Path(entry).absolute()) for entry in sys.path]
         with _beginning:
             _guard = subprocess.Popen(
-                [sys.executable, "-c", f"from lutforge.child_processes import serve; serve({module!r})"],
+                [sys.executable, "-c", "from lutforge.child_processes import serve; serve()"],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
                 process_group=0 if os.name == "posix" else None,
@@ -155,8 +148,8 @@ def _guard_process(module: str = __name__) -> Any:  # a process with its channel
     return _guard
 
 
-def serve(module: str) -> None:
-    """Load a module, and answer guarded calls until the process that asks is gone."""
+def serve() -> None:
+    """Answer guarded calls until the process that asks is gone."""
     import pickle
 
     answers = os.fdopen(os.dup(1), "wb")
@@ -166,7 +159,6 @@ def serve(module: str) -> None:
 
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    import_module(module)
     while True:
         try:
             folder, function, arguments, words = pickle.load(sys.stdin.buffer)

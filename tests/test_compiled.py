@@ -11,7 +11,7 @@ from threading import Event, get_ident
 import pytest
 
 from lutforge import __version__, threads
-from lutforge.child_processes import OverrunError, guarded, prepare
+from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import LutForgeError
 from tests.cases.real_data import S40
 
@@ -119,17 +119,6 @@ def test_a_crash_is_an_error_and_the_next_call_has_a_process() -> None:
     with pytest.raises(OverrunError, match="it takes more than"):
         guarded(os.abort)
     assert guarded(abs, -1) == 1
-
-
-def test_a_process_that_was_prepared_answers_and_one_that_cannot_load_is_replaced() -> None:
-    for module, works in (("this.is.no.module", False), ("json", True)):
-        with pytest.raises(OverrunError):
-            guarded(os.abort)  # the next has a process of its own
-        prepare(module)
-        if not works:
-            with pytest.raises(OverrunError):
-                guarded(divmod, 7, 2)
-    assert guarded(divmod, 7, 2) == (3, 1)
 
 
 @pytest.mark.slow

@@ -177,10 +177,6 @@ def apply(
     as_json: Annotated[bool, option("Print the summary as JSON, for programs.", "--json")] = False,
 ) -> None:
     """Grade images through OpenColorIO; metadata, bit depth and extra channels are kept."""
-    from lutforge.child_processes import prepare
-
-    if grade.suffix.lower() not in (".npz", ".ocio", ".ocioz"):
-        prepare("lutforge.luts.reading")  # what reads the LUT first loads beside what grades
     from lutforge.pipeline.grading import Grading
 
     grading = Grading(
