@@ -20,12 +20,10 @@ folder.mkdir(parents=True, exist_ok=True)
 path = Path(__file__).parents[1] / "ocio_configs" / "nikon_d40" / "config.ocio"
 config = OCIO.Config.CreateFromFile(str(path))
 
-# Where a studio keeps its pictures, the path says how they were taken: the config's file rules read it.
-photo = folder / "nikon_d40_standard_tungsten.tif"
+photo = folder / "photo.tif"
 pixels = np.random.default_rng(1).uniform(0.05, 0.95, (32, 48, 3)).astype(np.float32)
 oiio.ImageBuf(pixels).write(str(photo), oiio.UINT16)
-space = config.getColorSpaceFromFilepath(str(photo))[0]
-print(f"{photo.name}: {space}")
+taken, wanted = "Nikon D40 standard tungsten", "Nikon D40 standard daylight"
 
 
 def mean(name: str) -> float:
@@ -42,24 +40,23 @@ def program(name: str) -> str | None:
 
 
 def oiiotool(output: str, *actions: str) -> None:
-    """oiiotool on the photograph; the context variables say how it was taken and how it should have been."""
+    """oiiotool on the photograph, whose colour space it is told."""
     if tool := program("oiiotool"):
-        variables = {"LUTFORGE_WB": "tungsten", "LUTFORGE_TO_WB": "daylight"}
-        command = [tool, "--colorconfig", str(path), str(photo), "--iscolorspace", space, *actions]
-        subprocess.run([*command, "-d", "float", "-o", str(folder / output)], check=True, env=os.environ | variables)
+        command = [tool, "--colorconfig", str(path), str(photo), "--iscolorspace", taken, *actions]
+        subprocess.run([*command, "-d", "float", "-o", str(folder / output)], check=True)
         print(f"oiiotool {actions[0]}: {output}, mean {mean(output):.4f}")
 
 
-oiiotool("linear.exr", "--colorconvert", space, "ACEScg")
+oiiotool("linear.exr", "--colorconvert", taken, "ACEScg")
 oiiotool("daylight.tif", "--ociolook", "Nikon D40 tungsten to daylight")
-oiiotool("refinish.tif", "--ociolook:from=Camera (as shot):to=Camera (as shot)", "Camera refinish")
+oiiotool("refinish.tif", "--colorconvert", taken, wanted)
 oiiotool("p3.tif", "--ociodisplay", "Display P3 - Display", "Nikon D40 standard")
 oiiotool("lut.tif", "--ociofiletransform", str(path.parent / "luts" / "nikon_d40_standard_linearize.clf"))
 
 if tool := program("ocioconvert"):  # the one of the Python package takes EXR files only, of any encoding
     oiio.ImageBuf(pixels).write(str(folder / "encoded.exr"), oiio.FLOAT)
     output = str(folder / "ocioconvert.exr")
-    command = [tool, "--iconfig", str(path), str(folder / "encoded.exr"), space, output, "ACEScg"]
+    command = [tool, "--iconfig", str(path), str(folder / "encoded.exr"), taken, output, "ACEScg"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     print("ocioconvert: ocioconvert.exr, mean", f"{mean('ocioconvert.exr'):.4f}")
 

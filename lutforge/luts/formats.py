@@ -48,18 +48,13 @@ def rows(values: ArrayLike) -> str:
     """Numbers (n, 3), a row per line, rounded to DIGITS decimals, never "-0"."""
     numbers = np.asarray(values, dtype=np.float64)
     if np.abs(numbers).max(initial=0.0) < EXACT:
-        return _fixed_point(np.ascontiguousarray(numbers), DIGITS, False).tobytes().decode("ascii")
+        return _fixed_point(np.ascontiguousarray(numbers), DIGITS).tobytes().decode("ascii")
     numbers = np.round(numbers, DIGITS) + 0.0
     return (f"%.{DIGITS}f %.{DIGITS}f %.{DIGITS}f\n" * len(numbers)) % tuple(numbers.ravel().tolist())
 
 
-def short_rows(values: Array, decimals: int) -> str:
-    """Return numbers (n, m) below EXACT, a row per line, rounded to so many decimals, without idle zeros: ".5", "0"."""
-    return _fixed_point(np.ascontiguousarray(values), decimals, True).tobytes().decode("ascii")
-
-
 @compiled()
-def _fixed_point(numbers: Array, decimals: int, short: bool) -> NDArray[np.uint8]:
+def _fixed_point(numbers: Array, decimals: int) -> NDArray[np.uint8]:
     """The text of numbers (n, m) as bytes: twenty times as fast as Python's own formatting."""
     longest = 20  # characters of such a number, sign, point and what follows it included
     text = np.empty(numbers.size * longest, dtype=np.uint8)
@@ -71,16 +66,12 @@ def _fixed_point(numbers: Array, decimals: int, short: bool) -> NDArray[np.uint8
             if left > 0 and numbers[n, c] < 0:
                 text[at] = 45  # -
                 at += 1
-            idle = 0
-            while short and idle < decimals and left % 10 == 0:
-                left //= 10
-                idle += 1
-            count = idle
-            while left > 0 or count < decimals or (count == decimals and (idle == decimals or not short)):
+            count = 0
+            while left > 0 or count <= decimals:
                 digits[count] = 48 + left % 10
                 left //= 10
                 count += 1
-            for place in range(count - 1, idle - 1, -1):
+            for place in range(count - 1, -1, -1):
                 if place == decimals - 1:
                     text[at] = 46  # .
                     at += 1
@@ -258,7 +249,7 @@ def clf_text(lut: Lut, suffix: str = ".clf") -> str:
     """The text of a process list. Raises LutError where OpenColorIO cannot write it."""
     group = group_of(lut.ops)
     metadata = group.getFormatMetadata()
-    metadata.setID(clf_identifier(lut))
+    metadata.setID(_clf_identifier(lut))
     if lut.title:
         metadata.setName(one_line(lut.title))
     for comment in lut.comments:
@@ -275,7 +266,7 @@ def clf_text(lut: Lut, suffix: str = ".clf") -> str:
         raise LutError(f"LUT: OpenColorIO cannot write it as {suffix}: {error}") from error
 
 
-def clf_identifier(lut: Lut) -> str:
+def _clf_identifier(lut: Lut) -> str:
     """An id that depends on the content alone, so that the same LUT is the same file."""
     digest = hashlib.sha256()
     for op in lut.ops:

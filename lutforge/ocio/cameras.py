@@ -82,9 +82,6 @@ def config_names(config: OCIO.Config) -> set[str]:
 
 
 RAW, LINEAR = "RAW", "linear"
-DEFAULT = "default"
-"""Stands for the reference white balance in names that context variables make."""
-AS_SHOT = "(as shot)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +126,6 @@ class Camera:
             yield self.raw(balance)
             for style in self.profile.styles:
                 yield self.jpeg(style, balance)
-        for style in self.styles.values():
-            yield space_name(self.name, style, AS_SHOT)
-            yield space_name(self.name, style, DEFAULT)
 
     def gain(self, balance: str) -> Array:
         """The multipliers (3,) of a white balance as the camera applies them, a factor common to all included."""
@@ -164,7 +158,7 @@ def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable
         if key in prints:
             raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")
         prints.add(key)
-        styles, balances = UniqueNames((RAW, LINEAR)), UniqueNames((DEFAULT, AS_SHOT))
+        styles, balances = UniqueNames((RAW, LINEAR)), UniqueNames()
         first = camera = Camera(
             profile,
             part_name(profile.camera, "camera"),

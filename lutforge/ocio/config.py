@@ -15,13 +15,13 @@ from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
 from lutforge.inverse.linearization import SIZE
-from lutforge.luts.formats import write_text
+from lutforge.luts.formats import clf_text, write_text
 from lutforge.luts.sequence import OCIO_ERRORS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio import spaces
 from lutforge.ocio.cameras import Camera, UniqueNames, config_names, name_cameras
 from lutforge.ocio.check import file_names, make_processor
-from lutforge.ocio.renderings import STEPS, Rendering, baked, compact_text, renderings
+from lutforge.ocio.renderings import STEPS, Rendering, baked, renderings
 from lutforge.progress import Progress, silent
 from lutforge.threads import each, one_blas_thread
 
@@ -298,7 +298,7 @@ def _all_baked(
                 progress(f"{rendering.camera.name} {rendering.style}: {what}", next(begun) / (STEPS * len(parts)))
 
         luts, errors = baked(rendering, inverse_size, tell)
-        return {name: compact_text(lut) for name, lut in luts.items()}, errors
+        return {name: clf_text(lut) for name, lut in luts.items()}, errors
 
     made = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)
     for rendering, (files, lines) in zip(parts, made, strict=True):
@@ -339,21 +339,15 @@ def _assembled(
 ) -> OCIO.Config:
     """The whole config, valid. errors: what is known of the LUTs of a rendering, by its stem."""
     config = spaces.base_config()
-    defaults = spaces.default_balances(parts)
     groups: dict[object, str] = {}
     for camera in cameras:
         spaces.add_raw(config, camera, groups)
     for rendering in parts:
-        default = defaults[rendering.camera.name, rendering.style]
-        spaces.add_jpegs(config, rendering, default, groups, errors.get(rendering.stem, ()))
-    any_camera = spaces.any_names(None if base is None else base.config)
-    spaces.add_contextual(config, cameras, any_camera)
-    looks = set() if base is None else {name.lower() for name in base.config.getLookNames()}
-    refinish = None if base is None else base.config.getLook(spaces.REFINISH)
-    if refinish is not None and refinish.getProcessSpace() == any_camera[0]:
-        looks.remove(spaces.REFINISH.lower())  # of an earlier merge: it is used again
-    spaces.add_looks(config, cameras, parts, UniqueNames(looks), any_camera[0])
-    views = spaces.add_views(config, parts, defaults, UniqueNames(base.views if base is not None else ()))
+        spaces.add_jpegs(config, rendering, groups, errors.get(rendering.stem, ()))
+    looks = UniqueNames(() if base is None else base.config.getLookNames())
+    for camera in cameras:
+        spaces.add_looks(config, camera, [part for part in parts if part.camera is camera], looks)
+    views = spaces.add_views(config, parts, UniqueNames(base.views if base is not None else ()))
     for display in spaces.DISPLAYS:  # the views in this order, the one without a tone scale, and the values as such
         for view in (*views, spaces.UN_TONE_MAPPED):
             config.addDisplaySharedView(display, view)
@@ -363,7 +357,6 @@ def _assembled(
         config.addActiveView(view)
     if base is not None:
         config = merged(base, config, views)
-    spaces.put_first(config, spaces.camera_rules(cameras, parts))
     try:
         config.validate()
     except OCIO_ERRORS as error:

@@ -2,109 +2,43 @@
 
 White balance is a matrix in front of the LUTs or behind them.
 
-A config is loaded by every program at every start, so its files hold 4096 entries a curve and numbers of six decimals
-and five digits, without the spaces that line them up: an error below 1e-5 of the encoded scale.
+A config is loaded by every program at every start, so curves in its files hold 4096 entries.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations
-from xml.dom import minidom
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, ColourFunction
 from lutforge.errors import ConfigError
-from lutforge.interpolation import interpolate
 from lutforge.inverse.linearization import SIZE, BakedRender, inverse_of
 from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
 from lutforge.luts.bake import bake, grading_steps, raised
-from lutforge.luts.formats import clf_identifier, clf_text, short_rows
-from lutforge.luts.ops import FEW, Cube, Curve, Op, node_levels, shaper
+from lutforge.luts.ops import FEW, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.model.coverage import uncovered
 from lutforge.model.highlights import CLIPPED
-from lutforge.model.lattice import grid, snap_levels
 from lutforge.model.transform import Gain, Transform
 from lutforge.ocio.cameras import Camera, UniqueNames, file_stem
 from lutforge.settings import Selector
 
-DECIMALS, DIGITS = 6, 5
 
+def with_short_curves(lut: Lut) -> Lut:
+    """The LUT with FEW entries in each curve of more, an error below 1e-5 of the encoded scale.
 
-def compact(lut: Lut) -> Lut:
-    """The LUT as its file holds it: node levels and curves on FEW points, numbers rounded."""
-    ops = list(lut.ops)
-    at = next(number for number, op in enumerate(ops) if isinstance(op, Cube))
-    cube, front = ops[at], ops[at - 1] if at > 0 else None
-    assert isinstance(cube, Cube)
-    if isinstance(front, Curve) and len(front.outputs) > FEW:
-        levels = node_levels(front, cube)
-        if np.abs(shaper(levels, len(front.outputs)).outputs - front.outputs).max() < 1e-9:  # no more than levels
-            r, g, b = (snap_levels(axis, FEW) for axis in levels)
-            cube = Cube(interpolate(grid((r, g, b)), levels, cube.values, cube.interpolation), cube.interpolation)
-            ops[at - 1] = shaper((r, g, b), FEW)
-        else:
-            ops[at - 1] = _resampled(front)
-    ops[at] = Cube(rounded(cube.values), cube.interpolation)
-    for number, op in enumerate(ops[at + 1 :], at + 1):
-        if isinstance(op, Curve):
-            ops[number] = Curve(rounded(_resampled(op).outputs), op.low, op.high)
-    return replace(lut, ops=tuple(ops))
-
-
-def _resampled(curve: Curve) -> Curve:
-    """A curve of at most FEW entries."""
-    if len(curve.outputs) <= FEW:
-        return curve
-    even = np.linspace(curve.low, curve.high, FEW)[:, None].repeat(3, axis=1)
-    return Curve(curve(even), curve.low, curve.high)
-
-
-def rounded(values: Array) -> Array:
-    """Numbers to DECIMALS decimals, or DIGITS significant digits where that is less."""
-    magnitude = np.floor(np.log10(np.maximum(np.abs(values), 1e-12))) + 1
-    decimals = np.clip(DIGITS - magnitude, 0, DECIMALS)
-    scale = 10.0**decimals
-    return np.asarray(np.rint(values * scale) / scale)
-
-
-def compact_text(lut: Lut) -> str:
-    """The CLF of a compact LUT: one space between the numbers of an array, and those without idle zeros.
-
-    OpenColorIO writes it with two entries an axis, in whose place the tables are put: text of all their numbers takes
-    it ten times as long, and it writes one file at a time.
+    A curve without a cube stays: the one of the other direction is its exact inverse.
     """
-
-    def table(op: Curve | Cube) -> Array:
-        """The numbers as OpenColorIO holds them: of one column where all channels have the same curve."""
-        numbers = (op.outputs if isinstance(op, Curve) else op.values).astype(np.float32).astype(np.float64)
-        same = isinstance(op, Curve) and not np.ptp(numbers, axis=1).any()
-        return numbers[:, :1] if same else numbers
-
-    ends: list[Op] = []
-    for op in lut.ops:
-        match op:
-            case Curve():
-                ends.append(replace(op, outputs=op.outputs[[0, -1]]))
-            case Cube():
-                last = op.size - 1
-                ends.append(replace(op, values=op.values[::last, ::last, ::last]))
-            case _:
-                ends.append(op)
-    tables = iter([table(op) for op in lut.ops if isinstance(op, Curve | Cube)])
-    document = minidom.parseString(clf_text(replace(lut, ops=tuple(ends))))
-    for root in document.getElementsByTagName("ProcessList"):
-        root.setAttribute("id", clf_identifier(lut))
-    for array in document.getElementsByTagName("Array"):
-        is_table = array.getAttribute("dim").startswith("2 ")  # a matrix has three rows
-        text = array.firstChild
-        assert isinstance(text, minidom.Text)
-        numbers = next(tables) if is_table else np.fromstring(text.data, sep=" ").reshape(3, -1)
-        array.setAttribute("dim", " ".join(map(str, numbers.shape)))
-        text.data = f"\n{short_rows(numbers.reshape(-1, numbers.shape[-1]), DECIMALS)}"
-    return document.toxml("UTF-8").decode() + "\n"
+    if lut.cube is None:
+        return lut
+    ops = list(lut.ops)
+    for number, op in enumerate(ops):
+        if isinstance(op, Curve) and len(op.outputs) > FEW:
+            even = np.linspace(op.low, op.high, FEW)[:, None].repeat(3, axis=1)
+            ops[number] = Curve(op(even), op.low, op.high)
+    return replace(lut, ops=tuple(ops))
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +113,7 @@ def baked(
 ) -> tuple[dict[str, Lut], tuple[str, ...]]:
     """Bake the render as it is, and the linearization as its inverse, so that JPEG → reference → JPEG comes back.
 
-    Returned are the LUTs by file name, as the files hold them, and their errors, lines of a key and a value. The
+    Returned are the LUTs by file name and their errors, lines of a key and a value. The
     linearization of a style without a render is that of its profile. inverse_size: nodes per axis of an inverse. tell:
     called with each step as it begins.
     """
@@ -188,16 +122,14 @@ def baked(
     luts: dict[str, Lut] = {}
     errors: list[str] = []
     if rendering.render is not None:
-        render = bake(rendering.render, title=f"{title} render")
-        render = render if render.cube is None else compact(render)
+        render = with_short_curves(bake(rendering.render, title=f"{title} render"))
         errors.append(f"render LUT against the model: {_error(render, rendering.render)}")
         luts[rendering.file("render")] = replace(render, comments=tuple(errors))
     if rendering.linearize is not None:
         model: ColourFunction = rendering.linearize
         trip: list[str] = []
         if rendering.render is None or render.cube is None:  # a response alone is its own exact inverse
-            linearize = bake(rendering.linearize, title=f"{title} linearize")
-            linearize = linearize if linearize.cube is None else compact(linearize)
+            linearize = with_short_curves(bake(rendering.linearize, title=f"{title} linearize"))
         else:
             tell("inverting it")
             inverse = inverse_of(BakedRender.of(render), rendering.linearize, inverse_size)
@@ -212,7 +144,7 @@ def baked(
                 return np.asarray(light + burnt * (BEYOND - light))
 
             model = with_white
-            linearize = compact(inverse.as_lut(f"{title} linearize"))
+            linearize = inverse.as_lut(f"{title} linearize")
             style = rendering.camera.profile.styles[rendering.style]
             tell("measuring what comes back")
             trip = str(measure(render, linearize, shown=lambda jpeg: ~uncovered(style, jpeg))).splitlines()
@@ -223,14 +155,14 @@ def baked(
         for source, target, refinish in rendering.refinishes():
             if rendering.file("calibrated") not in luts:  # the same for all pairs
                 lut = bake(rendering.linearize, display_referred=False, title=f"{title} linearize, as calibrated")
-                luts[rendering.file("calibrated")] = compact(lut)
+                luts[rendering.file("calibrated")] = with_short_curves(lut)
             # A look changes the white balance between linearization and render, and keeps white white.
             _, _, highlights, _ = grading_steps(refinish)
             gain = rendering.camera.gain(target) / rendering.camera.gain(source)
             names = rendering.camera.balances
             title = f"{rendering.camera.name} {names[source]} to {names[target]}"
-            step = Lut(raised(highlights, gain, BALANCE_REACH, BALANCE_SIZE), title)
-            luts[rendering.balance_file(source, target)] = compact(step)
+            step = raised(highlights, gain, BALANCE_REACH, BALANCE_SIZE)
+            luts[rendering.balance_file(source, target)] = Lut(step, title)
     return luts, tuple(errors)
 
 

@@ -1,12 +1,11 @@
-"""The colour spaces of a camera: its RAW, its JPEGs per style and white balance, and those that context variables name.
+"""The colour spaces of a camera, its RAW and its JPEGs per style and white balance; its views and looks.
 
 The scene reference is ACES2065-1 under one white balance of each camera, its daylight (or what comes nearest): the
 reference RAW of a scene does not change with the dial. RAW → JPEG is the render of the profile, JPEG → RAW the way
 back, and from one JPEG space to another is a refinish (thesis, equation 6.1).
 """
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import permutations
 
 import numpy as np
@@ -14,7 +13,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.luts.sequence import matrix_transform
 from lutforge.model.camera_profile import has_own_raw
-from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera, UniqueNames, config_names, file_stem, space_name
+from lutforge.ocio.cameras import Camera, UniqueNames, file_stem, space_name
 from lutforge.ocio.renderings import Rendering
 
 MINOR_VERSION = 1
@@ -50,7 +49,6 @@ def base_config() -> OCIO.Config:
     config.setName("lutforge")
     config.setDescription("Cameras calibrated by LutForge: their RAW and JPEGs as colour spaces, views and looks.")
     config.setSearchPath(LUT_FOLDER)
-    config.setEnvironmentMode(OCIO.ENV_ENVIRONMENT_LOAD_PREDEFINED)
     studio = OCIO.Config.CreateFromFile(STUDIO)
     for name in (*SCENE_SPACES, DISPLAY_REFERENCE, *DISPLAYS):
         config.addColorSpace(_in_version(studio.getColorSpace(name)))
@@ -89,16 +87,6 @@ def _in_version(space: OCIO.ColorSpace) -> OCIO.ColorSpace:
 # --- What every config starts from: reference spaces, roles, displays, the default of the file rules ------------------
 
 
-ANY_FAMILY = "Input/Any camera"
-ANY_AS_SHOT = "Camera (as shot)"
-ANY_AS_WANTED = "Camera (as wanted)"
-
-SOURCE_VARS = "LUTFORGE_CAMERA", "LUTFORGE_STYLE", "LUTFORGE_WB"
-TARGET_VARS = "LUTFORGE_TO_CAMERA", "LUTFORGE_TO_STYLE", "LUTFORGE_TO_WB"
-BALANCE_VAR = SOURCE_VARS[2]
-SOURCE_NAME, TARGET_NAME = (" ".join(f"${{{name}}}" for name in names) for names in (SOURCE_VARS, TARGET_VARS))
-
-
 def file_transform(name: str) -> OCIO.FileTransform:
     """A LUT file of the config."""
     return OCIO.FileTransform(src=name, interpolation=OCIO.INTERP_BEST)
@@ -122,10 +110,10 @@ def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> N
         _add(config, name, camera.family, what, "scene-linear", equalityGroup=group, toReference=way)
 
 
-def _add(config: OCIO.Config, name: str, family: str, what: str, encoding: str, *aliases: str, **more: object) -> None:
-    """Add a colour space of files, under aliases beside its name's own."""
+def _add(config: OCIO.Config, name: str, family: str, what: str, encoding: str, **more: object) -> None:
+    """Add a colour space of files."""
     space = OCIO.ColorSpace(
-        name=name, aliases=[file_stem(name), *aliases], family=family, encoding=encoding, categories=["file-io"],
+        name=name, aliases=[file_stem(name)], family=family, encoding=encoding, categories=["file-io"],
         description=what, bitDepth=OCIO.BIT_DEPTH_F32, **more,
     )  # fmt: skip
     config.addColorSpace(space)
@@ -147,10 +135,8 @@ HELD_OUT = ("render_mean", "render_max", "render_de00_mean", "linearize_mean", "
 """The errors of a style that a colour space's description tells."""
 
 
-def add_jpegs(
-    config: OCIO.Config, rendering: Rendering, default: str, groups: dict[object, str], errors: Sequence[str]
-) -> None:
-    """The JPEGs of a rendering by white balance, of which the style is known by `default`. errors: of its LUTs."""
+def add_jpegs(config: OCIO.Config, rendering: Rendering, groups: dict[object, str], errors: Sequence[str]) -> None:
+    """The JPEGs of a rendering by white balance. errors: of its LUTs."""
     camera, style = rendering.camera, rendering.camera.profile.styles[rendering.style]
     named = {name.replace("de00_mean", "mean_CIEDE2000").replace("_", " "): name for name in HELD_OUT}
     held_out = "; ".join(f"{words} {style.errors[name]:.3g}" for words, name in named.items() if name in style.errors)
@@ -158,18 +144,17 @@ def add_jpegs(
         name = camera.jpeg(rendering.style, balance)
         what = f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}"
         what = "\n".join((what, f"held-out error of the profile: {held_out or 'not measured'}", *errors))
-        aliases = [space_name(camera.name, camera.styles[rendering.style], DEFAULT)] if balance == default else []
         group = groups.setdefault((rendering.stem, camera.to_reference(balance).tobytes()), file_stem(name))
         ways = {}
         if rendering.linearize is not None:
             ways["toReference"] = jpeg_to_reference(rendering, balance)
         if rendering.render is not None:
             ways["fromReference"] = reference_to_jpeg(rendering, balance)
-        _add(config, name, camera.family, what, "sdr-video", *aliases, equalityGroup=group, **ways)
+        _add(config, name, camera.family, what, "sdr-video", equalityGroup=group, **ways)
 
 
-def default_balances(renderings: Sequence[Rendering]) -> dict[tuple[str, str], str]:
-    """Per camera name and style the white balance that it is known by: the camera's own, or the first that it has."""
+def _default_balances(renderings: Sequence[Rendering]) -> dict[tuple[str, str], str]:
+    """Per camera name and style the white balance of its view: the camera's own, or the first that it has."""
     found: dict[tuple[str, str], str] = {}
     for rendering in renderings:
         key, own = (rendering.camera.name, rendering.style), rendering.camera.own
@@ -178,47 +163,10 @@ def default_balances(renderings: Sequence[Rendering]) -> dict[tuple[str, str], s
     return found
 
 
-def any_names(base: OCIO.Config | None) -> tuple[str, str]:
-    """Names of the two colour spaces of any camera, where the base has not taken them for something else."""
-    taken = UniqueNames(() if base is None else config_names(base))
-
-    def name(wanted: str) -> str:
-        there = None if base is None else base.getColorSpace(wanted)
-        if there is not None and there.getFamily() == ANY_FAMILY:
-            return wanted  # of cameras that were merged before: the same
-        candidate = taken(wanted)
-        while file_stem(candidate) in taken:
-            candidate = taken(wanted)
-        return candidate
-
-    return name(ANY_AS_SHOT), name(ANY_AS_WANTED)
-
-
-def add_contextual(config: OCIO.Config, cameras: Sequence[Camera], any_camera: tuple[str, str]) -> None:
-    """Colour spaces whose settings are context variables: one per style, and two for any camera, with these names."""
-    values = cameras[0].name, next(iter(cameras[0].styles.values())), DEFAULT
-    for variable, value in zip((*SOURCE_VARS, *TARGET_VARS), (*values, *values), strict=True):
-        config.addEnvironmentVar(variable, value)
-
-    def add(name: str, settings: str, family: str, what: str) -> None:
-        same = OCIO.ColorSpaceTransform(src=settings, dst=OCIO.ROLE_INTERCHANGE_SCENE)
-        _add(config, name, family, f"JPEG of {what}", "sdr-video", toReference=same)
-
-    for camera in cameras:
-        for name in camera.styles.values():
-            settings = space_name(camera.name, name, f"${{{BALANCE_VAR}}}")
-            what = f"the {camera.name}, {name}, white balance as the context variable {BALANCE_VAR} says"
-            add(space_name(camera.name, name, AS_SHOT), settings, camera.family, what)
-    for space, settings, names in zip(any_camera, (SOURCE_NAME, TARGET_NAME), (SOURCE_VARS, TARGET_VARS), strict=True):
-        add(space, settings, ANY_FAMILY, f"the settings that {', '.join(names)} name")
-
-
-def add_views(
-    config: OCIO.Config, renderings: Sequence[Rendering], defaults: dict[tuple[str, str], str], views: UniqueNames
-) -> tuple[str, ...]:
+def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: UniqueNames) -> tuple[str, ...]:
     """A view transform and a shared view for each style of each camera; their names. views: names taken."""
     # The camera's JPEG is sRGB: it is taken to CIE XYZ, and from there to each display by OpenColorIO's own spaces.
-    added = []
+    added, defaults = [], _default_balances(renderings)
     for rendering in renderings:
         camera, style = rendering.camera, rendering.style
         balance = defaults[camera.name, style]
@@ -245,96 +193,46 @@ def _srgb(direction: OCIO.TransformDirection) -> OCIO.BuiltinTransform:
     return OCIO.BuiltinTransform("DISPLAY - CIE-XYZ-D65_to_sRGB", direction)
 
 
-# --- Refinish looks: another white balance, another style, and one look of context variables -------------------------
+# --- Refinish looks: another white balance, or another style ----------------------------------------------------------
 # A look changes colours of its process space into colours of that same space, so that programs can apply it between any
 # two spaces. With source and target the JPEG space that a photograph was taken in, the result is the JPEG that the
 # camera would have made with the other setting.
 
 
-REFINISH = "Camera refinish"
-
-
-def add_looks(
-    config: OCIO.Config, cameras: Sequence[Camera], renderings: Sequence[Rendering], looks: UniqueNames, as_shot: str
-) -> None:
-    """Add all looks. looks: the names that are taken; as_shot: the space of photographs by any camera."""
+def add_looks(config: OCIO.Config, camera: Camera, renderings: Sequence[Rendering], looks: UniqueNames) -> None:
+    """Add all looks of a camera with these renderings. looks: the names that are taken."""
 
     def add(name: str, space: str, transform: OCIO.Transform, back: OCIO.Transform | None, what: str) -> None:
         inverse = {} if back is None else {"inverseTransform": back}
         look = OCIO.Look(name=looks(name), processSpace=space, transform=transform, description=what, **inverse)
         config.addLook(look)
 
-    for camera in cameras:
-        names, styles = camera.balances, camera.styles
-        # From each white balance to each other, in RAW: exact, for any light, and the same for all styles.
-        for source, target in permutations(camera.profile.white_balances, 2):
-            ratio = matrix_transform(np.diag(camera.gain(target) / camera.gain(source)))
-            name = space_name(camera.name, names[source], "to", names[target])
-            add(name, camera.raw(), ratio, None, f"White balance {target} instead of {source}")
-        # For photographs, from each white balance of a style to each other: as `apply` refinishes. Colour space
-        # conversions pass the light of the scene alone, which does not tell burnt-out white under one white balance
-        # from a coloured highlight under another; these know both.
-        of_camera = [rendering for rendering in renderings if rendering.camera is camera]
-        for rendering in of_camera:
-            render = rendering.file("render")
-            for source, target, _ in rendering.refinishes():
-                there, back = (
-                    OCIO.GroupTransform([file_transform(file) for file in (rendering.file("calibrated"), step, render)])
-                    for step in (rendering.balance_file(source, target), rendering.balance_file(target, source))
-                )
-                name = space_name(camera.name, styles[rendering.style], names[source], "to", names[target])
-                what = f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}"
-                add(name, camera.jpeg(rendering.style, source), there, back, what)
-        # From each style to each other, under the white balance that the context variable names.
-        whole = {part.style for part in of_camera if part.render is not None and part.linearize is not None}
-        settings = {style: space_name(camera.name, styles[style], f"${{{BALANCE_VAR}}}") for style in whole}
-        for source, target in permutations([style for style in camera.profile.styles if style in whole], 2):
-            add(
-                space_name(camera.name, styles[source], "to", styles[target]),
-                space_name(camera.name, styles[source], AS_SHOT),
-                OCIO.ColorSpaceTransform(src=settings[source], dst=settings[target]),
-                OCIO.ColorSpaceTransform(src=settings[target], dst=settings[source]),
-                f"Taken in picture style {source}, as if in {target}; {BALANCE_VAR} is the white balance",
-            )
-    add(
-        REFINISH,
-        as_shot,
-        OCIO.ColorSpaceTransform(src=SOURCE_NAME, dst=TARGET_NAME),
-        OCIO.ColorSpaceTransform(src=TARGET_NAME, dst=SOURCE_NAME),
-        "From the settings LUTFORGE_CAMERA, _STYLE and _WB to LUTFORGE_TO_CAMERA, _TO_STYLE and _TO_WB",
-    )
-
-
-# --- File rules: a file whose path names a camera and its settings is in that colour space ---------------------------
-# "…/Nikon D40/standard/tungsten/DSC_1.JPG", "nikon_d40_standard_tungsten_0007.jpg" and "Nikon-D40 standard
-# tungsten.tif" all name one. Only whole words count, the longest name first, and only kinds of files that can be it: an
-# EXR is never a JPEG rendering, a JPEG never RAW.
-
-
-RENDERED = "jpe?g|JPE?G|png|PNG|tiff?|TIFF?"
-LINEAR = "exr|EXR|tiff?|TIFF?"
-
-
-def camera_rules(cameras: Iterable[Camera], renderings: Iterable[Rendering]) -> list[tuple[str, str, str]]:
-    """(rule name, colour space, ECMAScript expression) in the order in which they are to be tried.
-
-    A capital of a name may be small. They are short, since OpenColorIO compiles all of them when it loads a config.
-    """
-    rules = [(camera.raw(balance), LINEAR) for camera in cameras for balance in (None, *camera.profile.white_balances)]
+    names, styles = camera.balances, camera.styles
+    # From each white balance to each other, in RAW: exact, for any light, and the same for all styles.
+    for source, target in permutations(camera.profile.white_balances, 2):
+        ratio = matrix_transform(np.diag(camera.gain(target) / camera.gain(source)))
+        name = space_name(camera.name, names[source], "to", names[target])
+        add(name, camera.raw(), ratio, None, f"White balance {target} instead of {source}")
+    # For photographs, from each white balance of a style to each other: as `apply` refinishes. Colour space
+    # conversions pass the light of the scene alone, which does not tell burnt-out white under one white balance
+    # from a coloured highlight under another; these know both.
     for rendering in renderings:
-        rules += [(rendering.camera.jpeg(rendering.style, balance), RENDERED) for balance in rendering.white_balances]
-    rules.sort(key=lambda rule: (-len(rule[0]), rule[0]))
-    found = []
-    for name, kinds in rules:
-        either = "".join(f"[{sign.lower()}{sign}]" if "A" <= sign <= "Z" else sign for sign in name)
-        words = r"[ _./\\-]+".join(word for word in re.split(r"[ _.()-]+", either) if word)
-        found.append((name, name, rf"^(.*[^A-Za-z0-9])?{words}([^A-Za-z0-9].*)?[.]({kinds})$"))
-    return found
-
-
-def put_first(config: OCIO.Config, added: Iterable[tuple[str, str, str]]) -> None:
-    """Insert file rules before all others of a config."""
-    rules = config.getFileRules()
-    for index, (name, space, pattern) in enumerate(added):
-        rules.insertRule(index, name, space, pattern)
-    config.setFileRules(rules)
+        render = rendering.file("render")
+        for source, target, _ in rendering.refinishes():
+            there, back = (
+                OCIO.GroupTransform([file_transform(file) for file in (rendering.file("calibrated"), step, render)])
+                for step in (rendering.balance_file(source, target), rendering.balance_file(target, source))
+            )
+            name = space_name(camera.name, styles[rendering.style], names[source], "to", names[target])
+            what = f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}"
+            add(name, camera.jpeg(rendering.style, source), there, back, what)
+    # From each style to each other, under each white balance that both have.
+    whole = [part for part in renderings if part.render is not None and part.linearize is not None]
+    jpegs = [(part.style, balance) for part in whole for balance in part.white_balances]
+    for (source, balance), (target, other) in permutations(jpegs, 2):
+        if balance == other:
+            before, after = camera.jpeg(source, balance), camera.jpeg(target, balance)
+            there, back = OCIO.ColorSpaceTransform(before, after), OCIO.ColorSpaceTransform(after, before)
+            name = space_name(camera.name, styles[source], names[balance], "to", styles[target])
+            what = f"A JPEG in picture style {target} instead of {source}, white balance {balance}"
+            add(name, before, there, back, what)

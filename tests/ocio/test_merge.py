@@ -61,7 +61,6 @@ def test_the_studio_config_with_two_cameras(tmp_path: Path) -> None:
         shown = convert(config, "Nikon D40 RAW", display, "Nikon D40 standard", forward)
         np.testing.assert_allclose(shown, convert(config, "sRGB - Display", display, pixels=jpeg), atol=2e-4)
     assert "Nikon D40 standard" not in config.getViews("Rec.2100-PQ - Display")
-    assert config.getColorSpaceFromFilepath("nikon_d40_raw.exr")[0] == "Nikon D40 RAW"
 
 
 @pytest.mark.parametrize("name", [entry[0] for entry in OCIO.BuiltinConfigRegistry().getBuiltinConfigs()])
@@ -108,15 +107,12 @@ def test_a_base_with_another_reference(tmp_path: Path) -> None:
     linear.addDisplayView("screen", "plain", "ACEScg", "")
     (tmp_path / "linear.ocio").write_text(linear.serialize())
     profile = plain_profile("Nikon D40")
+    own = load_config(write_config([profile], tmp_path / "alone"))
     for merge in (tmp_path / "linear.ocio", "cg-config-v1.0.0_aces-v1.3_ocio-v2.1"):
         path = write_config([profile], tmp_path / f"to {Path(merge).stem}", merge=merge)
         config = load_config(path)
-        raw = convert(config, "Nikon D40 RAW", "ACEScg")
-        np.testing.assert_allclose(raw, convert(build_config([profile]), "Nikon D40 RAW", "ACEScg"), atol=2e-5)
-        jpeg = convert(config, "Nikon D40 RAW", "Nikon D40 standard daylight")
-        np.testing.assert_allclose(jpeg, convert(config, "Nikon D40 RAW", "Nikon D40 standard default"), atol=1e-6)
-        shot = convert(config, "Nikon D40 standard (as shot)", "ACEScg")
-        np.testing.assert_allclose(shot, convert(config, "Nikon D40 standard daylight", "ACEScg"), atol=2e-5)
+        for pair in (("Nikon D40 RAW", "ACEScg"), ("Nikon D40 standard daylight", "ACEScg")):
+            np.testing.assert_allclose(convert(config, *pair), convert(own, *pair), atol=2e-5)
         assert check_config(config) == []
 
 
@@ -153,25 +149,33 @@ def test_clashing_names_are_numbered_and_the_base_keeps_its_own(tmp_path: Path) 
     assert {"Canon vivid", "Canon vivid 2"} <= set(config.getViewTransformNames())
 
 
-@pytest.mark.parametrize("taken", ["name", "alias"])
-def test_the_space_of_any_camera_is_its_own_whatever_the_base_calls_so(tmp_path: Path, taken: str) -> None:
-    """The one look for all settings does what the conversion between two of them does."""
-    base = OCIO.Config.CreateFromBuiltinConfig("cg-config-v1.0.0_aces-v1.3_ocio-v2.1")
-    scaled = OCIO.MatrixTransform([4, 0, 0, 0, 0, 3, 0, 0, 0, 0, 3, 0, 0, 0, 0, 1])
-    names = {"name": "Camera (as shot)"} if taken == "name" else {"name": "X", "aliases": ["camera (as shot)"]}
-    base.addColorSpace(OCIO.ColorSpace(**names, toReference=scaled))
-    (tmp_path / "base.ocio").write_text(base.serialize())
-    profile = plain_profile("Twin", balances=("daylight", "shade"))
-    path = write_config([profile], tmp_path / "out", merge=tmp_path / "base.ocio")
-    config = load_config(path)
-    assert str(config.getColorSpace(names["name"])) == str(base.getColorSpace(names["name"]))
+def test_a_config_of_context_variables_and_file_rules_is_merged_into(tmp_path: Path) -> None:
+    """As earlier versions made them: a look between spaces that variables name, and a rule for a camera's files."""
+    before, after = (" ".join(f"${{LUTFORGE_{to}{word}}}" for word in ("CAMERA", "WB")) for to in ("", "TO_"))
+    base = build_config([plain_profile("Twin", balances=("daylight", "shade"))])
+    for variable, value in (("CAMERA", "Twin standard"), ("WB", "shade")):
+        base.addEnvironmentVar(f"LUTFORGE_{variable}", value)
+        base.addEnvironmentVar(f"LUTFORGE_TO_{variable}", value)
+    as_shot = OCIO.ColorSpaceTransform(src=before, dst="aces_interchange")
+    base.addColorSpace(OCIO.ColorSpace(name="Camera (as shot)", family="Input/Any camera", toReference=as_shot))
+    refinish = OCIO.ColorSpaceTransform(src=before, dst=after)
+    base.addLook(OCIO.Look(name="Camera refinish", processSpace="Camera (as shot)", transform=refinish))
+    rules = base.getFileRules()
+    rules.insertRule(0, "Twin RAW", "Twin RAW", r"^twin_raw[.]exr$")
+    base.setFileRules(rules)
+    folder = tmp_path / "base"
+    write_config([plain_profile("Twin", balances=("daylight", "shade"))], folder)
+    (folder / "config.ocio").write_text(base.serialize())
+    base = load_config(folder / "config.ocio")
+    config = load_config(write_config([plain_profile("Canon")], tmp_path / "out", merge=folder / "config.ocio"))
+    assert_kept(base, config)
+    assert config.getColorSpaceFromFilepath("twin_raw.exr")[0] == "Twin RAW"
+    assert check_config(config) == []
     context = copy.deepcopy(config.getCurrentContext())
-    context["LUTFORGE_WB"], context["LUTFORGE_TO_WB"] = "shade", "daylight"
-    as_shot = config.getLook("Camera refinish").getProcessSpace()
-    look = OCIO.LookTransform(src=as_shot, dst=as_shot, looks="Camera refinish")
+    context["LUTFORGE_TO_WB"] = "daylight"
+    look = OCIO.LookTransform(src="Camera (as shot)", dst="Camera (as shot)", looks="Camera refinish")
     got = convert(config, context, look, OCIO.TRANSFORM_DIR_FORWARD)
     np.testing.assert_allclose(got, convert(config, "Twin standard shade", "Twin standard daylight"), atol=2e-5)
-    assert config.getColorSpace(as_shot).getFamily() == "Input/Any camera"
 
 
 def test_a_base_of_the_first_version_becomes_the_oldest_that_cameras_need(tmp_path: Path) -> None:
