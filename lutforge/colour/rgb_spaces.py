@@ -9,7 +9,7 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from math import exp, log, log10
+from math import exp, log
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -114,8 +114,8 @@ SPACES: dict[str, RgbSpace] = {
         RgbSpace("davinci-intermediate", "linear-davinci-wide-gamut", "DaVinci Intermediate"),
         RgbSpace("blackmagic-film-gen5", "linear-blackmagic-wide-gamut", "Blackmagic Film Generation 5"),
         RgbSpace("redlog3g10", "linear-redwidegamut", "Log3G10"),
-        RgbSpace("applelog", "linear-rec2020", "Apple Log"),
-        RgbSpace("apple-log-2", "linear-apple-wide-gamut", "Apple Log"),
+        RgbSpace("applelog", "linear-rec2020", "Apple Log Profile"),
+        RgbSpace("apple-log-2", "linear-apple-wide-gamut", "Apple Log Profile"),
         RgbSpace("rec2100-pq", "linear-rec2020", "PQ"),
         RgbSpace("rec2100-hlg", "linear-rec2020", "HLG"),
     )
@@ -210,9 +210,8 @@ def icc_xyz(values: tuple[float, float, float]) -> bytes:
 
 
 # --- Transfer functions of encoded spaces, by name: linear light → code value, and back ------------------------------
-# Those of cameras are a straight line below a cut and a logarithm above it, so most are records of seven numbers from
-# their makers' publications. Linear values are relative to diffuse white. All continue below 0, so that noise around
-# black keeps its mean.
+# Those of cameras and of ACES are colour-science's, from their makers' publications. Linear values are relative to
+# diffuse white. All continue below 0, so that noise around black keeps its mean.
 
 
 TransferFunction = tuple[Callable[[Array], Array], Callable[[Array], Array]]
@@ -227,98 +226,24 @@ def _mirrored(encode: Callable[[Array], Array], decode: Callable[[Array], Array]
     )
 
 
-def _log(
-    cut: float, slope: float, start: float, scale: float, gain: float, shift: float, offset: float
-) -> TransferFunction:
-    """slope · x + start below the cut, scale · log₁₀(gain · x + shift) + offset from there."""
-    level = scale * log10(gain * cut + shift) + offset
+def _of_colour_science(name: str) -> TransferFunction:
+    """The curve that colour-science has under a name."""
 
-    def encode(x: Array) -> Array:
-        return np.where(
-            x < cut, slope * x + start, scale * np.log10(np.maximum(gain * x + shift, gain * cut + shift)) + offset
-        )
+    def curve(encodes: bool) -> Callable[[Array], Array]:
+        def evaluate(values: Array) -> Array:
+            import colour  # imported here: it takes most of a second, and most commands never need it
 
-    def decode(y: Array) -> Array:
-        # The two pieces of some published curves leave a gap; codes within it are decoded by the straight line.
-        return np.where(y < level, (y - start) / slope, (10.0 ** ((y - offset) / scale) - shift) / gain)
+            function = colour.cctf_encoding if encodes else colour.cctf_decoding
+            with np.errstate(all="ignore"):  # it evaluates each piece of a curve everywhere, and then chooses
+                return np.asarray(function(values, function=name))
 
-    return encode, decode
+        return evaluate
 
+    return curve(encodes=True), curve(encodes=False)
 
-_LOG2 = log10(2.0)
 
 _ROMM_TOE = 16.0 ** (1.8 / (1.0 - 1.8))
 """Linear value up to which ROMM RGB is a straight line (ANSI/I3A IT10.7666, ISO 22028-2)."""
-
-
-def _acescc() -> TransferFunction:
-    """ACEScc (S-2014-003, equations 1 and 2), which has one code for all values below 0."""
-    low = 2.0**-16
-
-    def encode(x: Array) -> Array:
-        x = np.maximum(x, 0.0)
-        return np.asarray((np.log2(np.where(x < 2 * low, low + x / 2, np.maximum(x, low))) + 9.72) / 17.52)
-
-    def decode(y: Array) -> Array:
-        x = 2.0 ** (y * 17.52 - 9.72)
-        return np.minimum(np.where(y < (9.72 - 15) / 17.52, (x - low) * 2, x), 65504.0)
-
-    return encode, decode
-
-
-def _apple_log() -> TransferFunction:
-    """Apple Log, which Apple Log 2 shares (Apple, Apple Log Profile White Paper, 2023): a parabola below the cut."""
-    zero, cut, steepness, shift, scale, offset = -0.05641088, 0.01, 47.28711236, 0.00964052, 0.08550479, 0.69336945
-    level = steepness * (cut - zero) ** 2
-
-    def encode(x: Array) -> Array:
-        toe = steepness * np.maximum(x - zero, 0.0) ** 2
-        return np.where(x < cut, toe, scale * np.log2(np.maximum(x, cut) + shift) + offset)
-
-    def decode(y: Array) -> Array:
-        toe = np.sqrt(np.maximum(y, 0.0) / steepness) + zero
-        return np.where(y < level, toe, 2.0 ** ((y - offset) / scale) - shift)
-
-    return encode, decode
-
-
-def _canon_log_2() -> TransferFunction:
-    """Canon Log 2, version 1.2 (Canon, Input Transform Version 202007): symmetric around the code of black."""
-    encode, decode = _mirrored(
-        lambda x: 0.24136077 * np.log10(x / 0.9 * 87.09937546 + 1),
-        lambda y: (10.0 ** (y / 0.24136077) - 1) / 87.09937546 * 0.9,
-    )
-    black = 0.092864125
-    return lambda x: encode(x) + black, lambda y: decode(y - black)
-
-
-def _canon_log_3() -> TransferFunction:
-    """Canon Log 3, version 1.2 (Canon, Input Transform Version 202007): logarithms at both sides of a line."""
-    scale, gain, below, above = 0.36726845, 14.98325, 0.097465473, 0.15277891
-
-    def encode(x: Array) -> Array:
-        reflection = x / 0.9
-        curved = scale * np.log10(np.abs(reflection) * gain + 1)
-        line = 1.9754798 * reflection + 0.12512219
-        ends = np.where(reflection > 0, curved + 0.12240537, 0.12783901 - curved)
-        return np.where((line < below) | (line > above), ends, line)
-
-    def decode(y: Array) -> Array:
-        high = (10.0 ** (np.maximum(y - 0.12240537, 0.0) / scale) - 1) / gain
-        low = (1 - 10.0 ** (np.maximum(0.12783901 - y, 0.0) / scale)) / gain
-        return 0.9 * np.where(y < below, low, np.where(y > above, high, (y - 0.12512219) / 1.9754798))
-
-    return encode, decode
-
-
-def _n_log() -> TransferFunction:
-    """N-Log (Nikon, N-Log Specification Document 1.0.0): a cube root below the cut. Light is 90 % of reflectance."""
-    root, shift, scale, offset, cut = 650 / 1023, 0.0075, 150 / 1023, 619 / 1023, 0.328
-    level = scale * log(cut) + offset
-    return (
-        lambda x: np.where(x < cut, root * np.cbrt(x + shift), scale * np.log(np.maximum(x, cut)) + offset),
-        lambda y: np.where(y < level, (y / root) ** 3 - shift, np.exp((y - offset) / scale)),
-    )
 
 
 def _hlg() -> TransferFunction:
@@ -364,48 +289,23 @@ TRANSFER_FUNCTIONS: dict[str, TransferFunction] = {
     ),
     "PQ": _pq(),
     "HLG": _hlg(),
-    "ACEScc": _acescc(),
-    # Academy S-2016-001, equation 1
-    "ACEScct": _log(0.0078125, 10.5402377416545, 0.0729055341958355, _LOG2 ** -1 / 17.52, 1.0, 0.0, 9.72 / 17.52),
-    # ARRI, ALEXA LogC Curve: Usage in VFX (2017), EI 800
-    "ARRI LogC3": _log(0.010591, 5.367655, 0.092809, 0.247190, 5.555556, 0.052272, 0.385537),
-    # ARRI LogC4 Logarithmic Color Space Specification (2022); its line begins where the logarithm reaches 0
-    "ARRI LogC4": _log(
-        -0.01805699611991131, 1 / 0.1135972086105891, 0.01805699611991131 / 0.1135972086105891,
-        0.9071358748778103 / 14 / _LOG2, 2231.8263090676883, 64.0,
-        0.09286412512218964 - 6 * 0.9071358748778103 / 14,
-    ),
-    # Sony, S-Log2 Technical Paper (2012): codes of the video range, with S-Log at 155/219 of the light
-    "S-Log2": _log(
-        0.0, 5 * 155 / 219 / 0.9 * 876 / 1023, (0.030001222851889303 * 876 + 64) / 1023,
-        0.432699 * 876 / 1023, 155 / 219 / 0.9, 0.037584, (0.646596 * 876 + 64) / 1023,
-    ),
-    # Sony, Technical Summary for S-Gamut3.Cine/S-Log3 and S-Gamut3/S-Log3
-    "S-Log3": _log(
-        0.01125, 76.2102946929 / 0.01125 / 1023, 95 / 1023,
-        261.5 / 1023, 1 / 0.19, 0.01 / 0.19, 420 / 1023,
-    ),
-    # Panasonic, V-Log/V-Gamut Reference Manual (2014)
-    "V-Log": _log(0.01, 5.6, 0.125, 0.241514, 1.0, 0.00873, 0.598206),
-    "Canon Log 2": _canon_log_2(),
-    "Canon Log 3": _canon_log_3(),
-    # Fujifilm, F-Log Data Sheet 1.1; F-Log2 Data Sheet 1.0; F-Log2 C, its Data Sheet of 2024, has the same curve
-    "F-Log": _log(0.00089, 8.735631, 0.092864, 0.344676, 0.555556, 0.009468, 0.790453),
-    "F-Log2": _log(0.000889, 8.799461, 0.092864, 0.245281, 5.555556, 0.064829, 0.384316),
-    "N-Log": _n_log(),
-    # Leica, L-Log Reference Manual 1.6 (2022)
-    "L-Log": _log(0.006, 8.0, 0.09, 0.27, 1.3, 0.0115, 0.6),
-    # DJI, White Paper on D-Log and D-Gamut (2017)
-    "D-Log": _log(0.0078, 6.025, 0.0929, 0.256663, 0.9892, 0.0108, 0.584555),
-    # Blackmagic Design, DaVinci Resolve 17 Wide Gamut Intermediate (2020)
-    "DaVinci Intermediate": _log(0.00262409, 10.44426855, 0.0, 0.07329248 / _LOG2, 1.0, 0.0075, 7 * 0.07329248),
-    # Blackmagic Design, Generation 5 Color Science (2021)
-    "Blackmagic Film Generation 5": _log(
-        0.005, 8.283605932402494, 0.09246575342465753,
-        0.08692876065491224 * log(10.0), 1.0, 0.005494072432257808, 0.5300133392291939,
-    ),
-    # RED, White Paper on REDWideGamutRGB and Log3G10, 915-0187 Rev-C: version 3
-    "Log3G10": _log(-0.01, 15.1927, 15.1927 * 0.01, 0.224282, 155.975327, 155.975327 * 0.01 + 1.0, 0.0),
-    "Apple Log": _apple_log(),
-}  # fmt: skip
-"""The transfer functions, by the names that their makers give them."""
+    **{
+        name: _of_colour_science(name)
+        for name in (
+            *(
+                "ACEScc",
+                "ACEScct",
+                "ARRI LogC3",
+                "ARRI LogC4",
+                "S-Log2",
+                "S-Log3",
+                "V-Log",
+                "Canon Log 2",
+                "Canon Log 3",
+            ),
+            *("F-Log", "F-Log2", "N-Log", "L-Log", "D-Log", "DaVinci Intermediate", "Blackmagic Film Generation 5"),
+            *("Log3G10", "Apple Log Profile"),
+        )
+    },
+}
+"""The transfer functions, by the names that colour-science has or would have."""
