@@ -6,7 +6,7 @@ from scipy.interpolate import RBFInterpolator
 
 from lutforge.calibration.options import PhysicalOptions
 from lutforge.calibration.physical.gamut_map import fit_gamut_map, merge_coincident, solve
-from lutforge.calibration.physical.kriging import fit_camera_model
+from lutforge.calibration.physical.kriging import fit_camera_model, krige
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.unsaturated import untouched
@@ -54,6 +54,15 @@ def test_ground_truth_of_a_sensor_whose_channels_overlap(style: str, patches: in
     assert np.linalg.norm(model.render(others.raw * others.wb) - others.srgb, axis=1).mean() <= 0.003
     back = model.linearize(others.srgb) / others.wb - others.raw
     assert np.sqrt(np.mean(back**2)) <= 0.003
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_colours_that_are_no_numbers_are_refused(number: float) -> None:
+    source = np.random.default_rng(0).random((50, 3))
+    target = source.copy()
+    target[7, 1] = number
+    with pytest.raises(CalibrationError, match="not finite, or far beyond 1"):
+        krige(source, target, np.ones(50), 50)
 
 
 @pytest.mark.parametrize("style", ["standard", "vivid"])

@@ -8,7 +8,6 @@ from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interpolate
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.solvers.cholesky import BLOCK, solve_positive_definite
 from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out, predict_held_out
 from lutforge.solvers.gauss_newton import Index, gauss_newton
 from lutforge.solvers.inequality_least_squares import least_distance, solve_lsi
@@ -17,28 +16,6 @@ from lutforge.solvers.normal_equations import normal_equations
 from lutforge.solvers.penalties import thin_plate
 from lutforge.solvers.robust_weights import Loss, RobustWeights, cauchy, geman_mcclure, lawson, weighted_median
 from lutforge.solvers.solution import Status
-
-
-def matrix_of(size: int) -> np.ndarray:
-    rows = np.random.default_rng(size).normal(size=(size, 40))
-    return rows @ rows.T + np.eye(size)
-
-
-@pytest.mark.parametrize("size", [1, 5, BLOCK, BLOCK + 1, 3 * BLOCK - 7])
-def test_solution_is_numpys_whatever_lies_above_the_diagonal(size: int) -> None:
-    matrix, right = matrix_of(size), np.random.default_rng(0).normal(size=(size, 3))
-    lower = np.where(np.tri(size, dtype=bool), matrix, np.nan)
-    np.testing.assert_allclose(solve_positive_definite(lower, right), np.linalg.solve(matrix, right), rtol=1e-8)
-
-
-@pytest.mark.parametrize("place", [(0, 0), (400, 3), (500, 500)])
-@pytest.mark.parametrize("number", [np.nan, -1e6])
-def test_other_matrices_are_refused(place: tuple[int, int], number: float) -> None:
-    matrix = matrix_of(600)
-    matrix[place] = number
-    with pytest.raises(np.linalg.LinAlgError):
-        solve_positive_definite(matrix, np.ones((600, 3)))
-
 
 # --- Damped Gauss-Newton against minima that are known, many problems at once -----------------------------------------
 

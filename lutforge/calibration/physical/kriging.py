@@ -17,7 +17,7 @@ their covariance. Neutral light is always likely, up to where the camera clips, 
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
@@ -25,7 +25,6 @@ from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap, flattened, from_even, identity_gamut_map, kriging_covariance, to_even
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.sobol import sobol
-from lutforge.solvers.cholesky import solve_positive_definite
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 
@@ -172,9 +171,12 @@ def _solve(z: Array, correction: Array, weight: Array, most_centres: int) -> Gam
     covariance = kriging_covariance(centres)
     covariance[np.diag_indices(len(centres))] += NOISE / weight
     try:
-        coefficients = solve_positive_definite(covariance, values)
+        # NumPy's factorization releases Python's lock, so that fits run beside each other; SciPy's does not.
+        coefficients = cho_solve((np.linalg.cholesky(covariance), True), values, check_finite=False)
     except np.linalg.LinAlgError as error:
         raise CalibrationError("the colours hold numbers that are not finite, or far beyond 1") from error
+    if not np.all(np.isfinite(coefficients)):
+        raise CalibrationError("the colours hold numbers that are not finite, or far beyond 1")
     identity = identity_gamut_map().polynomial
     return GamutMap(from_even(centres, OFFSET), coefficients, identity, OFFSET, "kriging")
 
