@@ -190,7 +190,6 @@ PARTS: dict[str, Fit] = {
     "without outlier weights": without(kriging, cauchy=np.ones_like),
     "without clipped samples": partial(model, clipped=None),
     "without likely scenes": without(kriging, SCENES=8),
-    "without neutral light": without(kriging, GREY_WEIGHT=1e-9),
     "distances along grey count fully": without(gamut_map, ALONG_GREY=1.0),
     "at most 1,000 centres": partial(model, physical=PhysicalOptions(centres=1_000)),
     "noise × 10": without(kriging, NOISE=10 * kriging.NOISE),

@@ -67,10 +67,6 @@ DEVIATION_CENTRES = 500
 """Centres that the standard deviation of the process is computed from."""
 SCENES = 1_500
 """Likely scenes whose rendering takes part in the fit of h⁻¹."""
-GREYS = 17
-"""Neutral light at even steps from black to white, which a gamut map leaves alone where no sample says otherwise."""
-GREY_WEIGHT = 0.003
-"""The weight of each, where a sample has 1; black and white have 1."""
 
 
 def krige(
@@ -92,17 +88,17 @@ def krige(
     residual = to_even(coarse(from_even(z, OFFSET)), OFFSET) - z - correction
     robust = RobustWeights(cauchy, multiple=10.0, least=12.0 / 255.0)
     weight = robust(np.linalg.norm(residual, axis=1) / error_scale)
-    greys = np.linspace(0.0, 1.0, GREYS)[:, None].repeat(3, axis=1)
-    z, correction = np.concatenate([z, greys]), np.concatenate([correction, np.zeros_like(greys)])
-    weight = np.concatenate([weight, [1.0], np.full(GREYS - 2, GREY_WEIGHT), [1.0]])
+    black, white = np.zeros((1, 3)), np.ones((1, 3))  # which a gamut map leaves alone
+    z, correction = np.concatenate([z, black, white]), np.concatenate([correction, np.zeros((2, 3))])
+    weight = np.concatenate([weight, np.ones(2)])
     if clipped is not None and len(clipped[0]):
-        bounded, ends, white, black = clipped
+        bounded, ends, at_white, at_black = clipped
         # What a fit without them continues beyond the bound holds; the bound holds where that falls short of it.
         fit = _solve(z, correction, weight, min(BEYOND_CENTRES, most_centres))
         at, bound = to_even(bounded, OFFSET), to_even(ends, OFFSET)
         continued = to_even(fit(bounded), OFFSET)
-        wanted = np.where(white, np.maximum(continued, bound), bound)
-        wanted = np.where(black, np.minimum(continued, bound), wanted)
+        wanted = np.where(at_white, np.maximum(continued, bound), bound)
+        wanted = np.where(at_black, np.minimum(continued, bound), wanted)
         z, correction = np.concatenate([z, at]), np.concatenate([correction, wanted - at])
         weight = np.concatenate([weight, np.ones(len(at))])
     return _solve(z, correction, weight, most_centres)
