@@ -7,13 +7,11 @@ half way between encoded values (dI/dv = 1) and linear light (dI/dv = f').
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from lutforge.arrays import Array, Index
-from lutforge.compiled import compiled
+from lutforge.arrays import Array
 from lutforge.interpolation import apply_curve
 from lutforge.model.response import Response
 
@@ -33,8 +31,8 @@ class OutputCurve:
 
     def to_values(self, encoded: Array) -> Array:
         """Take I (…, 3) in [0, 1] to the values v in front of the curve, by its table as files hold it."""
-        points = np.ascontiguousarray(encoded, dtype=np.float64)
-        return np.asarray(_enter(self.table, self.values, points.reshape(-1, 3))).reshape(points.shape)
+        even, inside = np.linspace(0.0, 1.0, len(self.table)), np.clip(encoded, 0.0, 1.0)
+        return np.stack([np.interp(inside[..., c], self.table[:, c], even) for c in range(3)], axis=-1)
 
     def to_encoded(self, values: Array) -> Array:
         """Take values v (…, 3) in front of the curve to I in [0, 1]."""
@@ -47,58 +45,11 @@ class OutputCurve:
 
     def continued(self, linear: Array) -> Array:
         """Take linear light (…, 3) to v, which continues as a straight line where the camera clips."""
-        points = np.ascontiguousarray(linear, dtype=np.float64)
-        found = _continued(*self._by_linear, self.values, self.ends, points.reshape(-1, 3))
-        return np.asarray(found).reshape(points.shape)
-
-    @cached_property
-    def _by_linear(self) -> tuple[Array, Index]:
-        """f⁻¹ (3, n), and which of its cells even steps of linear light from its start to its end lie in."""
-        axes = np.ascontiguousarray(self.linear.T)
-        cells = [np.searchsorted(axis[1:-1], np.linspace(axis[0], axis[-1], 1024), side="right") for axis in axes]
-        return axes, np.array(cells)
-
-
-@compiled()
-def _enter(table: Array, values: Array, encoded: Array) -> Array:
-    """Return v (n, 3) of I in [0, 1] by inverting the table; `values` gives the cell to begin at."""
-    last = len(table) - 1
-    entered = np.empty_like(encoded)
-    for n in range(len(encoded)):
-        for c in range(3):
-            value = min(max(encoded[n, c], 0.0), 1.0)
-            at = min(int(value * last), last - 1)
-            near = values[at, c] + (value * last - at) * (values[at + 1, c] - values[at, c])
-            cell = min(max(int(near * last), 0), last - 1)
-            while cell > 0 and value < table[cell, c]:
-                cell -= 1
-            while cell < last - 1 and value >= table[cell + 1, c]:
-                cell += 1
-            width = table[cell + 1, c] - table[cell, c]
-            entered[n, c] = (cell + (min((value - table[cell, c]) / width, 1.0) if width > 0.0 else 0.0)) / last
-    return entered
-
-
-@compiled()
-def _continued(known: Array, cells: Index, values: Array, ends: Array, linear: Array) -> Array:
-    """v (n, 3) of linear light; known: (3, m), f⁻¹ at the even steps of I that values (m, 3) are at; cells: (3, k)."""
-    result, last = np.empty_like(linear), cells.shape[1] - 1
-    for c in range(3):
-        axis = known[c]
-        first, span = axis[0], axis[-1] - axis[0]
-        for n in range(len(linear)):
-            at = linear[n, c]
-            below, above = min(at - first, 0.0), max(at - axis[-1], 0.0)
-            inside = at - below - above
-            step = (inside - first) / span * last
-            cell = cells[c, int(step)] if step > 0.0 else 0  # NaN, too
-            while cell < len(axis) - 2 and inside >= axis[cell + 1]:
-                cell += 1
-            width = axis[cell + 1] - axis[cell]
-            part = (inside - axis[cell]) / width if width > 0.0 else 1.0
-            value = values[cell, c] + part * (values[cell + 1, c] - values[cell, c])
-            result[n, c] = value + below * ends[0, c] + above * ends[1, c]
-    return result
+        inside = np.clip(linear, self.linear[0], self.linear[-1])
+        axes = zip(np.moveaxis(inside, -1, 0), self.linear.T, self.values.T, strict=True)
+        values = np.stack([np.interp(light, known, value) for light, known, value in axes], axis=-1)
+        below, above = np.minimum(linear - self.linear[0], 0.0), np.maximum(linear - self.linear[-1], 0.0)
+        return np.asarray(values + below * self.ends[0] + above * self.ends[1])
 
 
 def output_curve(response: Response) -> OutputCurve:
