@@ -5,11 +5,10 @@ import json
 import os
 import shlex
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from threading import Lock
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
@@ -28,15 +27,10 @@ from lutforge.shots.discover import RAW_SUFFIXES
 
 @dataclass(frozen=True)
 class Job:
-    """An image to grade, and where it goes. quality: of a JPEG, by default its source's."""
+    """An image to grade, and where it goes."""
 
     source: Path
     target: Path
-    quality: int | None = None
-
-    def key(self, recipe: Recipe) -> str:
-        """A fingerprint of all that decides the result."""
-        return recipe.key if self.quality is None else f"{recipe.key} in quality {self.quality}"
 
 
 @dataclass(frozen=True)
@@ -61,7 +55,7 @@ class FileIdentity:
 
 @dataclass(frozen=True)
 class Record:
-    """An image that was graded. recipe: the job's key."""
+    """An image that was graded. recipe: its key."""
 
     recipe: str
     source: FileIdentity
@@ -77,22 +71,16 @@ Outcome = tuple[GradedImage, Record] | Failure
 """What became of a job."""
 
 
-def run_job(
-    recipe: Recipe,
-    job: Job,
-    threads: int = 1,
-    region_samples: int = REGION_SAMPLES,
-    progress: Callable[[int, float], None] | None = None,
-) -> Outcome:
-    """Grade an image. threads, region_samples, progress: as for `apply_image`."""
+def run_job(recipe: Recipe, job: Job, threads: int = 1, region_samples: int = REGION_SAMPLES) -> Outcome:
+    """Grade an image. threads, region_samples: as for `apply_image`."""
     source = job.source
     try:
         before = _identify(source)
         grade = recipe.grade(source)
-        applied = apply_image(grade, source, job.target, threads, region_samples, progress, job.quality)
+        applied = apply_image(grade, source, job.target, threads, region_samples)
         if _identify(source) != before:
             raise ImageError(f"{source}: it was changed while it was graded; grade it again")
-        return applied, Record(job.key(recipe), before, _identify(job.target, written=True))
+        return applied, Record(recipe.key, before, _identify(job.target, written=True))
     except LutForgeError as error:
         return Failure(source, str(error))
     except MemoryError:
@@ -164,39 +152,31 @@ def apply_batch(
     progress: Progress = silent,
     resume: bool = False,
     scheduler: str | None = None,
-    quality: int | None = None,
 ) -> BatchResult:
     """Grade images into a folder under their own names; each output is written whole or not at all.
 
     suffix: such as ".exr", for another format. workers: threads, by default one per core. progress: called, in this
     thread, with the rate of work, a few times a second. resume: what an earlier run did by this recipe is skipped where
-    neither source nor output has changed since. scheduler: the address of a Dask cluster that does the work. quality:
-    as of `apply_image`. Raises LutForgeError, and writes nothing, where two inputs would become one output, an output
-    would replace an input, or the recipe is wrong for all images.
+    neither source nor output has changed since. scheduler: the address of a Dask cluster that does the work. Raises
+    LutForgeError, and writes nothing, where two inputs would become one output, an output would replace an input, or
+    the recipe is wrong for all images.
     """
     folder = Path(folder)
-    jobs = plan_jobs(list(map(Path, images)), folder, suffix, quality)
+    jobs = plan_jobs(list(map(Path, images)), folder, suffix)
     recipe.check()
     remove_temporaries(job.target for job in jobs)
     records = read_journal(folder) if resume else {}
     already: set[Job] = set()
     for job in jobs:
         known = records.get(str(job.target.absolute()))
-        if known is not None and known.still_true(job.key(recipe), job.source):
+        if known is not None and known.still_true(recipe.key, job.source):
             already.add(job)
     waiting = [job for job in jobs if job not in already]
     outcomes: dict[Job, Outcome] = {}
     notes: list[str] = []
-    pixels, share, began, lock = 0, float(len(already)), time.monotonic(), Lock()
-
-    def add(more: int, part: float) -> None:
-        """Called from the threads of images in work."""
-        nonlocal pixels, share
-        with lock:
-            pixels, share = pixels + more, share + part
-
+    pixels, began = 0, time.monotonic()
     if scheduler is None:
-        running = _run_here(recipe, waiting, workers or os.cpu_count() or 1, add)
+        running = _run_here(recipe, waiting, workers or os.cpu_count() or 1)
     else:
         from lutforge.apply.cluster import run_on_cluster  # loads Dask
 
@@ -211,10 +191,9 @@ def apply_batch(
                     add_to_journal(folder, record)
                 except OSError as error:
                     notes.append(f"{job.target}: graded, but --resume will not know of it ({error.strerror})")
-                if scheduler is not None:
-                    add(applied.width * applied.height, 1.0)
+                pixels += applied.width * applied.height
         images_done = len(already) + len(outcomes)
-        progress(rate(images_done, pixels, time.monotonic() - began), min(1.0, max(share, images_done) / len(jobs)))
+        progress(rate(images_done, pixels, time.monotonic() - began), images_done / len(jobs))
     ordered = [outcomes[job] for job in waiting]
     return BatchResult(
         tuple(outcome[0] for outcome in ordered if not isinstance(outcome, Failure)),
@@ -230,7 +209,7 @@ def rate(images: int, pixels: int, seconds: float) -> str:
     return f"{images / seconds:.2g} images/s, {pixels / 1e6 / seconds:.3g} Mpixel/s"
 
 
-def plan_jobs(images: Sequence[Path], folder: Path, suffix: str | None = None, quality: int | None = None) -> list[Job]:
+def plan_jobs(images: Sequence[Path], folder: Path, suffix: str | None = None) -> list[Job]:
     """Choose where each image is written. Raises ImageError where two share a place or one would replace an input."""
     if suffix is not None and not suffix.startswith("."):
         suffix = f".{suffix}"
@@ -240,7 +219,7 @@ def plan_jobs(images: Sequence[Path], folder: Path, suffix: str | None = None, q
     for image in images:
         raw = image.suffix.lower() in RAW_SUFFIXES
         chosen = suffix or (".jpg" if raw or is_heif(image) else image.suffix)
-        jobs.append(Job(image, folder / Path(image.name).with_suffix(chosen), quality))
+        jobs.append(Job(image, folder / Path(image.name).with_suffix(chosen)))
     resolved = resolver()
     sources = {resolved(job.source) for job in jobs}
     seen: dict[str, Path] = {}
@@ -255,13 +234,11 @@ def plan_jobs(images: Sequence[Path], folder: Path, suffix: str | None = None, q
     return jobs
 
 
-def _run_here(
-    recipe: Recipe, jobs: Sequence[Job], workers: int, progress: Callable[[int, float], None]
-) -> Iterator[tuple[Job, Outcome] | None]:
+def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Outcome] | None]:
     """The jobs and their outcomes as they come, and None a few times a second meanwhile.
 
     As many images are in work as there are threads, and one more waits in the pool for the first that is free. Where
-    there are fewer images than threads, each gets several. progress: as of `apply_image`.
+    there are fewer images than threads, each gets several.
     """
     at_once = max(1, min(workers, len(jobs)))
     threads = max(1, workers // at_once)
@@ -276,7 +253,7 @@ def _run_here(
     try:
         while begun < len(jobs) or running:
             while begun < len(jobs) and len(running) <= at_once:
-                running[pool.submit(run_job, recipe, jobs[begun], threads, samples, progress)] = jobs[begun]
+                running[pool.submit(run_job, recipe, jobs[begun], threads, samples)] = jobs[begun]
                 begun += 1
             finished = wait(running, timeout=0.2, return_when=FIRST_COMPLETED).done
             yield from ((running.pop(future), future.result()) for future in finished)

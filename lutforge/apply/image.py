@@ -28,7 +28,7 @@ from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif
 from lutforge.images.icc import codes_moved, foreign_profile, is_srgb, pixels_to_srgb, profile_name, to_srgb
 from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours, with_thumbnail
-from lutforge.images.read import Image, ImageReader, Region, is_premultiplied, read_image
+from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
 from lutforge.images.write import (
     IN_ANOTHER_SPACE,
     IN_SRGB,
@@ -68,18 +68,15 @@ def apply_image(
     target: str | Path,
     workers: int | None = None,
     region_samples: int = REGION_SAMPLES,
-    progress: Callable[[int, float], None] | None = None,
-    quality: int | None = None,
 ) -> GradedImage:
     """Grade an image file, with metadata, bit depth and extra channels kept.
 
-    workers: threads, by default one per core. progress: called with the pixels that were graded since its last call,
-    and their share of the image. quality: of a JPEG, 1 … 100, by default its source's. Raises ImageError.
+    workers: threads, by default one per core. Raises ImageError.
     """
     source, target = Path(source), Path(target)
     if target.exists() and source.exists() and target.samefile(source):
         raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
-    if grade.unchanged and quality is None and target.suffix.lower() == source.suffix.lower():
+    if grade.unchanged and target.suffix.lower() == source.suffix.lower():
         with ImageReader(source) as reader:
             width, height = reader.spec.width, reader.spec.height
         with atomic_path(target) as temporary:
@@ -108,24 +105,20 @@ def apply_image(
         if grade.marks_clipped:
             names = (*spec.channelnames, "clipped")
             written.nchannels, written.channelnames, written.channelformats = len(names), names, ()
-        output = describe_output(target, written, image.format, grade.history, attributes, quality)
+        output = describe_output(target, written, image.format, grade.history, attributes)
         if grade.marks_clipped:
             output.set_format(oiio.HALF)
         threads = None if count == 1 else stack.enter_context(ThreadPoolExecutor(count))
         total = spec.width * spec.height
 
-        def done(pixels: int) -> None:
-            if progress is not None:
-                progress(pixels, pixels / total)
-
         # Whole, as codes, pictures of more than 64 Mpixel would take more than 256 MB each.
         if jpeg is not None and jpeg.plain and total <= 64_000_000 and grade.codes is not None and not profile:
             broken = 0
-            grade_whole(source, jpeg, grade, target, quality, threads, done)
+            grade_whole(source, jpeg, grade, target, threads)
         else:
             start = None if jpeg is None else jpeg_metadata(jpeg, grade, profile)
             writer = stack.enter_context(image_writer(target, output, start))
-            broken = _grade_regions(grade, image, writer, threads, region_samples, count > 1, done)
+            broken = _grade_regions(grade, image, writer, threads, region_samples, count > 1)
         parts = image.parts
     notes = (
         *grade.notes,
@@ -203,7 +196,6 @@ def _grade_regions(
     threads: Executor | None,
     region_samples: int,
     overlap: bool,
-    done: Callable[[int], None],
 ) -> int:
     """Read, grade and write an image region by region, and count the pixels that are no finite numbers.
 
@@ -222,14 +214,10 @@ def _grade_regions(
         grade_floats(grade.processor, pixels, premultiplied, threads)
         return pixels if clips is None else np.dstack([pixels, clips.astype(np.float32)])
 
-    def write(region: Region, pixels: Pixels) -> None:
-        writer.write(region, pixels)
-        done(region.pixels)
-
     regions = image.regions(max(1, region_samples // image.spec.nchannels), not writer.tiled)
     if not overlap or len(regions) == 1:
         for region in regions:
-            write(region, work(image.read(region)))
+            writer.write(region, work(image.read(region)))
         return broken
     with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(1) as writing:
         ahead = reading.submit(image.read, regions[0])
@@ -241,7 +229,7 @@ def _grade_regions(
             pixels = work(pixels)
             if behind is not None:
                 behind.result()
-            behind = writing.submit(write, region, pixels)
+            behind = writing.submit(writer.write, region, pixels)
         if behind is not None:
             behind.result()
     return broken
@@ -278,18 +266,16 @@ def grade_whole(
     header: JpegHeader,
     grade: Grade,
     target: Path,
-    quality: int | None,
     threads: Executor | None,
-    done: Callable[[int], None],
 ) -> None:
-    """Grade a picture whole. done: called with the number of pixels after each piece."""
+    """Grade a picture whole."""
     assert grade.codes is not None
     start = jpeg_metadata(header, grade)
     canvas = np.empty((header.height, header.width, 4), np.uint8)
     decode(source, source.read_bytes(), canvas)
-    grade_codes(grade.codes, canvas, threads, done)
+    grade_codes(grade.codes, canvas, threads)
     with atomic_path(target) as temporary, FileIO(temporary, "r+") as file:
-        encode(file, canvas, start, header, quality)
+        encode(file, canvas, start, header)
 
 
 # --- Whether a grade can take the colours of an image, what tells their space, and notes on them ----------------------
@@ -415,10 +401,8 @@ def grade_floats(processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bo
     _in_pieces(grade, range(0, len(flat), 2 * BLOCK), threads)
 
 
-def grade_codes(
-    processor: OCIO.CPUProcessor, canvas: Codes, threads: Executor | None, done: Callable[[int], None] | None = None
-) -> None:
-    """Grade 8-bit codes (h, w, 4), C-contiguous, in place; `done` is called with the number of pixels of each piece."""
+def grade_codes(processor: OCIO.CPUProcessor, canvas: Codes, threads: Executor | None) -> None:
+    """Grade 8-bit codes (h, w, 4), C-contiguous, in place."""
     flat = canvas.reshape(-1, 4)
     # OpenColorIO makes floats of the codes: a quarter of a block fills a core's cache together with them.
     block, piece = BLOCK // 4, 8 * BLOCK
@@ -426,8 +410,6 @@ def grade_codes(
     def grade(start: int) -> None:
         for at in range(start, min(start + piece, len(flat)), block):
             processor.applyRGBA(flat[at : at + block])
-        if done is not None:
-            done(min(piece, len(flat) - start))
 
     _in_pieces(grade, range(0, len(flat), piece), threads)
 

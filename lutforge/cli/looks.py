@@ -167,7 +167,6 @@ def apply(
     look: Annotated[Path | None, option("The profile of the camera whose look is wanted.", "--as")] = None,
     transfer: Annotated[Path | None, option("With --as: RAW to RAW, from `lutforge transfer`.")] = None,
     suffix: Annotated[str | None, option("Another format for the output, such as .png or .exr.")] = None,
-    quality: Annotated[int | None, option("Of JPEG files, 1 to 100, if not as their sources.")] = None,
     workers: Annotated[int | None, option("Threads; one per core by default.")] = None,
     resume: Annotated[bool, option("Skip what an earlier run did that is still right.", "--resume")] = False,
     scheduler: Annotated[str | None, option("A Dask cluster that does the work: tcp://HOST:PORT.")] = None,
@@ -181,7 +180,7 @@ def apply(
 
     grading = Grading(
         (grade, *images), output, source, target, ev, look, transfer, suffix, workers, resume,
-        scheduler, quality, space, exposure,
+        scheduler, space, exposure,
     )  # fmt: skip
     failed = False
     if print_commands:

@@ -175,18 +175,18 @@ def decode(path: Path, data: bytes, canvas: Codes) -> None:
         raise ImageError(f"{path}: damaged or cut short ({error}); copy the file again") from error
 
 
-def encode(file: FileIO, canvas: Codes, start: bytes, like: JpegHeader, quality: int | None = None) -> None:
+def encode(file: FileIO, canvas: Codes, start: bytes, like: JpegHeader) -> None:
     """Write pixels (h, w, 4) as a JPEG with the quantization tables and chroma subsampling of another.
 
-    start: SOI and the metadata segments, of at least 20 bytes. quality: of libjpeg, in place of the tables.
+    start: SOI and the metadata segments, of at least 20 bytes.
     """
     tables = like.tables[:2] if like.tables[1] == like.tables[2] else like.tables
     picture = Pillow.frombuffer("RGBX", (canvas.shape[1], canvas.shape[0]), canvas, "raw", "RGBX", 0, 1)
     # Pillow begins with 20 bytes, SOI and a JFIF segment, in whose place come the source's own.
     file.seek(len(start) - 20)
     picture.save(
-        file, "JPEG", quality=-1 if quality is None else quality, subsampling=_SUBSAMPLING.get(like.sampling, 0),
-        qtables=[list(steps) for steps in tables] if quality is None else None,
+        file, "JPEG", quality=-1, subsampling=_SUBSAMPLING.get(like.sampling, 0),
+        qtables=[list(steps) for steps in tables],
     )  # fmt: skip
     file.seek(-2, 2)
     if file.read(2) != EOI:

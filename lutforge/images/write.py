@@ -39,12 +39,11 @@ def describe_output(
     format: str,
     note: str | None = None,
     attributes: Mapping[str, object] | None = None,
-    quality: int | None = None,
 ) -> oiio.ImageSpec:
     """Describe the file that is written; note, and what is kept, as for `write_image`.
 
     spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name. attributes:
-    metadata to set, by OpenImageIO's names; None erases one. quality: of a JPEG, where it should not be its source's.
+    metadata to set, by OpenImageIO's names; None erases one.
     """
     result = _output_spec(path, create_output(path), spec, format)
     if note is not None:
@@ -64,8 +63,6 @@ def describe_output(
     for name in ("DateTime", "Exif:DateTimeOriginal", "Exif:DateTimeDigitized"):
         if (date := result.get_string_attribute(name)) != exif_date(date):
             result.attribute(name, exif_date(date))
-    if quality is not None and format_of(path) == "jpeg":
-        result.attribute("compression", f"jpeg:{quality}")
     if result.get_int_attribute("Exif:ColorSpace", IN_SRGB) != IN_SRGB:
         result.erase_attribute("oiio:ColorSpace")  # OpenImageIO else writes that it is in sRGB
     return result

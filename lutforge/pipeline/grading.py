@@ -22,7 +22,7 @@ class Grading:
 
     words: paths: one LUT file, one config, or profiles of different cameras; then files and folders. transfer: RAW →
     RAW from another camera to that of `look`. resume: skip what an earlier run did. scheduler: the address of a Dask
-    cluster. quality: of JPEG files, 1 … 100, by default that of a JPEG's source.
+    cluster.
     """
 
     words: tuple[Path, ...]
@@ -36,7 +36,6 @@ class Grading:
     workers: int | None = None
     resume: bool = False
     scheduler: str | None = None
-    quality: int | None = None
     space: str | None = None
     exposure: str | None = None
 
@@ -47,8 +46,6 @@ class Grading:
             raise SettingsError("no image named: give the images after the profiles")
         if self.workers is not None and self.workers < 1:
             raise SettingsError(f"--workers {self.workers}: at least one thread is needed")
-        if self.quality is not None and not 1 <= self.quality <= 100:
-            raise SettingsError(f"--quality {self.quality}: JPEG has 1 to 100")
         if self.exposure is not None:
             one_of("exposure", self.exposure, ("exif",))
         if self.space is None:
@@ -125,7 +122,7 @@ class Grading:
         images, notes = self.inputs
         result = apply_batch(
             self.recipe, images, self.folder, suffix, self.workers, progress,
-            resume=self.resume, scheduler=self.scheduler, quality=self.quality,
+            resume=self.resume, scheduler=self.scheduler,
         )  # fmt: skip
         return replace(result, notes=(*notes, *result.notes))
 

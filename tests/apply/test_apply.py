@@ -119,9 +119,7 @@ def test_regions_give_the_whole(
 ) -> None:
     orientation = 1 if name == "a.dpx" else 6  # which has no place for it
     write_picture(tmp_path / name, (150, 90), kind, tile, channels, Orientation=orientation)
-    seen: list[tuple[int, float]] = []
-    progress, samples = (lambda pixels, share: seen.append((pixels, share))), 90 * 20 * channels
-    done = apply_image(grade, tmp_path / name, tmp_path / target, workers, region_samples=samples, progress=progress)
+    done = apply_image(grade, tmp_path / name, tmp_path / target, workers, region_samples=90 * 20 * channels)
     before, after = read_image(tmp_path / name), read_image(tmp_path / target)
     whole = apply_to_pixels(grade.processor, before.pixels, is_premultiplied(before.spec))
     step = {"uint8": 255, "uint16": 65535}.get(str(after.spec.format))
@@ -130,9 +128,6 @@ def test_regions_give_the_whole(
     np.testing.assert_allclose(after.pixels, wanted, atol=tolerance)
     assert (done.width, done.height) == (90, 150)
     assert after.spec.get_int_attribute("Orientation", 1) == orientation
-    assert len(seen) > 3
-    assert sum(pixels for pixels, _ in seen) == 150 * 90
-    assert sum(share for _, share in seen) == pytest.approx(1)
 
 
 @pytest.mark.parametrize("tile", [0, 16])

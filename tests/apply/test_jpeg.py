@@ -160,20 +160,6 @@ def test_other_ways_to_code(tmp_path: Path, grade: Grade, options: dict[str, obj
         assert header_of(source).tables == header_of(done.target).tables
 
 
-def test_a_quality_that_is_asked_for(tmp_path: Path, grade: Grade) -> None:
-    source = with_everything(tmp_path / "a.jpg")
-    sizes = [
-        apply_image(grade, source, tmp_path / f"{quality}.jpg", quality=quality).target.stat().st_size
-        for quality in (40, 98)
-    ]
-    assert sizes[0] < source.stat().st_size < sizes[1]
-    assert header_of(tmp_path / "98.jpg").sampling == header_of(source).sampling
-    recipe = LutRecipe(tmp_path / "look.cube")
-    (first,) = apply_batch(recipe, [source], tmp_path / "out", quality=70).done
-    assert not apply_batch(recipe, [source], tmp_path / "out", quality=70, resume=True).done
-    assert apply_batch(recipe, [source], tmp_path / "out", quality=71, resume=True).done == (first,)
-
-
 def test_another_colour_space_is_said_in_all_places(tmp_path: Path, grade: Grade) -> None:
     source = with_everything(tmp_path / "a.jpg")
     profile = adobe_rgb_profile()
