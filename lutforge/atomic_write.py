@@ -1,17 +1,18 @@
 """Write a file under a temporary name and rename it: a killed run leaves the old file or the new, never half."""
 
-import glob
 import os
 import re
 import shutil
 import tempfile
-import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import RLock
 
 from lutforge.errors import LutForgeError
+
+SCRATCH = ".lutforge-"
+"""How the names of scratch folders begin."""
 
 _unfinished: set[Path] = set()
 """What this process is writing and has not renamed yet: files, and folders that go when their work is done."""
@@ -112,21 +113,15 @@ def remove_temporaries(paths: Iterable[Path]) -> None:
 
 @contextmanager
 def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
-    """Yield an empty folder that is removed when the block ends. Folders that killed runs left are removed first.
+    """Yield an empty folder that is removed when the block ends, also by Ctrl-C or SIGTERM.
 
     beside: what the block makes; the new folder lies beside it, or without it in the system's temporary folder. Raises
     LutForgeError, which names `beside`, where something cannot be written.
     """
-    import platform  # here, as hashlib below: every command loads this file, and few need them
-
     parent = Path(tempfile.gettempdir()) if beside is None else Path(beside).absolute().parent
     _make_folder(parent)
-    mine = f".lutforge-{platform.node()}-"
-    for old in parent.glob(f"{glob.escape(mine)}*"):
-        if (process := re.fullmatch(r"(\d+)-\w{8}", old.name.removeprefix(mine))) and _is_over(int(process[1]), old):
-            shutil.rmtree(old, ignore_errors=True)
     try:
-        with tempfile.TemporaryDirectory(dir=parent, prefix=f"{mine}{os.getpid()}-") as name:
+        with tempfile.TemporaryDirectory(dir=parent, prefix=SCRATCH) as name:
             folder = Path(name)
             with _beginning:
                 _unfinished.add(folder)
@@ -135,7 +130,7 @@ def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
             finally:
                 _unfinished.discard(folder)
     except (LutForgeError, OSError) as failure:
-        cause = failure.__cause__ if isinstance(failure, LutForgeError) and mine in str(failure) else failure
+        cause = failure.__cause__ if isinstance(failure, LutForgeError) and SCRATCH in str(failure) else failure
         if beside is None or not isinstance(cause, OSError):
             raise
         raise LutForgeError(f"{beside}: cannot write ({cause.strerror or cause})") from cause
@@ -143,21 +138,9 @@ def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
         _remove_if_empty(parent)
 
 
-def _is_over(process: int, folder: Path) -> bool:
-    """True where the process has ended. Where os.kill cannot merely ask (not POSIX), where the folder is a day old."""
-    if os.name != "posix":
-        return time.time() - folder.stat().st_mtime > 24 * 3600
-    with suppress(PermissionError):
-        try:
-            os.kill(process, 0)
-        except ProcessLookupError:
-            return True
-    return False
-
-
 def _prefix(path: Path) -> str:
     """How the temporary names of a path begin; a name that is too long to be made longer is replaced by its hash."""
-    import hashlib
+    import hashlib  # here: every command loads this file, and few need it
 
     name = os.fsencode(path.name)
     return f".{path.stem if len(name) < 200 else hashlib.sha256(name).hexdigest()[:32]}.lutforge-"
