@@ -164,8 +164,8 @@ def response(
     chart: Annotated[
         str | None,
         option(
-            "The scene shows this chart: classic, classic2014, sg, spyder24, spyder48, or what a file of measured "
-            "patches (CGATS .txt) tells. The whole rendering is calibrated on its colours."
+            "The scene shows this chart: classic, classic2014, sg, spyder24 or spyder48. "
+            "The whole rendering is calibrated on its colours."
         ),
     ] = None,
     light: Annotated[str | None, option("The light on the chart: 5500K, D55, A, LED-B3 …", show_default="D50")] = None,
