@@ -1,16 +1,12 @@
 """What a RAW file or a picture says of itself: (group, tag) → integers or text. Groups are named as exiv2 names them.
 
-exifread finds the TIFF structure of a file (JPEG, HEIC, PNG, WebP, JPEG XL); where the makers' notes lie in it says
-data/maker_notes.json. exiv2 completes the tags where it is installed.
-Damaged metadata raise nothing: what cannot be read is not there.
+Tags are read of TIFF structures; where the makers' notes lie in them says data/maker_notes.json. Damaged metadata raise
+nothing: what cannot be read is not there.
 """
 
 import contextlib
-import io
 import json
-import logging
 import mmap
-import re
 import struct
 from collections.abc import Iterator
 from functools import cache
@@ -19,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from exifread.core.find_exif import determine_type
 
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
@@ -40,8 +35,6 @@ _LARGEST = 8192
 """Bytes of a value that are kept: longer ones are pictures and tables."""
 _TIFF_MAGIC = (42, 0x55, 0x4F52, 0x5352)  # TIFF, RW2, ORF, ORF
 
-logging.getLogger("exifread").propagate = False
-
 
 def tags(path: Path) -> Tags:
     """All tags of a RAW file or a picture, empty where none can be read. Raises nothing of its own."""
@@ -53,7 +46,7 @@ def tags(path: Path) -> Tags:
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
         found = tags_of(read_heif_exif(path) if is_heif(path) else data)
-    return {**_exiv2_tags(path), **found}
+    return found
 
 
 def tags_of(data: Buffer) -> Tags:
@@ -105,23 +98,22 @@ class _Structure:
 
     def read(self, group: str) -> None:
         """First directory, EXIF directory and maker note (in a DNG file also its private data)."""
-        base = 0 if byte_order(self.data[:2]) else determine_type(_InMemory(self.data))[0]
-        order = byte_order(self.data[base : base + 2])
-        if order is None or self.number(order, "H", base + 2) not in _TIFF_MAGIC:
+        order = byte_order(self.data[:2])
+        if order is None or self.number(order, "H", 2) not in _TIFF_MAGIC:
             return
-        entries = self.directory(group, order, base, self.number(order, "I", base + 4))
+        entries = self.directory(group, order, 0, self.number(order, "I", 4))
         if group == "Canon":
             self.arrays(entries, order)
         pointer, private = offset_in(self.data, order, entries, 0x8769), entries.get(0xC634)
         if pointer is not None:
-            photo = self.directory("Photo", order, base, pointer)
+            photo = self.directory("Photo", order, 0, pointer)
             note, interoperability = photo.get(0x927C), offset_in(self.data, order, photo, 0xA005)
             if note is not None:
-                self.maker_note(order, note.place.start, base)
+                self.maker_note(order, note.place.start, 0)
             if interoperability is not None:
-                self.directory("Iop", order, base, interoperability)
+                self.directory("Iop", order, 0, interoperability)
         if private is not None:
-            self.private_data(order, private.place.start, base)
+            self.private_data(order, private.place.start, 0)
 
     def number(self, order: str, code: str, at: int) -> int:
         return number(self.data, order, code, at)
@@ -211,48 +203,9 @@ class _Structure:
                 self.directory(group, order, base, self.number(order, "I", start) if size == 4 else start - base)
 
 
-# --- Another reader, where it is installed -------------------------------------------------------------------------
-
-
-def _exiv2_tags(path: Path) -> Tags:
-    """Tags as the optional exiv2 package reads them; none where it is missing or fails."""
-    try:
-        import exiv2
-    except ImportError:
-        return {}
-    found: Tags = {}
-    with contextlib.suppress(Exception):  # exiv2.Exiv2Error exists only where the package does
-        exiv2.LogMsg.setLevel(exiv2.LogMsg.Level.mute)
-        image = exiv2.ImageFactory.open(str(path))
-        image.readMetadata()
-        for datum in image.exifData():
-            group = re.sub(r"^(Nikon|Sony)\d$", r"\1", datum.groupName())
-            if datum.size() <= _LARGEST:
-                parts = datum.toString().replace("/", " ").split()  # integers, ratios as two, or text
-                numbers = parts and all(re.fullmatch(r"-?\d{1,19}", part) for part in parts)
-                value: Value = tuple(map(int, parts)) if numbers else datum.toString().strip()[:_LARGEST]
-                found.setdefault((group, int(datum.tag())), value)
-    return found
-
-
-# --- Containers that exifread does not know: RAF, MRW and CR3, which hold TIFF structures, and CIFF ------------------
+# --- Containers: JPEG, RAF, MRW and CR3, which hold TIFF structures, and CIFF -----------------------------------------
 # CIFF is the heap that Canon's .CRW files are (Canon, "CIFF Specification on Image Data File", version 1.0 revision 4,
 # 1997); the Canon records inside are those of its later maker notes.
-
-
-class _InMemory(io.BytesIO):
-    """A file in memory for exifread, which may read without end: a camera's file takes some thousands of reads."""
-
-    def __init__(self, data: Buffer) -> None:
-        super().__init__(data)
-        self.reads = 0
-
-    def read(self, size: int | None = -1) -> bytes:
-        """Return the next bytes. Raises ImageError after too many."""
-        self.reads += 1
-        if self.reads > 100_000:
-            raise ImageError("metadata that never end")
-        return super().read(size)
 
 
 def _ciff_tags(data: Buffer) -> Tags:
@@ -302,7 +255,11 @@ def _tiff_blocks(data: Buffer) -> Iterator[tuple[Buffer, str]]:
     head = bytes(data[:32])
     if head[:15] == b"FUJIFILMCCD-RAW":  # a whole JPEG in it
         start, length = struct.unpack_from(">II", data, 84)
-        yield bytes(data[start : start + min(length, 1 << 27)]), "Image"
+        yield from _tiff_blocks(bytes(data[start : start + min(length, 1 << 27)]))
+    elif head[:2] == SOI:
+        header = read_header(data)
+        if header is not None and header.exif is not None:
+            yield header.exif, "Image"
     elif head[:4] == b"\0MRM":  # Minolta: blocks of name, length, body; TTW is a TIFF structure
         position, end = 8, min(len(data), 8 + struct.unpack_from(">I", data, 4)[0])
         while position + 8 <= end:

@@ -23,7 +23,7 @@ from lutforge.samples.table import write_samples
 from tests.cases.pictures import write_cube, write_picture
 
 SLOW = {
-    "numba", "scipy", "pandas", "polars", "matplotlib", "jinja2", "colour", "rawpy", "exifread", "OpenImageIO",
+    "numba", "scipy", "pandas", "polars", "matplotlib", "jinja2", "colour", "rawpy", "OpenImageIO",
     "PyOpenColorIO", "PIL", "simplejpeg", "panel", "bokeh", "distributed", "cv2", "numpy", "pydantic", "rich",
 }  # fmt: skip
 """Libraries that take longer to load than Python itself."""
@@ -72,7 +72,7 @@ def test_commands_of_the_journey_load_nothing_of_reports_and_charts(tmp_path: Pa
     write_samples(tmp_path / "samples.csv", s40_samples)
     write_picture(tmp_path / "a.jpg")
     tables = {"colour", "pandas", "polars", "matplotlib", "jinja2", "pydantic", "panel", "bokeh", "distributed", "cv2"}
-    pictures = {"rawpy", "exifread", "OpenImageIO", "PIL", "simplejpeg"}
+    pictures = {"rawpy", "OpenImageIO", "PIL", "simplejpeg"}
     assert not loaded(tmp_path, "calibrate", "samples.csv", "--size", "5", "-o", "camera.npz") & (tables | pictures)
     for words in (
         ("inspect", "camera.npz"),
