@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.physical.matrix_and_response import BETA, MatrixAndResponse, saturation
 from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
-from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.bake import bake_lattice, likely_light, squares
 from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochrome
-from lutforge.calibration.lattice.node_levels import error_histogram
+from lutforge.calibration.lattice.node_levels import error_histogram, fit_thesis
 from lutforge.calibration.lattice.output_curve import output_curve
-from lutforge.calibration.lattice.thesis import fit_thesis
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical.kriging import fit_camera_model
 from lutforge.calibration.physical.matrix_and_response import (

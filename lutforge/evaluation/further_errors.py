@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.physical.matrix_and_response import BETA, saturation
 from lutforge.calibration.physical.response_from_exposures import (
     ExposurePairs,
     fit_response_to_exposures,
     pairs_of_samples,
 )
-from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import LATTICE, NO_GAMUT_MAP, RBF, ErrorFigures, Predictions, error_figures

@@ -13,7 +13,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.thesis import fit_uniform
+from lutforge.calibration.lattice.node_levels import fit_uniform
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.style import LEAST_SAMPLES, StyleData, fit_lattices, fit_physical

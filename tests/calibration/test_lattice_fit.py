@@ -9,9 +9,8 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # i
 from lutforge import threads as shared
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.bake import node_coverage, with_rising_axis
-from lutforge.calibration.lattice.node_levels import BINS, EVEN, equidistributed_levels, error_histogram
+from lutforge.calibration.lattice.node_levels import BINS, EVEN, blended_levels, equidistributed_levels, error_histogram
 from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
-from lutforge.calibration.lattice.thesis import blended_levels
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
 from lutforge.colour.srgb import delta_e_2000

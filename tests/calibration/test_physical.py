@@ -7,9 +7,8 @@ from scipy.interpolate import RBFInterpolator
 from lutforge.calibration.options import PhysicalOptions
 from lutforge.calibration.physical.gamut_map import fit_gamut_map, merge_coincident, solve
 from lutforge.calibration.physical.kriging import fit_camera_model, krige
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, untouched
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
-from lutforge.calibration.physical.unsaturated import untouched
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError

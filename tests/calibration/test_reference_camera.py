@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.curve_basis import gamma_response
+from lutforge.calibration.physical.matrix_and_response import saturation
 from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer, pair_samples
 from lutforge.calibration.physical.reference_camera import own_raw
-from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.colour.srgb import srgb_to_lab
 from lutforge.errors import CalibrationError, ProfileError

@@ -18,7 +18,7 @@ pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutfor
 from bokeh.events import SelectionGeometry, Tap
 
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
-from lutforge.calibration.physical.unsaturated import saturation
+from lutforge.calibration.physical.matrix_and_response import saturation
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.pipeline.evaluation import predict
 from lutforge.studio.opening import Folders

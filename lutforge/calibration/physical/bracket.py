@@ -14,12 +14,12 @@ from scipy.optimize import minimize_scalar
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.brightness_transfer import ResponseVerdict, judge
 from lutforge.calibration.physical.curve_basis import gamma_response, log_emor_basis, log_spline_basis, srgb_response
+from lutforge.calibration.physical.matrix_and_response import BETA, saturation
 from lutforge.calibration.physical.response_from_exposures import (
     ExposurePairs,
     ExposureResponseFit,
     fit_response_to_exposures,
 )
-from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.physical.matrix_and_response import BETA, saturation
 from lutforge.calibration.physical.response_from_exposures import ExposurePairs, fit_response_to_exposures
-from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.model.response import Response
 
 OUTLIER = 3 / 255

@@ -18,9 +18,14 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import PhysicalOptions, Preset
 from lutforge.calibration.physical.curve_basis import log_emor_basis
 from lutforge.calibration.physical.gamut_map import fit_gamut_map
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.physical.matrix_and_response import (
+    check_tones,
+    fit_matrix_and_response,
+    saturation,
+    starting_beta,
+    untouched,
+)
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures, pairs_of_samples
-from lutforge.calibration.physical.unsaturated import check_tones, saturation, starting_beta, untouched
 from lutforge.errors import CalibrationError
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.model.response import Response

@@ -27,10 +27,18 @@ from scipy.linalg import null_space
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import PhysicalOptions, Preset
 from lutforge.calibration.physical.curve_basis import emor_basis, spline_basis, srgb_response
-from lutforge.calibration.physical.matrix_and_response import REACH, JointFit, matrix_of_rows, neutral_rows
+from lutforge.calibration.physical.matrix_and_response import (
+    BETA,
+    LEAST_UNSATURATED,
+    REACH,
+    JointFit,
+    matrix_of_rows,
+    neutral_rows,
+    saturation,
+    untouched_odds,
+)
 from lutforge.calibration.physical.physical_model import LEAST_CONDITION, hue_spread, response_of_exposures
 from lutforge.calibration.physical.robust_fit import ToneWeights, robust_fit
-from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation, untouched_odds
 from lutforge.calibration.physical.white_balance import estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import Preset
 from lutforge.calibration.physical.curve_basis import CurveBasis, log_emor_basis
+from lutforge.calibration.physical.matrix_and_response import BETA, check_tones, saturation, starting_beta
 from lutforge.calibration.physical.robust_fit import Light, robust_fit
-from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation, starting_beta
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response, log_inverse_emor
 from lutforge.samples.sample_set import SampleSet

@@ -13,9 +13,8 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.curve_basis import emor_basis, srgb_response
-from lutforge.calibration.physical.matrix_and_response import JointFit, fit_matrix_and_response
+from lutforge.calibration.physical.matrix_and_response import JointFit, fit_matrix_and_response, saturation
 from lutforge.calibration.physical.robust_fit import ToneWeights, robust_fit
-from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.colour.colour_temperature import (
     COOLEST,
     HOTTEST,
