@@ -92,8 +92,7 @@ def kit(
     program: Annotated[
         str,
         option(
-            "darktable, rawtherapee, art, lightroom, captureone, digikam, rapidraw, resolve, nuke, blender, ffmpeg, "
-            "obs, gimp or lumix.",
+            "darktable, rawtherapee, art, lightroom, captureone, resolve, nuke, blender, ffmpeg, gimp or lumix.",
             "--for",
         ),
     ] = "rawtherapee",

@@ -35,8 +35,6 @@ _SRGB = rgb_space("srgb")
 _TYPES = {1: "u1", 2: "u1", 3: "u2", 4: "u4", 5: "u4", 9: "i4", 10: "i4", 11: "f4", 12: "f8"}
 """TIFF 6.0's types of numbers; rationals are two of them."""
 
-_LIGHTS = {17: "illuminant A", 20: "D55", 21: "D65", 22: "D75", 23: "D50", 255: "another light"}
-
 DIVISIONS = (90, 30, 30)
 """Hue, saturation and value divisions of the look table: 4° of hue, as in the finest of Adobe's own profiles."""
 
@@ -194,23 +192,14 @@ def read_dcp(path: str | Path) -> DngProfile:
 def dcp_lines(path: str | Path) -> list[str]:
     """What is in a camera profile and who reads it, as lines of text. Raises LutError where it cannot be read."""
     tags = _tags(Path(path))
-    parts = [f"colour matrix for {_LIGHTS.get(int(tags[tag][0]), 'a light')}" for tag in (50778, 50779) if tag in tags]
-    parts += [f"forward matrix {number}" for number, tag in ((1, 50964), (2, 50965)) if tag in tags]
-    for name, tag in (("hue and saturation map", 50937), ("look table", 50981)):
-        if tag in tags:
-            parts.append(f"{name} {' × '.join(str(int(count)) for count in tags[tag])} (hue, saturation, value)")
-    if 50940 in tags:
-        parts.append(f"tone curve of {tags[50940].size // 2} points")
+    known = {50964: "forward matrix", 50937: "hue and saturation map", 50981: "look table", 50940: "tone curve"}
     lines = [f"{path}: DNG camera profile", f"  title     {_text(tags, 50936)}", f"  camera    {_text(tags, 50708)}"]
-    lines += [f"  {number}. {part}" for number, part in enumerate(parts, 1)]
+    lines.append(f"  holds     {', '.join(name for tag, name in known.items() if tag in tags)}")
     if 50964 in tags and 50721 in tags:
         profile = read_dcp(path)
         black, grey, white = profile(np.repeat([[0.0], [0.18], [1.0]], 3, axis=1))
         for name, colour in (("black", black), ("grey 18 %", grey), ("white", white)):
             lines.append(f"  {name:10} {' '.join(f'{value:.5f}' for value in colour)} (encoded sRGB)")
-        curve = profile.tone_curve
-        if np.any(np.diff(curve, axis=0) < 0):
-            lines.append("  problem   the tone curve falls somewhere")
     else:
         lines.append("  problem   no forward matrix: developers take the inverse of the colour matrix")
     return [

@@ -307,18 +307,6 @@ _FED = (
         ),
     ),
     _fed(
-        "digikam", "digiKam", "raw", "the profile in Little CMS, darktable and RawTherapee; not in digiKam", (".icc",),
-        (
-            "Settings → Configure digiKam → Image Editor → RAW Behavior: 16-bit, colour space RAW (no conversion), "
-            "white balance of the camera.",
-            "Image Editor → Color → Color Management → Convert from the camera's profile: choose the .icc. " + _ICC,
-        ),
-    ),
-    _fed(
-        "rapidraw", "RapidRAW", "raw", "the .dcp in RawTherapee 5.9; RapidRAW itself was not run", (".dcp",),
-        ("Choose {}.dcp as the camera profile of RAW photographs of this camera.",),
-    ),
-    _fed(
         "resolve", "DaVinci Resolve", "any", "the files in OpenColorIO; Resolve itself was not run",
         (" davinci-intermediate.resolve.cube", " davinci-intermediate.plain.cube"),
         (
@@ -336,10 +324,6 @@ _FED = (
     _fed(
         "ffmpeg", "ffmpeg", "any", "ffmpeg 5.1 (lut3d)", (".cube",),
         ('ffmpeg -i IN.mov -vf "lut3d=file={}.cube:interp=tetrahedral" OUT.mov',), size=65,
-    ),
-    _fed(
-        "obs", "OBS Studio", "any", "not run; a plain cube, which it reads by its manual",
-        (".cube",), ("Right-click the source → Filters → + → Apply LUT: {}.cube.",), size=33,
     ),
     _fed(
         "gimp", "GIMP with G'MIC", "any", "G'MIC 2.9 (command line)", (".cube",),

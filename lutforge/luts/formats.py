@@ -10,20 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
-from lutforge.compiled import compiled
 from lutforge.errors import LutError, one_line
 from lutforge.luts.ops import Cube, Curve, Matrix, node_levels
 from lutforge.luts.sequence import FORMATS, FileFormat, Lut, group_of
 
 DIGITS = 10
 """Decimals of a number: float32 values on [0, 1] survive, and no reader has to know exponents."""
-
-EXACT = 9e5
-"""A number below this, times ten to the power of DIGITS, is a whole number that float64 holds."""
 
 
 def write_text(path: Path, text: str, encoding: str = "ascii") -> None:
@@ -47,39 +43,8 @@ def comment_lines(title: str, comments: tuple[str, ...]) -> list[str]:
 def rows(values: ArrayLike) -> str:
     """Numbers (n, 3), a row per line, rounded to DIGITS decimals, never "-0"."""
     numbers = np.asarray(values, dtype=np.float64)
-    if np.abs(numbers).max(initial=0.0) < EXACT:
-        return _fixed_point(np.ascontiguousarray(numbers), DIGITS).tobytes().decode("ascii")
     numbers = np.round(numbers, DIGITS) + 0.0
     return (f"%.{DIGITS}f %.{DIGITS}f %.{DIGITS}f\n" * len(numbers)) % tuple(numbers.ravel().tolist())
-
-
-@compiled()
-def _fixed_point(numbers: Array, decimals: int) -> NDArray[np.uint8]:
-    """The text of numbers (n, m) as bytes: twenty times as fast as Python's own formatting."""
-    longest = 20  # characters of such a number, sign, point and what follows it included
-    text = np.empty(numbers.size * longest, dtype=np.uint8)
-    digits = np.empty(longest, dtype=np.uint8)
-    at = 0
-    for n in range(numbers.shape[0]):
-        for c in range(numbers.shape[1]):
-            left = np.int64(np.rint(abs(numbers[n, c]) * 10.0**decimals))
-            if left > 0 and numbers[n, c] < 0:
-                text[at] = 45  # -
-                at += 1
-            count = 0
-            while left > 0 or count <= decimals:
-                digits[count] = 48 + left % 10
-                left //= 10
-                count += 1
-            for place in range(count - 1, -1, -1):
-                if place == decimals - 1:
-                    text[at] = 46  # .
-                    at += 1
-                text[at] = digits[place]
-                at += 1
-            text[at] = 10 if c == numbers.shape[1] - 1 else 32
-            at += 1
-    return text[:at]
 
 
 def cube_of_rows(table: Array, size: int) -> Array:
@@ -234,9 +199,6 @@ VLT = FileFormat(".vlt", (".vlt",), ("plain",), write_vlt, (VLT_SIZE,), VLT_SIZE
 # OpenColorIO reads and writes them: it is the reference implementation of both.
 
 
-ACES_ID = "ACEStransformID"
-"""The element of Info that names an ACES transform (SMPTE ST 2136-1, Info), and its key in the metadata of a Lut."""
-
 PROCESS_LISTS = {".clf": "Academy/ASC Common LUT Format", ".ctf": "Color Transform Format"}
 
 
@@ -255,11 +217,6 @@ def clf_text(lut: Lut, suffix: str = ".clf") -> str:
     for comment in lut.comments:
         if comment.strip():
             metadata.addChildElement("Description", one_line(comment, 500))
-    if ACES_ID in lut.metadata:
-        metadata.addChildElement("Info", "")
-        info = list(metadata.getChildElements())[-1]
-        info.addChildElement(ACES_ID, lut.metadata[ACES_ID])
-        info.addChildElement("ACESuserName", one_line(lut.title))
     try:
         return str(group.write(PROCESS_LISTS[suffix], OCIO.Config.CreateRaw()))
     except OCIO.Exception as error:

@@ -19,7 +19,6 @@ from lutforge.boundary import path_of, reading, require_file
 from lutforge.child_processes import OverrunError, P, R, guarded
 from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
-from lutforge.luts.formats import ACES_ID
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import FORMATS, OCIO_ERRORS, Lut, evaluate, own_reader
 
@@ -126,9 +125,6 @@ def _lut_of(path: Path) -> Lut:
     if not OCIO.BitDepthIsFloat(depth) and bits:
         metadata["bits"] = str(bits)
     title, comments, words = _heading(path, group)
-    for info in (part for child in group.getFormatMetadata().getChildElements() for part in child.getChildElements()):
-        if info.getElementName() == ACES_ID:
-            metadata[ACES_ID] = info.getElementValue()[:200]
     if words:
         metadata["keywords"] = " ".join(words)
     return Lut(ops or (Matrix(np.eye(3)),), title, comments, metadata)
@@ -190,8 +186,6 @@ def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
                 made = [Cube(values, "tetrahedral" if tetrahedral else "trilinear")]
             case OCIO.Lut3DTransform():
                 raise _beyond("the inverse of a cube")
-            case OCIO.CDLTransform() if not inverse:
-                made = _cdl(part)
             case _:
                 single.append(part)
                 continue
@@ -233,17 +227,6 @@ def _range(part: OCIO.RangeTransform) -> list[Op]:
     if (scale, offset) != (1.0, 0.0):
         ops.append(Matrix(scale * np.eye(3), np.full(3, offset)))
     return ops
-
-
-def _cdl(part: OCIO.CDLTransform) -> list[Op]:
-    """A colour decision list: slope, offset and power channel by channel, then saturation (ASC CDL 1.2)."""
-    channels = OCIO.CDLTransform(slope=part.getSlope(), offset=part.getOffset(), power=part.getPower())
-    channels.setStyle(part.getStyle())
-    luma, saturation = np.array(part.getSatLumaCoefs()), part.getSat()
-    ops: list[Op] = _tabulated([channels])
-    if saturation != 1.0:
-        ops.append(Matrix(saturation * np.eye(3) + (1.0 - saturation) * luma[None, :]))
-    return [*ops, Range()] if part.getStyle() == OCIO.CDL_ASC else ops
 
 
 def _tabulated(parts: list[OCIO.Transform]) -> list[Op]:

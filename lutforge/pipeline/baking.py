@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, read_icc, scene_
 from lutforge.kits.kit import look_of, setting_of
 from lutforge.luts.bake import bake_forms, bake_steps, takes_scenes
 from lutforge.luts.check import FileError, compare, verify
-from lutforge.luts.formats import ACES_ID, PROCESS_LISTS
+from lutforge.luts.formats import PROCESS_LISTS
 from lutforge.luts.programs import Target, files_for, program_named, target_of
 from lutforge.luts.sequence import ADOBE_RGB, ENCODED, FORMS, Form, Lut, format_of, input_and_output_of
 from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, is_response_alone, match, through_camera
@@ -223,12 +222,6 @@ def bake(
             steps = bake_steps(transform, title=title, comments=comments)
             for at in np.flatnonzero(stepwise):
                 luts.insert(int(at), steps)
-    if kind == "linearize" and purpose.space == "aces2065-1":
-        # The form is that of the transforms of ACES 2: type, namespace, name, version of ACES, own version. Source:
-        # https://docs.acescentral.com/system-components/transform-ids/ (ACES Transform Identifiers).
-        name = re.sub(r"[^A-Za-z0-9]+", "_", purpose.title.removesuffix(" to aces2065-1")).strip("_")
-        identity = f"urn:ampas:aces:transformId:v2.0:CSC.LutForge.{name}_to_ACES.a2.v1"
-        luts = [replace(lut, metadata={ACES_ID: identity}) for lut in luts]
     made = []
     for path, lut in zip(named, luts, strict=False):
         error = verify(lut.write(path), transform, lut, display_referred=displayed)

@@ -6,15 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
 from lutforge.errors import ImageError, LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.check import verify
-from lutforge.luts.formats import DIGITS, EXACT, rows
 from lutforge.luts.ops import SHAPER_SIZE, Cube, Curve, Matrix, Op, Range, lattice_ops, shaper
 from lutforge.luts.programs import PROGRAMS, files_for, target_of
 from lutforge.luts.reading import file_processor, read_lut
@@ -224,14 +221,6 @@ def test_other_numbers_in_a_vlt_are_refused(tmp_path: Path, line: int, text: str
     path.write_text("\n".join(lines))
     with pytest.raises(LutError, match=r"look\.vlt"):
         read_lut(path)
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.lists(st.tuples(*[st.floats(-2 * EXACT, 2 * EXACT)] * 3), max_size=4))
-def test_numbers_are_written_as_python_does(numbers: list[tuple[float, float, float]]) -> None:
-    numbers += [(0.0, -0.0, -1e-12), (1.0, 0.5, -123.25)]
-    rounded = np.round(np.array(numbers), DIGITS) + 0.0
-    assert rows(numbers) == "".join(f"{r:.10f} {g:.10f} {b:.10f}\n" for r, g, b in rounded.tolist())
 
 
 # --- What bake makes for a program, and which files it writes ---------------------------------------------------------
