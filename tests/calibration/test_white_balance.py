@@ -13,17 +13,14 @@ from lutforge.calibration.physical.white_balance import (
     named_temperature,
     named_white_balances,
     with_fitted_gains,
-    with_temperatures,
 )
 from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import evaluate
-from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.report.tables import balance_table
 from lutforge.samples.sample_set import SampleSet
-from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from tests.cases.real_data import PublishedPairs
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
 from tests.cases.samples import BALANCES, chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
@@ -69,63 +66,6 @@ def test_real_multipliers_are_found_from_colours(s40_samples: SampleSet) -> None
     """A Canon S40 shot of a chart, whose file says 1.620, 1, 1.555: within 6 %, knowing nothing."""
     samples = s40_samples.select(s40_samples.shot == "CRW_0101")
     np.testing.assert_allclose(multipliers_from_colours(samples.raw, samples.srgb), samples.wb[0], rtol=0.06)
-
-
-# --- Temperatures of settings whose names tell none -------------------------------------------------------------------
-
-
-NATURAL = ("tungsten", "flash", "cloudy", "shade")
-
-
-def _anonymous(camera: SimulatedCamera) -> dict[str, WhiteBalance]:
-    """All settings but daylight under names that tell nothing."""
-    return {
-        name if name == "daylight" else f"custom {name}": WhiteBalance(balance.multipliers)
-        for name, balance in camera.white_balances.items()
-    }
-
-
-@pytest.mark.parametrize(("camera", "within"), [(nikon_d5100(), 0.01), (sigma_sd_merrill(), 0.035)])
-def test_the_lights_of_the_simulated_cameras(camera: SimulatedCamera, within: float) -> None:
-    found = with_temperatures(_anonymous(camera), camera.matrix)
-    assert found["daylight"].kelvin == 5200
-    for name in NATURAL:
-        assert found[f"custom {name}"].kelvin == pytest.approx(camera.white_balances[name].kelvin, rel=within)
-
-
-@pytest.mark.parametrize("model", ["lattice", "rbf"])
-def test_calibration_fills_them_in(model: str) -> None:
-    camera = nikon_d5100()
-    samples = photograph_patches(camera, chart_140()[:60], balances=("daylight", "tungsten", "shade"), stops=(-1, 0))
-    names = np.where(samples.white_balance == "daylight", "daylight", np.char.add("my ", samples.white_balance))
-    renamed = replace(samples, white_balance=names)
-    options = CalibrationOptions(model=model, size=5, nonuniform=False)  # type: ignore[arg-type]  # str of the parameters
-    profile = calibrate(renamed, options)
-    for name in ("tungsten", "shade"):
-        found, wanted = profile.white_balances[f"my {name}"].kelvin, camera.white_balances[name].kelvin
-        assert found == pytest.approx(wanted, rel=0.04)
-
-
-def test_a_nikon_d40(d40_pairs: PublishedPairs) -> None:
-    """Nikon states 3000 K for incandescent, 5400 K flash, 6000 K cloudy, 8000 K shade (D40 manual, white balance)."""
-    matrix = d40_pairs.matrix / d40_pairs.matrix.sum(axis=1, keepdims=True)
-    settings = {
-        name if name == "daylight" else f"no {name}": WhiteBalance(multipliers)
-        for name, multipliers in d40_pairs.multipliers.items()
-    }
-    found = with_temperatures(settings, matrix)
-    for name, kelvin in {"tungsten": 3000, "flash": 5400, "cloudy": 6000, "shade": 8000}.items():
-        assert found[f"no {name}"].kelvin == pytest.approx(kelvin, rel=0.17), name
-
-
-def test_what_is_no_light_gets_no_temperature() -> None:
-    matrix, daylight = nikon_d5100().matrix, WhiteBalance(nikon_d5100().white_balances["daylight"].multipliers)
-    auto = WhiteBalance((1.7, 1.0, 1.6), spread=0.2)
-    green = WhiteBalance((3.2, 1.0, 3.0))
-    found = with_temperatures({"daylight": daylight, "auto": auto, "under trees": green, "evening": auto}, matrix)
-    assert [found[name].kelvin for name in ("auto", "under trees", "evening")] == [None, None, None]
-    alone = with_temperatures({"custom": daylight, "auto": auto}, matrix)  # nothing says which light it is
-    assert alone["custom"].kelvin is None
 
 
 def test_names_that_tell() -> None:

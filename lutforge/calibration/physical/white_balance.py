@@ -1,9 +1,4 @@
-"""White-balance multipliers of samples whose files do not tell them (thesis 4.2.2), and their colour temperatures.
-
-A colour temperature is that of the light which multipliers make neutral, seen through Ts. Ts takes white-balanced RAW
-to colours adapted to D65, so it says how lights differ from each other, not which light one of them is: a setting whose
-name tells its temperature anchors the others (nearest to daylight, where Ts is best known).
-"""
+"""White-balance multipliers of samples whose files do not tell them (thesis 4.2.2), the gains and names of settings."""
 
 import re
 from collections.abc import Mapping
@@ -21,8 +16,6 @@ from lutforge.colour.colour_temperature import (
     camera_from_xyz,
     locus,
     multipliers_of,
-    temperature_and_tint,
-    white_of,
 )
 from lutforge.errors import CalibrationError
 from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
@@ -50,10 +43,6 @@ ENOUGH_NEUTRAL = 3
 """Summed weight below which there is nothing neutral to read a white balance from."""
 TINY = 1e-6
 """Light counts as this at least, so that ratios and logarithms stay finite."""
-ONE_LIGHT = 0.05
-"""Settings whose multipliers change by more from shot to shot, as auto's do, stand for no one light."""
-FARTHEST_TINT = 60
-"""Lights further from the locus (0.02 in CIE 1960 u, v) have no colour temperature worth the name."""
 
 
 def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
@@ -185,11 +174,11 @@ def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
 
 
 def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) -> dict[str, WhiteBalance]:
-    """One entry per white-balance name: its middle shot, how far other shots depart from that, its temperature.
+    """One entry per white-balance name: its middle shot, how far other shots depart from that, a told temperature.
 
     The middle shot is the one nearest to the median of each channel, which no shot need have.
 
-    matrix: Ts (3, 3), for temperatures that the name does not tell.
+    matrix: Ts (3, 3), for presets that no shot was taken with.
     """
     result = {}
     for name in np.unique(samples.white_balance):
@@ -201,8 +190,8 @@ def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) 
         middle = shots[np.argmin(departures)]
         r, b = float(middle[0] / middle[1]), float(middle[2] / middle[1])
         spread = float(np.max(np.abs(shots / middle - 1.0)))
-        result[str(name)] = WhiteBalance((r, 1.0, b), spread=spread, gain=float(middle[1]))
-    return with_temperatures(_with_presets(samples, result, matrix), matrix)
+        result[str(name)] = WhiteBalance((r, 1.0, b), named_temperature(str(name)), spread, float(middle[1]))
+    return _with_presets(samples, result, matrix)
 
 
 def _with_presets(samples: SampleSet, balances: dict[str, WhiteBalance], matrix: Array) -> dict[str, WhiteBalance]:
@@ -224,45 +213,9 @@ def _with_presets(samples: SampleSet, balances: dict[str, WhiteBalance], matrix:
     return {**balances, **presets}
 
 
-AMBIGUOUS = ("auto", "kelvin")
-END = 1.02
-"""Estimates this near the ends of the locus may lie beyond them."""
-
-
 def named_temperature(name: str) -> float | None:
     """The temperature in kelvin that a setting's name tells: "daylight", "5600k"; None where it tells none."""
     number = re.fullmatch(r"(\d{4,5}) ?k(?:elvin)?", name)
     if number and COOLEST <= float(number[1]) <= HOTTEST:
         return float(number[1])
     return NAMED_KELVIN.get(name)
-
-
-def with_temperatures(balances: Mapping[str, WhiteBalance], matrix: Array) -> dict[str, WhiteBalance]:
-    """The white balances with the temperature that their name tells, else their multipliers through Ts.
-
-    matrix: Ts (3, 3). None stays where the setting follows the scene, where the light lies far from the locus, and
-    where no name tells the temperature of any setting.
-    """
-    told = {name: replace(balance, kelvin=named_temperature(name)) for name, balance in balances.items()}
-    anchors = [(balance.kelvin, name) for name, balance in told.items() if balance.kelvin is not None]
-    natural = [anchor for anchor in anchors if "fluorescent" not in anchor[1]]
-    if not natural:
-        return told
-    kelvin, anchor = min(natural, key=lambda entry: abs(1 / entry[0] - 1 / NAMED_KELVIN["daylight"]))
-    from_xyz = camera_from_xyz(matrix, np.array(told[anchor].multipliers), kelvin)
-    return {
-        name: balance if balance.kelvin is not None else replace(balance, kelvin=_estimate(name, balance, from_xyz))
-        for name, balance in told.items()
-    }
-
-
-def _estimate(name: str, balance: WhiteBalance, from_xyz: Array) -> float | None:
-    if name in AMBIGUOUS or balance.spread > ONE_LIGHT:
-        return None
-    uv = white_of(np.array(balance.multipliers), from_xyz)
-    if not np.all(np.isfinite(uv)):
-        return None
-    kelvin, tint = temperature_and_tint(uv)
-    if abs(tint) > FARTHEST_TINT or not COOLEST * END < kelvin < HOTTEST / END:
-        return None
-    return float(round(kelvin))
