@@ -26,8 +26,8 @@ from lutforge.atomic_write import atomic_path
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif
-from lutforge.images.icc import codes_moved, foreign_profile, is_srgb, pixels_to_srgb, profile_name, to_srgb
-from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours, with_thumbnail
+from lutforge.images.icc import codes_moved, foreign_profile, is_srgb, pixels_to_srgb, profile_name
+from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours
 from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
 from lutforge.images.write import (
     IN_ANOTHER_SPACE,
@@ -116,7 +116,7 @@ def apply_image(
             broken = 0
             grade_whole(source, jpeg, grade, target, threads)
         else:
-            start = None if jpeg is None else jpeg_metadata(jpeg, grade, profile)
+            start = None if jpeg is None else jpeg_metadata(jpeg, grade)
             writer = stack.enter_context(image_writer(target, output, start))
             broken = _grade_regions(grade, image, writer, threads, region_samples, count > 1)
         parts = image.parts
@@ -238,25 +238,17 @@ def _grade_regions(
 # --- A JPEG to a JPEG: as 8-bit codes, with the source's quality and all of its metadata ------------------------------
 
 
-def jpeg_metadata(header: JpegHeader, grade: Grade, profile: bytes = b"") -> bytes:
+def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:
     """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
 
-    The thumbnail is graded in its place; where the colours get another space, ICC profile and ColorSpace change.
-    profile: of the space that the picture was converted from, to sRGB, before it was graded.
+    The thumbnail is of the old colours and left out; where the colours get another space, ICC profile and ColorSpace
+    change.
     """
-    segments, attributes, codes = header.segments, grade.attributes, grade.codes
+    segments, attributes = header.segments, grade.attributes
     if "ICCProfile" in attributes:
         new = attributes["ICCProfile"]
         adobe_rgb = attributes.get("Exif:ColorSpace") == IN_ANOTHER_SPACE
         segments = with_colours(segments, new if isinstance(new, bytes) else None, adobe_rgb)
-    if codes is not None:
-
-        def graded(canvas: Codes) -> None:
-            if profile:
-                canvas[..., :3] = to_srgb(np.ascontiguousarray(canvas[..., :3]), profile)
-            grade_codes(codes, canvas, None)
-
-        segments = with_thumbnail(segments, graded)
     comment = f"{attributes.get('Software', SOFTWARE)}\n{' '.join(grade.history.split())}"
     return stored_metadata(segments, header.plain, comment)
 

@@ -12,7 +12,6 @@ from io import BytesIO, FileIO
 from mmap import mmap
 from pathlib import Path
 
-import numpy as np
 import simplejpeg
 from PIL import Image as Pillow
 from PIL.JpegImagePlugin import JpegImageFile
@@ -135,23 +134,23 @@ def metadata_end(data: bytes) -> int:
 def exif_places(block: bytes) -> dict[str, slice]:
     """Find the bytes of some values in an EXIF block, a TIFF structure; empty where the block is damaged.
 
-    "thumbnail" is the JPEG of the second directory; "colour space" two bytes; "interoperability" three, "R98" for sRGB
-    and "R03" for Adobe RGB (DCF 2.0).
+    "next directory" is the offset of the second directory, which holds the thumbnail; "colour space" two bytes;
+    "interoperability" three, "R98" for sRGB and "R03" for Adobe RGB (DCF 2.0).
     """
     order = byte_order(block)
     if order is None or block[2:4] != struct.pack(f"{order}H", 42):
         return {}
     try:  # by the tags of Exif 2.32: 4.5.4, 4.6.3, 4.6.5 and 4.6.7
-        first, following = read_directory(block, order, number(block, order, "I", 4))
+        start = number(block, order, "I", 4)
+        first, _ = read_directory(block, order, start)
         exif = offset_in(block, order, first, 0x8769)
         photo, _ = ({}, 0) if exif is None else read_directory(block, order, exif)
         interoperability = offset_in(block, order, photo, 0xA005)
         colours, _ = ({}, 0) if interoperability is None else read_directory(block, order, interoperability)
-        pictures, _ = read_directory(block, order, following) if following else ({}, 0)
-        start, length = (offset_in(block, order, pictures, tag) or 0 for tag in (0x0201, 0x0202))
+        link = start + 2 + 12 * number(block, order, "H", start)
     except struct.error:  # an offset beyond the end
         return {}
-    places = {"thumbnail": slice(start, start + length)} if 0 < start < start + length <= len(block) else {}
+    places = {"next directory": slice(link, link + 4)} if link + 4 <= len(block) else {}
     for name, entries, tag, size in (("colour space", photo, 0xA001, 2), ("interoperability", colours, 1, 3)):
         if tag in entries:
             places[name] = slice(entries[tag].place.start, entries[tag].place.start + size)
@@ -200,8 +199,13 @@ def encode(file: FileIO, canvas: Codes, start: bytes, like: JpegHeader) -> None:
 
 def stored_metadata(segments: Sequence[Segment], plain: bool, comment: str) -> bytes:
     """SOI and the segments as they are, with a comment more."""
-    # Further pictures are not copied, so what says where they begin is left out; of colours that are coded anew (not
-    # plain), what told of the old coding.
+
+    def alone(block: bytes, places: dict[str, slice]) -> bytes:
+        return _replaced(block, places["next directory"], bytes(4)) if "next directory" in places else block
+
+    # Further pictures, and the thumbnail of the old colours, are left out, and so is what says where they begin; of
+    # colours that are coded anew (not plain), what told of the old coding.
+    segments = _with_exif(segments, alone)
     copied = [each for each in segments if not each.holds(PREVIEWS) and (plain or not each.holds(ADOBE))]
     told = Segment(COMMENT, comment.encode()[:65_000].ljust(16))
     return SOI + b"".join(each.stored for each in (*copied, told))
@@ -224,26 +228,6 @@ def with_colours(segments: Sequence[Segment], profile: bytes | None, adobe_rgb: 
     return _with_exif(changed, colours)
 
 
-def with_thumbnail(segments: Sequence[Segment], grade: Callable[[Codes], None]) -> tuple[Segment, ...]:
-    """The segments with the EXIF thumbnail graded in its place, if it can be decoded: no byte around it changes."""
-
-    def graded(block: bytes, places: dict[str, slice]) -> bytes:
-        old = block[places.get("thumbnail", slice(0))]
-        header = read_header(old)
-        if header is None or not header.plain or header.width * header.height > 1 << 20:
-            return block
-        canvas = np.empty((header.height, header.width, 4), np.uint8)
-        try:
-            simplejpeg.decode_jpeg(old, "RGBX", buffer=canvas, strict=False)
-        except ValueError:
-            return block
-        grade(canvas)
-        new = _small(canvas, header, len(old))
-        return block if new is None else _replaced(block, places["thumbnail"], new)
-
-    return _with_exif(segments, graded)
-
-
 def _with_exif(segments: Sequence[Segment], change: Callable[[bytes, dict[str, slice]], bytes]) -> tuple[Segment, ...]:
     """The segments with a change of the EXIF block that keeps its length."""
     changed = []
@@ -256,16 +240,3 @@ def _with_exif(segments: Sequence[Segment], change: Callable[[bytes, dict[str, s
 
 def _replaced(block: bytes, place: slice, new: bytes) -> bytes:
     return block[: place.start] + new + block[place.stop :]
-
-
-def _small(canvas: Codes, like: JpegHeader, length: int) -> bytes | None:
-    """A thumbnail encoded, as finely as fits, to exactly `length` bytes; None where not even the coarsest fits."""
-    for coarser in (1.0, 1.25, 1.6, 2.5, 4.0, 8.0):
-        encoded = BytesIO()
-        tables = [[min(255, round(step * coarser)) for step in steps] for steps in like.tables]
-        picture = Pillow.frombuffer("RGBX", (canvas.shape[1], canvas.shape[0]), canvas, "raw", "RGBX", 0, 1)
-        picture.save(encoded, "JPEG", qtables=tables, subsampling=_SUBSAMPLING.get(like.sampling, 0), optimize=True)
-        data = SOI + encoded.getvalue()[20:]  # thumbnails have no JFIF segment (Exif 2.32, 4.5.5)
-        if len(data) <= length:  # filled up with bytes that mean nothing (ITU-T T.81, B.1.1.2)
-            return data[:-2] + b"\xff" * (length - len(data)) + EOI
-    return None

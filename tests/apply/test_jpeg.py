@@ -73,27 +73,20 @@ def header_of(path: Path) -> JpegHeader:
     return header
 
 
-def thumbnail_of(header: JpegHeader) -> NDArray[np.float64]:
-    block = header.exif
-    assert block is not None
-    with Pillow.open(BytesIO(block[exif_places(block)["thumbnail"]])) as picture:
-        return np.asarray(picture, dtype=np.float64)
-
-
 def assert_metadata_kept(before: JpegHeader, after: JpegHeader) -> None:
-    """Every segment is there, byte for byte, but for the thumbnail and what leads to further pictures."""
+    """Every segment is there, byte for byte, but for what leads to the thumbnail and to further pictures."""
     *segments, comment = after.segments
     assert comment.body.startswith(b"LutForge")
     kept = [segment for segment in before.segments if not segment.body.startswith(b"MPF\0")]
     assert [segment.marker for segment in segments] == [segment.marker for segment in kept]
     for one, other in zip(kept, segments, strict=True):
-        place = exif_places(one.body[6:]).get("thumbnail") if one.body.startswith(b"Exif\0\0") else None
+        place = exif_places(one.body[6:]).get("next directory") if one.body.startswith(b"Exif\0\0") else None
         if place is None:
             assert one == other
         else:
             hole = slice(place.start + 6, place.stop + 6)
             assert one.body[: hole.start] + one.body[hole.stop :] == other.body[: hole.start] + other.body[hole.stop :]
-            assert one.body[hole] != other.body[hole]
+            assert any(one.body[hole]) and not any(other.body[hole])
 
 
 @pytest.mark.parametrize("said", ["xmp", "iso"])
@@ -117,23 +110,13 @@ def test_metadata_tables_and_chroma_stay(tmp_path: Path, grade: Grade, whole: bo
     graded = grade if whole else replace(grade, codes=None)
     done = apply_image(graded, source, tmp_path / "out" / "a.jpg")
     before, after = header_of(source), header_of(done.target)
+    assert_metadata_kept(before, after)
     if whole:
-        assert_metadata_kept(before, after)
         assert before.tables == after.tables
-    else:  # region by region the thumbnail stays as it is
-        assert after.segments[:-1] == before.segments
     assert before.sampling == after.sampling == ((2, 1), (1, 1), (1, 1))
     assert tags(done.target)[SOFTWARE] == "LutForge" and after.comments[-1].endswith("graded with look.cube")
     wanted = apply_to_pixels(grade.processor, read_image(source).pixels)
     np.testing.assert_allclose(read_image(done.target).pixels, wanted, atol=6 / 255)
-
-
-def test_the_thumbnail_is_graded(tmp_path: Path, grade: Grade) -> None:
-    source = with_everything(tmp_path / "a.jpg")
-    apply_image(grade, source, tmp_path / "b.jpg")
-    before, after = (thumbnail_of(header_of(path)) for path in (source, tmp_path / "b.jpg"))
-    wanted = 255 * apply_to_pixels(grade.processor, (before / 255).astype(np.float32))
-    assert np.abs(after - wanted).mean() < 4 < np.abs(before - wanted).mean()
 
 
 def test_codes_are_those_of_floats_rounded(grade: Grade) -> None:
@@ -195,7 +178,7 @@ def test_real_photographs_keep_their_metadata(tmp_path: Path, shared_data: Path,
     assert any("previews" in note for note in result.done[-1].notes)  # the Sony's
     if shutil.which("exiftool"):
         words = ["exiftool", "-a", "-G1", "-s", "-struct", "--File:all", "--System:all", "--Composite:all"]
-        words += ["--MPF:all", "--MPImage1:all", "--MPImage2:all", "-x", "IFD1:ThumbnailImage"]
+        words += ["--MPF:all", "--MPImage1:all", "--MPImage2:all", "--IFD1:all"]
         for done in result.done:
             told = [
                 subprocess.run([*words, str(path)], capture_output=True, text=True, check=True).stdout.splitlines()

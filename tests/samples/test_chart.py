@@ -55,7 +55,6 @@ CORNERS = np.array([[60.0, 40.0], [420.0, 70.0], [40.0, 280.0]])
 
 @pytest.mark.filterwarnings("ignore")  # colour-science tells of optional packages when it is imported
 def test_reference_is_the_published_one() -> None:
-
     chart = colour.CCS_COLOURCHECKERS["ColorChecker24 - After November 2014"]
     srgb = colour.XYZ_to_sRGB(colour.xyY_to_XYZ(list(chart.data.values())), chart.illuminant)
     np.testing.assert_allclose(REFERENCE, np.clip(255 * srgb, 0, 255), atol=0.51)
