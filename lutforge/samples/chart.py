@@ -86,11 +86,6 @@ def _known() -> dict[str, Any]:
     return dict(json.loads(files(__package__).joinpath("data", "charts.json").read_text(encoding="utf-8")))
 
 
-def srgb_codes(name: str) -> Array:
-    """Return the sRGB codes (n, 3) of a chart of data/charts.json: what colour-science's XYZ_to_sRGB gives, rounded."""
-    return np.array(_known()[name]["srgb_codes"], dtype=np.float64)
-
-
 def chart_kind(word: str) -> ChartKind:
     """A chart by its name in data/charts.json. Raises CalibrationError."""
     known = _known()
@@ -125,8 +120,6 @@ def parse_corners(text: str) -> Array:
 # it finds is only believed where the patches have the chart's colours in the chart's places: a false chart is worse
 # than none.
 
-
-REFERENCE = srgb_codes("classic2014")
 
 RESEMBLANCE = 0.85
 """Share of the variance of a chart's chroma that an affine map of the published colours explains, at least."""
@@ -172,45 +165,25 @@ def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference
     kind = kind or chart_kind("classic")
     if not kind.detector or detector_note() is not None:
         return None
-    if kind.detector == "MCC24":
-        reference = None  # a Classic is told by more than its colours
-    elif reference is None:
-        reference = 255.0 * srgb_encode(np.clip(kind.linear_srgb(), 0.0, 1.0))
     turned = [Chart(np.roll(corners, turn, axis=0), kind) for corners in _detect(jpeg, kind) for turn in range(4)]
-    scores = []
-    for chart in turned:
-        seen = patch_codes(jpeg, chart)
-        if reference is None:
-            scores.append(likeness(seen.mean, seen.std) or 0.0)
-        else:
-            scores.append(resemblance(seen.mean, reference) if _is_plain(seen.mean, seen.std) else 0.0)
-    best = int(np.argmax(scores)) if scores else 0
-    return turned[best] if scores and scores[best] >= RESEMBLANCE else None
+    if not turned:
+        return None
+    if reference is None:
+        reference = 255.0 * srgb_encode(np.clip(kind.linear_srgb(), 0.0, 1.0))
+    found = [patch_codes(jpeg, chart) for chart in turned]
+    scores = [likeness(seen.mean, seen.std, reference) for seen in found]
+    best = int(np.argmax(scores))
+    return turned[best] if scores[best] >= RESEMBLANCE else None
 
 
-def likeness(codes: Array, deviation: Array) -> float | None:
-    """How like a ColorChecker 24 patches are, at most 1; None where they are none.
+def likeness(codes: Array, deviation: Array, reference: Array) -> float:
+    """How like a chart patches are, at most 1, and 0 where they are not plain or hardly have colours.
 
-    codes, deviation: (24, 3) mean and standard deviation of JPEG codes. Asked for: plain patches (a median deviation of
-    12 codes at most), a last row of greys that darken step by step without changing tint by over a quarter, colours
-    (5 codes from grey, root mean square), of whose variance an affine map of the published ones explains 0.85.
+    codes, deviation: (n, 3) mean and standard deviation of JPEG codes; their median deviation is 12 codes at most.
+    reference: (n, 3) the chart's codes.
     """
-    if not _is_plain(codes, deviation):
-        return None
-    greys = codes[18:]
-    luma = greys @ np.array([0.299, 0.587, 0.114])
-    falls = np.diff(luma) <= -4.0
-    clipped = (luma[:-1] >= 250) | (luma[1:] <= 12)
-    if not np.all(falls | clipped) or np.count_nonzero(falls) < 3 or luma[0] < 2 * luma[-1]:
-        return None
-    middle = greys[(greys.max(axis=1) < 250) & (greys.min(axis=1) > 12)]
-    if len(middle) < 2:
-        return None
-    tints = middle / middle.mean(axis=1, keepdims=True)
-    if np.abs(tints - tints.mean(axis=0)).max() > 0.25:
-        return None
-    score = resemblance(codes, REFERENCE)
-    return score if score >= RESEMBLANCE else None
+    plain = bool(np.isfinite(codes).all()) and float(np.median(deviation.max(axis=1))) <= 12.0
+    return resemblance(codes, reference) if plain else 0.0
 
 
 def resemblance(codes: Array, reference: Array) -> float:
@@ -223,10 +196,6 @@ def resemblance(codes: Array, reference: Array) -> float:
         return 0.0
     residual_chroma = residual - residual.mean(axis=1, keepdims=True)
     return 1.0 - float((residual_chroma**2).sum() / (chroma**2).sum())
-
-
-def _is_plain(codes: Array, deviation: Array) -> bool:
-    return bool(np.isfinite(codes).all()) and float(np.median(deviation.max(axis=1))) <= 12.0
 
 
 def sample_chart(shot: Shot, chart: Chart) -> tuple[CellStatistics, CellStatistics]:

@@ -5,7 +5,6 @@ import importlib.util
 import sys
 from pathlib import Path
 
-import colour
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.samples.chart import (
-    REFERENCE,
+    RESEMBLANCE,
     Chart,
     chart_kind,
     detector_note,
@@ -30,6 +29,7 @@ from lutforge.shots.read import read_shot
 from tests.cases.charts import chart_picture
 from tests.cases.shots import MULTIPLIERS, render, synthetic_shot
 
+REFERENCE = 255 * srgb_encode(np.clip(chart_kind("classic2014").linear_srgb(), 0, 1))
 PLAIN = np.ones((24, 3))
 needs_detector = pytest.mark.skipif(
     importlib.util.find_spec("cv2") is None, reason="needs the optional package opencv-contrib-python-headless"
@@ -53,26 +53,19 @@ def chart_scene(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 CORNERS = np.array([[60.0, 40.0], [420.0, 70.0], [40.0, 280.0]])
 
 
-@pytest.mark.filterwarnings("ignore")  # colour-science tells of optional packages when it is imported
-def test_reference_is_the_published_one() -> None:
-    chart = colour.CCS_COLOURCHECKERS["ColorChecker24 - After November 2014"]
-    srgb = colour.XYZ_to_sRGB(colour.xyY_to_XYZ(list(chart.data.values())), chart.illuminant)
-    np.testing.assert_allclose(REFERENCE, np.clip(255 * srgb, 0, 255), atol=0.51)
-
-
 def test_false_charts_are_refused() -> None:
     grid = REFERENCE.reshape(4, 6, 3)
     for false in (grid[:, ::-1], grid[::-1], grid[::-1, ::-1], np.roll(grid, 1, axis=1), np.roll(grid, 1, axis=0)):
-        assert likeness(false.reshape(24, 3), PLAIN) is None
+        assert likeness(false.reshape(24, 3), PLAIN, REFERENCE) < RESEMBLANCE
     rng = np.random.default_rng(6)
     for _ in range(500):
         codes = rng.uniform(0, 255, (24, 3))
         codes[18:] = np.linspace(230, 30, 6)[:, None]
-        assert likeness(codes, PLAIN) is None
+        assert likeness(codes, PLAIN, REFERENCE) < RESEMBLANCE
     grey = np.repeat(np.linspace(250, 20, 24)[:, None], 3, axis=1)
-    assert likeness(grey, PLAIN) is None
-    assert likeness(REFERENCE, 20 * PLAIN) is None
-    assert likeness(np.full((24, 3), np.nan), PLAIN) is None
+    assert likeness(grey, PLAIN, REFERENCE) < RESEMBLANCE
+    assert likeness(REFERENCE, 20 * PLAIN, REFERENCE) < RESEMBLANCE
+    assert likeness(np.full((24, 3), np.nan), PLAIN, REFERENCE) < RESEMBLANCE
 
 
 def test_patches_are_sampled_where_they_are() -> None:
@@ -225,8 +218,8 @@ def test_likeness_of_measured_charts(shared_data: Path) -> None:
     for patches in charts.values():
         rows = np.array(sorted(patches))
         grid, deviation = rows[:, 1:4].reshape(4, 6, 3), rows[:, 4:]
-        believed.append(likeness(grid.reshape(24, 3), deviation) is not None)
+        believed.append(likeness(grid.reshape(24, 3), deviation, REFERENCE) >= RESEMBLANCE)
         for false in (grid[::-1, ::-1], grid[:, ::-1], grid[::-1], np.roll(grid, 1, axis=1)):
-            assert likeness(false.reshape(24, 3), deviation) is None
+            assert likeness(false.reshape(24, 3), deviation, REFERENCE) < RESEMBLANCE
     assert len(believed) == 80
-    assert sum(believed) >= 72
+    assert all(believed)
