@@ -11,9 +11,8 @@ Each cause is a change of the samples that undoes it. The changed samples are fi
 named where it explains them far better. Where none does, and the fit is as bad as no camera's, only that is said.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -51,12 +50,8 @@ FAR_OFF = 0.25
 TONED, COLOURFUL, LEAST_TINT = 2, 0.2, 3
 """A toned picture: channels within 2 codes of a function of green, RAW of which a tenth differs by this share, and a
 tint of so many codes."""
-SAME_BALANCE = 0.1
-"""Logarithm of a ratio of multipliers that tells two settings apart."""
 TINY = 1e-6
 """Light counts as this at least, so that ratios and logarithms stay finite."""
-WARM_TO_COOL = ("tungsten", "daylight", "cloudy", "shade")
-"""Settings in the order of the light that they are for: the cooler it is, the more red a camera adds beside blue."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +91,7 @@ def implausible(samples: SampleSet, multipliers: Array) -> tuple[Diagnosis, ...]
         cause = _of_style(samples.select(rows), multipliers[rows])
         if cause is not None:
             found.setdefault(cause.cause, cause)
-    if found or not np.all(np.isfinite(samples.wb)):
-        return tuple(found.values())
-    names = np.unique(samples.white_balance)
-    by_name = {str(name): np.median(multipliers[samples.white_balance == name], axis=0) for name in names}
-    exchanged = _wrong_names(by_name)
-    return () if exchanged is None else (exchanged,)
+    return tuple(found.values())
 
 
 def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
@@ -119,7 +109,7 @@ def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
     if diagnosis is not None or np.any(samples.raw_space != ""):  # programs may render anything
         return diagnosis
     best = min(given.misfit / FAR_BETTER, given.misfit - LEAST_GAIN)
-    for cause, advice, undone in _causes(colours, given, samples) if best > 0.0 else ():
+    for cause, advice, undone in _causes(colours, given) if best > 0.0 else ():
         least = given.misfit
         for changed in undone:
             judged = _judged(changed)
@@ -168,7 +158,7 @@ def _judged(colours: _Colours) -> _Judgement | None:
     return _Judgement(float(residual), tint, power, white, float(misfit))
 
 
-def _causes(colours: _Colours, given: _Judgement, samples: SampleSet) -> Iterator[tuple[str, str, list[_Colours]]]:
+def _causes(colours: _Colours, given: _Judgement) -> Iterator[tuple[str, str, list[_Colours]]]:
     """Yield each cause that could apply with what to do, and the samples without it, or without ever more of it."""
     raw, encoded, by = colours.raw, colours.encoded, colours.multipliers
     again = "read the file as RGB, not BGR, and sample again"
@@ -193,13 +183,6 @@ def _causes(colours: _Colours, given: _Judgement, samples: SampleSet) -> Iterato
     if np.ptp(given.tint) < 0.6:
         neutral = 2.0 ** (given.tint - given.tint[1])
         yield "the white balance is shifted in the camera", advice, [replace(colours, multipliers=by * neutral)]
-    for first, second in combinations(np.unique(samples.white_balance).tolist(), 2):
-        a, b = samples.white_balance == first, samples.white_balance == second
-        exchanged = by.copy()
-        exchanged[a], exchanged[b] = np.median(by[b], axis=0), np.median(by[a], axis=0)
-        if np.abs(np.log(exchanged / by)).max() > SAME_BALANCE:
-            cause = f'the white balances "{first}" and "{second}" are exchanged'
-            yield cause, "exchange their names or multipliers in the table", [replace(colours, multipliers=exchanged)]
 
 
 def _toned(colours: _Colours) -> Diagnosis | None:
@@ -214,16 +197,3 @@ def _toned(colours: _Colours) -> Diagnosis | None:
         return None
     evidence = f"all their colours are one tint, {tint:.0f} codes from grey, though the RAW is colourful"
     return Diagnosis("the JPEGs are toned", evidence, "shoot with a colour style, or a plain black-and-white one")
-
-
-def _wrong_names(multipliers: Mapping[str, Array]) -> Diagnosis | None:
-    """Diagnose two settings of which the one for the warmer light adds more red beside blue; multipliers: by name."""
-    for warm, cool in combinations([name for name in WARM_TO_COOL if name in multipliers], 2):
-        (r, _, b), (other_r, _, other_b) = multipliers[warm], multipliers[cool]
-        if np.log(r / b) > np.log(other_r / other_b) + SAME_BALANCE:
-            return Diagnosis(
-                f'the white balances "{warm}" and "{cool}" have each other\'s names',
-                f'the multipliers of "{cool}" are for the warmer light of the two',
-                "exchange the names in the table",
-            )
-    return None

@@ -9,7 +9,7 @@ from lutforge.arrays import Array
 from lutforge.calibration.departures import departing_shots
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.white_balance import complete_multipliers
-from lutforge.calibration.plausibility import WARM_TO_COOL, implausible
+from lutforge.calibration.plausibility import implausible
 from lutforge.calibration.style import unclipped
 from lutforge.colour.srgb import srgb_decode
 from lutforge.samples.sample_set import SampleSet, concatenate
@@ -106,22 +106,6 @@ def _other_sensor(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
     return replace(samples, raw=raw, wb=wb)
 
 
-def _exchanged(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
-    """The multipliers of the warmest and the coolest setting exchanged."""
-    wb, names = samples.wb.copy(), np.unique(samples.white_balance)
-    warmth = [np.median(wb[samples.white_balance == name, 0]) for name in names]
-    first, last = (samples.white_balance == names[place] for place in (np.argmin(warmth), np.argmax(warmth)))
-    wb[first], wb[last] = np.median(samples.wb[last], axis=0), np.median(samples.wb[first], axis=0)
-    return replace(samples, wb=wb)
-
-
-def _renamed(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
-    """The settings for the warmest and the coolest light with each other's names."""
-    names = [name for name in WARM_TO_COOL if name in samples.white_balance]
-    other = {names[0]: names[-1], names[-1]: names[0]}
-    return replace(samples, white_balance=np.array([other.get(str(name), str(name)) for name in samples.white_balance]))
-
-
 BLACK = 600.0 / 15520.0
 CASES: dict[str, tuple[str, Case]] = {
     "red and blue of the JPEG swapped": ("blue of the JPEG", _srgb(lambda srgb: srgb[:, ::-1])),
@@ -130,8 +114,6 @@ CASES: dict[str, tuple[str, Case]] = {
     "green counted twice": ("counted twice", _raw(lambda raw, wb: raw * [1, 2, 1])),
     "one in ten shots of another style": ("departs: saturation", _other_style(0.1)),
     "a third of the shots of another sensor": ("departs: saturation", _other_sensor),
-    "multipliers of two white balances exchanged": ("exchanged", _exchanged),
-    "names of two white balances exchanged": ("other's names", _renamed),
     "sepia": ("toned", _srgb(lambda srgb: (srgb @ [0.3, 0.59, 0.11])[:, None] * [1.07, 0.95, 0.75])),
     "RAW white-balanced already": ("already", _raw(lambda raw, wb: raw * wb)),
     "black level left in": ("left in", _raw(lambda raw, wb: raw * (1 - BLACK) + BLACK)),
@@ -150,8 +132,3 @@ def diagnosed(samples: SampleSet) -> tuple[str, ...]:
         return causes
     found = departing_shots(samples, multipliers, unclipped(samples, multipliers))
     return tuple(f"{each.shot} departs: {each.words}" for each in found)
-
-
-def applies(case: str, name: str) -> bool:
-    """The S40's shots have an automatic white balance, so none to exchange."""
-    return name != "S40" or "white balances" not in case
