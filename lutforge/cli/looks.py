@@ -27,9 +27,8 @@ if TYPE_CHECKING:
 
 
 PROGRAMS = (
-    "resolve, nuke, ocio, oiio, baselight, flame, houdini, blender, photoshop, lightroom, premiere, aftereffects, "
-    "finalcut, affinity, ffmpeg, mlt, obs, darktable, rawtherapee, art, captureone, digikam, rapidraw, gmic, gimp, "
-    "imagemagick"
+    "resolve, nuke, ocio, baselight, flame, blender, photoshop, lightroom, premiere, aftereffects, finalcut, ffmpeg, "
+    "obs, darktable, rawtherapee, art, captureone, gmic, gimp"
 )
 """What `--for` takes: the programs of `lutforge.luts.programs`, written here because that takes a second to load."""
 

@@ -199,8 +199,6 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
                     "G'MIC, OpenShot, OBS": "ignore the domain: wrong colours",
                     "ffmpeg": "misreads a domain that does not begin at 0" if any(low) else "reads it",
                 }
-            if lut.size > 64:
-                readers["After Effects before 2022"] = f"takes up to 64 nodes per axis, not {lut.size}"
             if lut.size not in (17, 33, 65):
                 readers["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {lut.size}"
             return readers
@@ -231,8 +229,6 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
             return {"Flame, Lustre, darktable": "read it", "ffmpeg": ffmpeg}
         case "Hald image", _:
             return {"RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it", "video programs": "mostly do not"}
-        case ((".spi1d" | ".spi3d"), _):
-            return {"other programs": "mostly do not read it; it belongs in an OpenColorIO config"}
         case _:
             return {"other programs": "mostly do not read it"}
 

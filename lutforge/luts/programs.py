@@ -37,22 +37,18 @@ PROGRAMS: dict[str, Program] = {
     "resolve": Program(shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Update Lists"),
     "nuke": Program(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
     "ocio": Program(shaper=True, reads=OCIO_READS),
-    "oiio": Program(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
     "baselight": Program(reads=(".clf", ".cube")),
     "flame": Program(reads=(".clf", ".ctf", ".3dl", ".csp", ".cube")),
-    "houdini": Program(shaper=True, reads=OCIO_READS),
     "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
     "photoshop": Program(reads=(".cube", ".3dl", ".csp")),
     "lightroom": Program(reads=(".cube", ".dcp"), size=33, use="in a profile made with Camera Raw", develops=True),
     "premiere": Program(reads=(".cube", ".3dl")),
     "aftereffects": Program(reads=(".cube", ".3dl", ".csp"), max_size=64, size=64),
     "finalcut": Program(reads=(".cube",)),
-    "affinity": Program(reads=(".cube", ".3dl", ".csp")),
     "ffmpeg": Program(
         reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral",
         use="ffmpeg -i IN -vf lut3d=file=FILE:interp=tetrahedral OUT",
     ),
-    "mlt": Program(reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
     "obs": Program(reads=(".cube",)),
     "darktable": Program(
         reads=(".icc", ".cube", ".3dl", ".png"), interpolation="tetrahedral", use="module input color profile",
@@ -63,11 +59,8 @@ PROGRAMS: dict[str, Program] = {
     ),
     "art": Program(reads=(*HALD, ".clf", ".dcp", ".icc"), develops=True),
     "captureone": Program(reads=(".icc",), develops=True),
-    "digikam": Program(reads=(".icc",), develops=True),
-    "rapidraw": Program(reads=(".dcp", ".cube"), develops=True),
     "gmic": Program(reads=(".cube", ".png")),
     "gimp": Program(reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
-    "imagemagick": Program(reads=HALD),
 }  # fmt: skip
 """Programs that `--for` names, and what their readers take."""
 

@@ -151,13 +151,10 @@ def as_profiles(profiles: Sequence[CameraProfile | str | Path]) -> list[CameraPr
 def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable[str] = ()) -> tuple[Camera, ...]:
     """Names for profiles; a camera gets a number where a colour space or alias is taken. Raises ConfigError."""
     used = {name.lower() for name in taken}
-    prints: set[str] = set()
     cameras: list[Camera] = []
     for profile in as_profiles(profiles):
-        key = _fingerprint(profile)
-        if key in prints:
+        if any(_are_one(profile, camera.profile) for camera in cameras):
             raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")
-        prints.add(key)
         styles, balances = UniqueNames((RAW, LINEAR)), UniqueNames()
         first = camera = Camera(
             profile,
@@ -176,17 +173,16 @@ def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable
     return tuple(cameras)
 
 
-def _fingerprint(profile: CameraProfile) -> str:
-    """Equal for profiles of one camera that render alike."""
-    digest = hashlib.sha256(repr((profile.camera, sorted(profile.white_balances.items()))).encode())
-    arrays = [profile.matrix]
-    for name, style in sorted(profile.styles.items()):
-        digest.update(name.encode())
-        for lattice in filter(None, (style.render, style.linearize)):
-            arrays += [*lattice.levels, lattice.values]
-        for model in style.physical:
-            maps = model.gamut_map, model.inverse_gamut_map
-            arrays += [model.matrix, model.response.inverse, *(part.coefficients for part in maps)]
-    for array in arrays:
-        digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
-    return digest.hexdigest()
+def _are_one(first: CameraProfile, second: CameraProfile) -> bool:
+    """Whether two profiles are of one camera and one calibration."""
+    return (
+        first.camera == second.camera
+        and first.white_balances == second.white_balances
+        and np.array_equal(first.matrix, second.matrix)
+        and _errors(first) == _errors(second)  # of developed pictures the matrix is the same for all looks
+    )
+
+
+def _errors(profile: CameraProfile) -> dict[str, dict[str, float]]:
+    """The errors of each style, which no two calibrations share."""
+    return {name: dict(style.errors) for name, style in profile.styles.items()}
