@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 
 PROGRAMS = (
-    "resolve, nuke, ocio, baselight, flame, blender, photoshop, lightroom, premiere, aftereffects, finalcut, ffmpeg, "
-    "obs, darktable, rawtherapee, art, captureone, gmic, gimp"
+    "resolve, nuke, ocio, oiio, baselight, flame, blender, photoshop, lightroom, premiere, aftereffects, finalcut, "
+    "ffmpeg, obs, darktable, rawtherapee, art, captureone, gmic, gimp"
 )
 """What `--for` takes: the programs of `lutforge.luts.programs`, written here because that takes a second to load."""
 

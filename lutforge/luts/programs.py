@@ -37,6 +37,7 @@ PROGRAMS: dict[str, Program] = {
     "resolve": Program(shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Update Lists"),
     "nuke": Program(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
     "ocio": Program(shaper=True, reads=OCIO_READS),
+    "oiio": Program(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
     "baselight": Program(reads=(".clf", ".cube")),
     "flame": Program(reads=(".clf", ".ctf", ".3dl", ".csp", ".cube")),
     "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
