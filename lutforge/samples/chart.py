@@ -251,7 +251,7 @@ def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
 
 def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> CellStatistics:
     """The statistics (n, 3) of the pixels whose centres lie in each patch; NaN where it leaves the picture."""
-    found = np.full((5, len(chart.kind.centres), 3), np.nan)
+    found = np.full((4, len(chart.kind.centres), 3), np.nan)
     for index, corners in enumerate(chart.patches()):
         low, high = np.floor(corners.min(axis=0)).astype(int), np.ceil(corners.max(axis=0)).astype(int) + 1
         if low.min() < 0 or high[0] > picture.shape[1] or high[1] > picture.shape[0]:
@@ -261,7 +261,7 @@ def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> CellStatis
         cross = np.stack([dx * (y - cy) - dy * (x - cx) for (cx, cy), (dx, dy) in zip(corners, side, strict=True)])
         pixels = picture[low[1] : high[1], low[0] : high[0]][np.all(cross >= 0, axis=0) | np.all(cross <= 0, axis=0)]
         if len(pixels):
-            found[:4, index] = pixels.mean(axis=0), pixels.std(axis=0), pixels.min(axis=0), pixels.max(axis=0)
+            found[:, index] = pixels.mean(axis=0), pixels.std(axis=0), pixels.min(axis=0), pixels.max(axis=0)
     return CellStatistics(*found)
 
 

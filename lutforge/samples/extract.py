@@ -118,10 +118,7 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
 def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     """The flat tiles of a shot, and why its other cells are none."""
     cell = cell_size(shot.registration)
-    raw = shot.raw_cells(cell)
-    hot = raw.hot
-    raw = shot.raw_cells(cell, hot) if hot else raw
-    jpeg = shot.jpeg_cells(cell, hot)
+    raw, jpeg = shot.raw_cells(cell), shot.jpeg_cells(cell)
     inside: Mask = np.isfinite(raw.mean[..., 0])
     clips = clipping(jpeg, raw, saturation)
     is_clipped = np.any(list(clips.values()), axis=0)
@@ -131,7 +128,7 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     level, roughness = flatness(jpeg, raw, cell, shot.metadata.multipliers, usable, usable | at_an_end)
     agrees = agreement(jpeg, raw)
     is_flat = usable & (level < len(LEVELS) - 1)
-    notes = ["many hot pixels: left out by medians"] if hot else []
+    notes = []
     if np.count_nonzero(is_flat & agrees) < FEW_TILES:
         relaxed = usable & (level < len(LEVELS)) & agrees
         if np.count_nonzero(relaxed) > np.count_nonzero(is_flat & agrees):

@@ -20,43 +20,33 @@ class CellStatistics:
     """Statistics over the cells of a grid on a picture, each (H, W, 3) float64; NaN where the picture has no pixels.
 
     Each pixel weighs by as much of it as the cell covers, exactly. minimum and maximum are over every pixel that the
-    cell touches, but no further from the mean than REACH standard deviations. outliers: the share that does not count.
+    cell touches, but no further from the mean than REACH standard deviations.
     """
 
     mean: Array
     std: Array
     minimum: Array
     maximum: Array
-    outliers: Array
 
     @classmethod
-    def of(
-        cls, image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, hot: bool = False
-    ) -> "CellStatistics":
+    def of(cls, image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array) -> "CellStatistics":
         """The statistics of an image (h, w, 3); 16-bit values 0 … 65535 stand for codes 0 … 255.
 
         rows (H + 1,), columns (W + 1,): borders of the grid, in pixels. What lies over four standard deviations from
         its cell's mean (hot pixels, dust) is replaced by that mean, up to three times. A cell of which that would be
-        more than a sixteenth stays as it is: it shows something. hot: medians and median deviations take the place of
-        means and standard deviations, which takes longer, and a quarter of a cell may be outliers.
+        more than a sixteenth stays as it is: it shows something.
         """
-        found = np.zeros((5, len(rows) - 1, len(columns) - 1, 3))
+        found = np.zeros((4, len(rows) - 1, len(columns) - 1, 3))
         if found.size:
-            _statistics_under(image, rows, columns, hot, found)
+            _statistics_under(image, rows, columns, found)
         if image.dtype == np.uint16:
-            found[:4] /= 257.0
-        mean, std, low, high, _ = found
+            found /= 257.0
+        mean, std, low, high = found
         low[:], high[:] = np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std)
         sides = zip((rows, columns), image.shape[:2], strict=True)
         covered = [(edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9) for edges, size in sides]
         found[:, ~np.outer(*covered)] = np.nan
         return cls(*found)
-
-    @property
-    def hot(self) -> bool:
-        """True where most cells hold outliers: the picture is strewn with hot pixels."""
-        inside = np.isfinite(self.mean[..., 0])
-        return bool(inside.any()) and bool(np.median(greatest(self.outliers)[inside]) > 0)
 
 
 def greatest(values: Number) -> Number:
@@ -73,10 +63,8 @@ def _touched(edges: Array, cell: int, size: int) -> tuple[int, int]:
 
 
 @compiled(fastmath=REASSOCIATED)
-def _statistics_under(
-    image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, hot: bool, found: Array
-) -> None:
-    """Fill mean, standard deviation, least and greatest value, and the share of outliers, (5, H, W, 3)."""
+def _statistics_under(image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, found: Array) -> None:
+    """Fill mean, standard deviation, least and greatest value, (4, H, W, 3)."""
     height, width = image.shape[:2]
     begin, end = _touched(columns, 0, width)[0], _touched(columns, len(columns) - 2, width)[1]
     size = max(0, 3 * (end - begin))
@@ -100,10 +88,10 @@ def _statistics_under(
                 std = np.sqrt(max(0.0, squares / area - mean * mean))
                 own = found[:, i, j, channel]
                 own[0], own[1], own[2], own[3] = mean, std, least, greatest
-                if hot or max(greatest - mean, mean - least) > 4 * std + 1e-9:
+                if max(greatest - mean, mean - least) > 4 * std + 1e-9:
                     _without_outliers(
                         image[first:last, left:right, channel], rows[i] - first, rows[i + 1] - first,
-                        columns[j] - left, columns[j + 1] - left, hot, own,
+                        columns[j] - left, columns[j + 1] - left, own,
                     )  # fmt: skip
 
 
@@ -138,10 +126,9 @@ def _without_outliers(
     bottom: float,
     left: float,
     right: float,
-    hot: bool,
     found: Array,
 ) -> None:
-    """Fill the statistics (5,) of one channel of a cell, (h, w), between these borders, without its outliers."""
+    """Fill the statistics (4,) of one channel of a cell, (h, w), between these borders, without its outliers."""
     values, areas, marks = np.empty(cell.size), np.empty(cell.size), np.zeros(cell.size, np.uint8)
     replaced, outlier, at, whole = np.uint8(1), np.uint8(2), 0, 0.0
     for y in range(cell.shape[0]):
@@ -152,16 +139,13 @@ def _without_outliers(
             at += 1
     for _ in range(3):
         centre, limit = found[0], 4 * found[1] + 1e-9
-        if hot:
-            centre = np.median(values)
-            limit = 4 * 1.4826 * np.median(np.abs(values - centre)) + 1e-9
         doubtful, far = 0.0, False
         for at in range(len(values)):
             if abs(values[at] - centre) > limit:
                 marks[at] |= outlier
                 far = True
             doubtful += areas[at] if marks[at] else 0.0
-        if not far or doubtful > whole * (1 / 4 if hot else 1 / 16):
+        if not far or doubtful > whole / 16:
             break
         mean = squares = 0.0
         for at in range(len(values)):
@@ -171,4 +155,4 @@ def _without_outliers(
             squares += areas[at] * values[at] * values[at]
         mean /= whole
         found[0], found[1] = mean, np.sqrt(max(0.0, squares / whole - mean * mean))
-        found[2], found[3], found[4] = values.min(), values.max(), doubtful / whole
+        found[2], found[3] = values.min(), values.max()

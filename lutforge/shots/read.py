@@ -75,16 +75,16 @@ class Shot:
             parts.append(f"red {100 * lens.red:+.2f} % and blue {100 * lens.blue:+.2f} % beside green")
         return "corrected in the JPEG, and followed: " + ", ".join(parts)
 
-    def raw_cells(self, cell: int, hot: bool = False) -> CellStatistics:
+    def raw_cells(self, cell: int) -> CellStatistics:
         """RAW statistics under the blocks of cell × cell JPEG pixels; a rest at the right and bottom is left out."""
         shape = self.jpeg.shape[0] // cell, self.jpeg.shape[1] // cell
-        return CellStatistics.of(self.raw.pixels, *self.registration.borders(shape, cell, self.raw.pixel_size), hot)
+        return CellStatistics.of(self.raw.pixels, *self.registration.borders(shape, cell, self.raw.pixel_size))
 
-    def jpeg_cells(self, cell: int, hot: bool = False) -> CellStatistics:
+    def jpeg_cells(self, cell: int) -> CellStatistics:
         """Statistics of the JPEG over the same blocks, in codes 0 … 255."""
         jpeg = self.jpeg if self.fine is None else self.fine
         rows, columns = (cell * np.arange(side // cell + 1.0) for side in jpeg.shape[:2])
-        return CellStatistics.of(jpeg, rows, columns, hot)
+        return CellStatistics.of(jpeg, rows, columns)
 
     def straightened(self) -> "Shot":
         """The shot with a RAW as straight as its JPEG, where the registration says how the lens bent it."""

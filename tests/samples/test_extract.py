@@ -15,7 +15,7 @@ from lutforge.samples.extract import extract
 from lutforge.samples.tiles import cell_size, choose_evenly, clipping, flatness, saturation_levels
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Registration
-from lutforge.shots.read import Shot, read_shot
+from lutforge.shots.read import read_shot
 from tests.cases.shots import MULTIPLIERS, render, synthetic_shot
 
 
@@ -141,29 +141,14 @@ def test_real_shots(name: str, shared_data: Path) -> None:
     assert 255 * np.median(np.abs(residual)) < 3
 
 
-def noisy_shot(raw: Array, hot: float = 0.0) -> Shot:
-    """A shot whose JPEG is rendered from the noisy RAW, with a share of hot pixels in both."""
-    rng = np.random.default_rng(12)
-    strewn = np.where(rng.random((*raw.shape[:2], 1)) < hot, rng.uniform(0.5, 1, raw.shape), raw)
-    return synthetic_shot(strewn, np.rint(render(np.clip(strewn, 0, 1))).astype(np.uint8))
-
-
 def test_a_high_iso_hides_no_flat_squares() -> None:
     rng = np.random.default_rng(11)
     clean = squares(80, 24, 9)
     noisy = clean + np.sqrt(clean / 400 + 1e-4) * rng.standard_normal(clean.shape)  # 400 electrons at saturation
-    samples = extract(noisy_shot(noisy)).samples
+    samples = extract(synthetic_shot(noisy, np.rint(render(np.clip(noisy, 0, 1))).astype(np.uint8))).samples
     assert len(samples) > 100
     # Noise bends the mean through the tone curve; what is left is far below its own size, 20 codes and more.
     assert np.abs(samples.srgb * 255 - render(samples.raw)).mean() < 4
-
-
-def test_hot_pixels_are_left_out() -> None:
-    clean = squares(40, 96, 10)
-    few, many = (extract(noisy_shot(clean, share)) for share in (0.0, 0.02))
-    assert many.kept > 0.8 * few.kept > 80
-    assert "hot pixels" in many.summary
-    np.testing.assert_allclose(many.samples.srgb * 255, render(many.samples.raw), atol=0.8)
 
 
 # --- Flat tiles: structure in JPEG, RAW or around a cell counts, noise does not; and an even choice of them -----------
@@ -208,9 +193,9 @@ def test_texture_in_either_picture_rejects() -> None:
 
 def test_clipping_counts_each_area_once() -> None:
     shape = np.ones((4, 3))
-    jpeg = CellStatistics(100 * shape, shape, 9 * shape, 200 * shape, 0 * shape)
+    jpeg = CellStatistics(100 * shape, shape, 9 * shape, 200 * shape)
     jpeg.minimum[0, 0], jpeg.maximum[0, 2] = 0.0, 254.0
-    raw = CellStatistics(0.3 * shape, shape, 0.1 * shape, 0.5 * shape, 0 * shape)
+    raw = CellStatistics(0.3 * shape, shape, 0.1 * shape, 0.5 * shape)
     raw.maximum[1, 0], raw.minimum[2, 1] = 0.79, 0.0
     result = clipping(jpeg, raw, np.array([0.8, 1, 1]))
     counts = {reason: int(mask.sum()) for reason, mask in result.items()}
