@@ -50,6 +50,8 @@ FAR_OFF = 0.25
 TONED, COLOURFUL, LEAST_TINT = 2, 0.2, 3
 """A toned picture: channels within 2 codes of a function of green, RAW of which a tenth differs by this share, and a
 tint of so many codes."""
+SLIPPED = 0.85
+"""Rows are shifted if the error of others is below this share of their own."""
 TINY = 1e-6
 """Light counts as this at least, so that ratios and logarithms stay finite."""
 
@@ -66,12 +68,13 @@ class _Colours:
 
 @dataclass(frozen=True, eq=False)
 class _Judgement:
-    """The fit of some samples. residual: of unsaturated colours, in codes; tint: of greys.
+    """The fit of some samples. rendered: (n, 3), of all; residual: of unsaturated colours, in codes; tint: of greys.
 
     misfit: in codes, all that no camera's fit has. white: RAW of a grey that is rendered to white, beside a usual one,
     in stops.
     """
 
+    rendered: Array
     residual: float
     tint: Array
     power: float
@@ -105,7 +108,7 @@ def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
     given = _judged(colours)
     if given is None:
         return None
-    diagnosis = _toned(colours)
+    diagnosis = _toned(colours) or _shifted_rows(given, samples)
     if diagnosis is not None or np.any(samples.raw_space != ""):  # programs may render anything
         return diagnosis
     best = min(given.misfit / FAR_BETTER, given.misfit - LEAST_GAIN)
@@ -134,7 +137,7 @@ def _judged(colours: _Colours) -> _Judgement | None:
     """Fit samples and judge the fit; None where they cannot be fitted."""
     x, encoded = colours.raw * colours.multipliers, np.clip(colours.encoded, 0.0, 1.0)
     some = np.random.default_rng(0).permutation(len(x))[:1000]
-    x, encoded = x[some], encoded[some]
+    everything, x, encoded = x, x[some], encoded[some]
     try:
         fit = fit_matrix_and_response(x, encoded)
         whole = with_matrix_of_all(fit, x, encoded)
@@ -155,7 +158,7 @@ def _judged(colours: _Colours) -> _Judgement | None:
     misfit += PER_STOP_OF_WHITE * max(0.0, WHITE_IN_THE_DARK - white)
     if colours.known:  # else it may be the estimated multipliers that are wrong
         misfit += residual + CODES_PER_STOP * float(np.ptp(tint))
-    return _Judgement(float(residual), tint, power, white, float(misfit))
+    return _Judgement(whole.render(everything), float(residual), tint, power, white, float(misfit))
 
 
 def _causes(colours: _Colours, given: _Judgement) -> Iterator[tuple[str, str, list[_Colours]]]:
@@ -197,3 +200,27 @@ def _toned(colours: _Colours) -> Diagnosis | None:
         return None
     evidence = f"all their colours are one tint, {tint:.0f} codes from grey, though the RAW is colourful"
     return Diagnosis("the JPEGs are toned", evidence, "shoot with a colour style, or a plain black-and-white one")
+
+
+def _shifted_rows(given: _Judgement, samples: SampleSet) -> Diagnosis | None:
+    """Diagnose shots whose JPEG values fit RAW values a few rows up or down far better than their own."""
+    slipped = []
+    for name in np.unique(samples.shot):
+        rendered, encoded = given.rendered[samples.shot == name], samples.srgb[samples.shot == name]
+        if len(encoded) < 16:
+            continue
+        errors = {}
+        for step in range(-8, 9):
+            first, last = max(-step, 0), len(encoded) - max(step, 0)
+            distance = np.linalg.norm(rendered[first:last] - encoded[first + step : last + step], axis=1)
+            errors[step] = 255 * float(np.minimum(distance, FAR_OFF / 2).mean())
+        best = min(errors, key=lambda step: errors[step])
+        if best and errors[0] > 2.0 and errors[best] < SLIPPED * errors[0]:
+            slipped.append(f"{name} (by {best:+d})")
+    if not slipped:
+        return None
+    return Diagnosis(
+        f"the rows of {len(slipped)} of {len(np.unique(samples.shot))} shots are shifted",
+        f"JPEG values fit the RAW of other rows: {', '.join(slipped[:4])}",
+        "pair the columns anew",
+    )

@@ -89,7 +89,7 @@ def test_eight_responses_with_noise_clipping_and_an_inexact_shutter(name: str) -
 def test_a_camera_that_adapts_to_the_scene_is_told() -> None:
     times, errors, images = bracket(CURVES["vivid"], cells=28)
     for kind in (None, "shadows", "highlights", "contrast"):
-        seen = images if kind is None else adapted(kind, 0.3, images)
+        seen = images if kind is None else adapted(kind, 0.1, images)
         verdict = judge(pairs_of_bracket([f"{time:g}" for time in times], seen, list(np.multiply(times, errors))))
         assert verdict.fixed == (kind is None)
 

@@ -106,6 +106,12 @@ def _other_sensor(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
     return replace(samples, raw=raw, wb=wb)
 
 
+def _slipped(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
+    srgb, rows = samples.srgb.copy(), np.flatnonzero(samples.shot == rng.choice(np.unique(samples.shot)))
+    srgb[rows] = np.roll(srgb[rows], int(rng.integers(1, 4)), axis=0)
+    return replace(samples, srgb=srgb)
+
+
 BLACK = 600.0 / 15520.0
 CASES: dict[str, tuple[str, Case]] = {
     "red and blue of the JPEG swapped": ("blue of the JPEG", _srgb(lambda srgb: srgb[:, ::-1])),
@@ -115,6 +121,7 @@ CASES: dict[str, tuple[str, Case]] = {
     "one in ten shots of another style": ("departs: saturation", _other_style(0.1)),
     "a third of the shots of another sensor": ("departs: saturation", _other_sensor),
     "sepia": ("toned", _srgb(lambda srgb: (srgb @ [0.3, 0.59, 0.11])[:, None] * [1.07, 0.95, 0.75])),
+    "rows shifted within a shot": ("rows", _slipped),
     "RAW white-balanced already": ("already", _raw(lambda raw, wb: raw * wb)),
     "black level left in": ("left in", _raw(lambda raw, wb: raw * (1 - BLACK) + BLACK)),
     "black level taken twice": ("more than the black", _raw(lambda raw, wb: (raw - BLACK) / (1 - BLACK))),
