@@ -200,6 +200,8 @@ def dcp_lines(path: str | Path) -> list[str]:
         black, grey, white = profile(np.repeat([[0.0], [0.18], [1.0]], 3, axis=1))
         for name, colour in (("black", black), ("grey 18 %", grey), ("white", white)):
             lines.append(f"  {name:10} {' '.join(f'{value:.5f}' for value in colour)} (encoded sRGB)")
+        if np.any(np.diff(profile.tone_curve, axis=0) < 0):
+            lines.append("  problem   the tone curve falls somewhere")
     else:
         lines.append("  problem   no forward matrix: developers take the inverse of the colour matrix")
     return [

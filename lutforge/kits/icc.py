@@ -160,7 +160,9 @@ def read_icc(path: str | Path) -> IccProfile:
 
 
 def icc_lines(path: str | Path) -> list[str]:
-    """What is in an ICC profile, anyone's, as lines of text. Raises LutError where it is none."""
+    """What is in an ICC profile, anyone's, and what Little CMS makes of it. Raises LutError where it is none."""
+    from PIL import Image, ImageCms
+
     data, tags = _tags(Path(path))
     names = {b"scnr": "input", b"mntr": "display", b"prtr": "output", b"spac": "colour space", b"link": "device link"}
     kind, space, pcs = (data[at : at + 4] for at in (12, 16, 20))
@@ -171,8 +173,23 @@ def icc_lines(path: str | Path) -> list[str]:
         f"  2. tags {', '.join(_word(tag) for tag in tags)}",
     ]
     if space != b"RGB ":
-        lines.append("  problem   it takes no RGB: RAW developers cannot use it")
-    elif kind == b"scnr":
+        return [*lines, "  problem   it takes no RGB: RAW developers cannot use it"]
+    codes = np.array([[0, 0, 0], [46, 46, 46], [255, 255, 255], *np.random.default_rng(0).integers(0, 256, (4093, 3))])
+    picture = Image.fromarray(codes.astype(np.uint8)[None])
+    try:
+        source, srgb = ImageCms.ImageCmsProfile(str(path)), ImageCms.createProfile("sRGB")
+        made = ImageCms.profileToProfile(picture, source, srgb, flags=ImageCms.Flags.NOOPTIMIZE)
+    except (ImageCms.PyCMSError, OSError, ValueError) as error:
+        return [*lines, f"  problem   Little CMS refuses it: {one_line(str(error), 160)}"]
+    shown = np.asarray(made, dtype=np.float64)[0]
+    for name, colour in zip(("black", "grey 18 %", "white"), shown, strict=False):
+        lines.append(f"  {name:10} {' '.join(f'{value / 255:.3f}' for value in colour)} (encoded sRGB)")
+    try:
+        apart = float(np.abs(read_icc(path)(codes / 255) * 255 - shown).max())
+        lines.append(f"  Little CMS: reads it, within {apart:.1f} of 255 codes of what its numbers say")
+    except LutError:
+        lines.append("  Little CMS: reads it")
+    if kind == b"scnr":
         lines.append("  darktable, RawTherapee, ART, Capture One, digiKam: take it as a camera's input profile")
     return lines
 

@@ -186,6 +186,8 @@ def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
                 made = [Cube(values, "tetrahedral" if tetrahedral else "trilinear")]
             case OCIO.Lut3DTransform():
                 raise _beyond("the inverse of a cube")
+            case OCIO.CDLTransform() if not inverse:
+                made = _cdl(part)
             case _:
                 single.append(part)
                 continue
@@ -193,6 +195,17 @@ def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
         single = []
         ops += _with_domain(ops, made[0]) if isinstance(part, OCIO.Lut1DTransform) else made
     return (*ops, *_tabulated(single))
+
+
+def _cdl(part: OCIO.CDLTransform) -> list[Op]:
+    """A colour decision list: slope, offset and power channel by channel, then saturation (ASC CDL 1.2)."""
+    channels = OCIO.CDLTransform(slope=part.getSlope(), offset=part.getOffset(), power=part.getPower())
+    channels.setStyle(part.getStyle())
+    luma, saturation = np.array(part.getSatLumaCoefs()), part.getSat()
+    ops: list[Op] = _tabulated([channels])
+    if saturation != 1.0:
+        ops.append(Matrix(saturation * np.eye(3) + (1.0 - saturation) * luma[None, :]))
+    return [*ops, Range()] if part.getStyle() == OCIO.CDL_ASC else ops
 
 
 def _beyond(what: str) -> LutError:

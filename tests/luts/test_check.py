@@ -130,7 +130,7 @@ def test_a_range_that_runs_backwards_is_refused_by_check_and_by_apply(tmp_path: 
 def test_houdini_cdls_and_parametric_operations_are_read_as_opencolorio_applies_them(tmp_path: Path) -> None:
     (tmp_path / "a.cc").write_text(
         "<ColorCorrection id='a'><SOPNode><Slope>1.1 1 0.9</Slope><Offset>0.02 0 -0.02</Offset><Power>1.2 1 0.8</Power>"
-        "</SOPNode></ColorCorrection>"
+        "</SOPNode><SatNode><Saturation>1.3</Saturation></SatNode></ColorCorrection>"
     )
     ops = f"<Log style='log2' {DEPTHS}/><Exponent style='basicMirrorFwd' {DEPTHS}><ExponentParams exponent='1.5'/>"
     (tmp_path / "a.clf").write_text(f"<ProcessList {CLF}>{ops}</Exponent></ProcessList>")
