@@ -4,11 +4,6 @@ The model is known everywhere, so that nothing is smoothed. What there is to cho
 interpolation between them errs most on likely colours, in rounds that spread the squared error evenly (5.6 – 5.9 of the
 thesis; de Boor 1973 for the exponent). Node values are then the least squares on these colours, which halves the
 error of sampled ones.
-
-The grey axis rises, by the smallest change of the nodes around it. Along the axis the values of a lattice are W b. The
-change δ with the least norm for which no difference of W (b + δ) is negative is a least-distance problem, which needs
-only the differences near those that fall. Where a channel has clipped at white, it need not rise, but must
-stay clipped.
 """
 
 from collections.abc import Callable
@@ -22,21 +17,10 @@ from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_level
 from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.kriging import OFFSET, neutral_scenes
-from lutforge.compiled import compiled
-from lutforge.interpolation import (
-    Axis,
-    Interpolation,
-    Levels,
-    apply_curve,
-    corner_weights,
-    indexed,
-    interpolate,
-    locate,
-)
+from lutforge.interpolation import Levels, apply_curve, interpolate
 from lutforge.model.gamut_map import from_even
 from lutforge.model.lattice import Lattice, grid, resized_levels, snapped, uniform_levels
 from lutforge.sobol import sobol
-from lutforge.solvers.inequality_least_squares import least_distance
 from lutforge.solvers.lattice_regression import Prior, fit_lattice
 from lutforge.solvers.normal_equations import normal_equations
 
@@ -62,7 +46,7 @@ def bake_lattice(
 
     weight: (m,), of these colours. curve: what comes behind the cube; then model and values are in front of it, and
     errors count behind it. levels: of the nodes; without them the best are searched. asked: (k, 3), colours that alone
-    the lattice will be asked for, at given levels; nodes that lie apart from them, and from the grey axis, are 0.
+    the the lattice will be asked for, at given levels; nodes that lie apart from them are 0.
     """
     cells = None
     if asked is not None and levels is not None:
@@ -145,7 +129,7 @@ def _fitted(
 ) -> tuple[Lattice, Array]:
     """The lattice of least error on the points, at these levels on the shaper's grid, and its weighted errors (m,).
 
-    Its grey axis rises, and black stays black. cells: (N_r − 1, N_g − 1, N_b − 1), those whose nodes are computed.
+    Black stays black. cells: (N_r − 1, N_g − 1, N_b − 1), those whose nodes are computed.
     """
     levels = snapped(levels, options.shaper_size)
     nodes_at = grid(levels)
@@ -161,7 +145,6 @@ def _fitted(
         prior=Prior(sampled, np.full_like(sampled, HOLD)), tolerance=1e-4,
     ).value  # fmt: skip
     nodes[0, 0, 0] = 0.0
-    nodes = with_rising_axis(nodes, levels, options.interpolation)
     error = weight * squares(interpolate(points, levels, nodes, options.interpolation) - values)
     return Lattice(levels, nodes, options.interpolation, None if curve is None else curve.table), error
 
@@ -173,9 +156,9 @@ def _cells_of(colours: Array, levels: Levels) -> tuple[Index, ...]:
 
 
 def _cells_around(colours: Array, levels: Levels) -> Mask:
-    """The cells that hold a colour (n, 3) or a grey, and those that share a face with one."""
+    """The cells that hold a colour (n, 3), and those that share a face with one."""
     cells = np.zeros([len(axis) - 1 for axis in levels], dtype=np.bool_)
-    cells[_cells_of(np.concatenate([colours, _points(levels)[:, None].repeat(3, axis=1)]), levels)] = True
+    cells[_cells_of(colours, levels)] = True
     return np.asarray(binary_dilation(cells))
 
 
@@ -191,80 +174,3 @@ def _floor(curve: OutputCurve | None) -> Array:
 def squares(difference: Array) -> Array:
     """The squared lengths (n,) of differences (n, 3)."""
     return np.asarray(np.einsum("nc,nc->n", difference, difference))
-
-
-def with_rising_axis(values: Array, levels: Levels, method: Interpolation) -> Array:
-    """Node values (N_r, N_g, N_b, 3) whose grey axis, clamped to [0, 1], falls in no channel.
-
-    The first and the last node stay, and none goes beyond both [0, 1] and the values that there were.
-    """
-    axis = _points(levels)
-    nodes, weights = np.empty((len(axis), 8), dtype=np.int64), np.empty((len(axis), 8))
-    _rows(axis, *indexed(levels), method == "tetrahedral", nodes, weights)
-    bounds = min(0.0, float(values.min())), max(1.0, float(values.max()))
-    around = 2 * len(axis) // len(levels[0])  # points of the cells next to a fall, which must not begin to fall
-    changed = values.reshape(-1, 3).copy()
-    for channel in range(3):
-        _raise(changed[:, channel], nodes, weights, around, bounds)
-    return changed.reshape(values.shape)
-
-
-def _points(levels: Levels) -> Array:
-    """Return where the axis is looked at: evenly, and at its kinks, where it enters a cell or another tetrahedron."""
-    knots = np.unique(np.concatenate(levels))
-    low, high = knots[:-1], knots[1:]
-    ends = []
-    for nodes in levels:
-        cell = np.searchsorted(nodes, low, side="right") - 1
-        ends.append([(at - nodes[cell]) / (nodes[cell + 1] - nodes[cell]) for at in (low, high)])
-    fractions = np.array(ends)
-    apart = fractions - np.roll(fractions, 1, axis=0)
-    crossing = apart[:, 0] * apart[:, 1] < 0.0
-    share = apart[:, 0] / np.where(crossing, apart[:, 0] - apart[:, 1], 1.0)
-    kinks = (low + share * (high - low))[crossing]
-    inside = low + (np.arange(4)[:, None] + 0.5) / 4 * (high - low)  # cubic there, if trilinear
-    return np.unique(np.concatenate([np.linspace(0.0, 1.0, 1025), knots, kinks, inside.ravel()]))
-
-
-def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tuple[float, float]) -> None:
-    """Change the values (N³,) of a channel in place; not at all where no change within bounds makes them rise."""
-    as_given, rise = values.copy(), 1e-7  # between two points, so that rounding does not make a fall of it
-    kept = np.zeros(len(nodes), dtype=np.bool_)
-    for _ in range(8):
-        grey = np.sum(weights * values[nodes], axis=1)
-        clipped = np.maximum.accumulate(grey >= 1.0)
-        lacking = np.where(clipped, 1.0 - grey, rise - np.diff(grey, prepend=-np.inf))
-        falls = np.flatnonzero(lacking > np.where(clipped, 0.0, rise))
-        if not len(falls):
-            return
-        for fall in falls:
-            kept[max(fall - around, 1) : fall + around + 1] = True
-        rows = np.flatnonzero(kept)
-        free = np.setdiff1d(np.concatenate([nodes[rows], nodes[rows - 1]]), [0, len(values) - 1])
-        place = np.full(len(values), len(free))
-        place[free] = np.arange(len(free))
-        change = np.zeros((len(rows), len(free) + 1))  # the last column: nodes that stay
-        number = np.arange(len(rows))[:, None]
-        np.add.at(change, (number, place[nodes[rows]]), weights[rows])
-        before = np.where(clipped[rows], 0.0, 1.0)[:, None]
-        np.add.at(change, (number, place[nodes[rows - 1]]), -before * weights[rows - 1])
-        moved = least_distance(change[:, :-1], lacking[rows])
-        if not moved.converged:  # the nodes that stay forbid it
-            break
-        values[free] = np.clip(values[free] + moved.value, *bounds)
-    values[:] = as_given
-
-
-@compiled()
-def _rows(
-    axis: Array, r_axis: Axis, g_axis: Axis, b_axis: Axis, tetrahedral: bool, nodes: Index, weights: Array
-) -> None:
-    """Fill the nodes around each point of the axis (n, 8), and their weights (n, 8)."""
-    ng, nb = len(g_axis.levels), len(b_axis.levels)
-    for n in range(len(axis)):
-        i, fr = locate(r_axis, axis[n])
-        j, fg = locate(g_axis, axis[n])
-        k, fb = locate(b_axis, axis[n])
-        corner_weights(tetrahedral, fr, fg, fb, weights[n])
-        for p in range(8):
-            nodes[n, p] = ((i + (p >> 2)) * ng + j + ((p >> 1) & 1)) * nb + k + (p & 1)
