@@ -173,3 +173,12 @@ def test_colours_in_a_plane_are_refused() -> None:
     flat = RNG.uniform(size=(100, 3)) * [1, 1, 0]
     with pytest.raises(CalibrationError, match="many colours"):
         fit_gamut_map(flat, flat)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_refused(number: float) -> None:
+    source = np.random.default_rng(0).random((200, 3))
+    target = source**1.1
+    target[5, 1] = number
+    with pytest.raises(CalibrationError, match="not finite"):
+        krige(source, target, np.ones(200), 4000)
