@@ -20,7 +20,7 @@ from lutforge.calibration.physical.response_from_exposures import pairs_of_sampl
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.further_errors import model_delta
+from lutforge.evaluation.further_errors import delta
 from lutforge.evaluation.methods import colour_polynomial, mixed_channel_polynomials
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.samples.sample_set import SampleSet
@@ -113,7 +113,11 @@ def measure(samples: SampleSet, light: str = "light1") -> Row:
         if camera in AUTOMATIC:
             predicted = predicted * _gains(predicted, test)
         rmse[method] = float(np.sqrt(np.mean((predicted - test.raw) ** 2)))
-    both = model_delta(pairs_of_samples(samples), model)
+    pairs = pairs_of_samples(samples)
+    shorter, longer = model.response.linearize(pairs.first), model.response.linearize(pairs.second)
+    mapped = model.inverse_gamut_map(shorter), model.inverse_gamut_map(longer)
+    ratio = np.exp(pairs.log_ratio)
+    both = delta(shorter, longer, ratio), delta(*mapped, ratio)
     without, with_map = (float(np.sqrt(np.mean(np.square(error)))) for error in both)
     return Row(camera, len(train), len(test), (without, with_map), rmse)
 

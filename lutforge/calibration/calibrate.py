@@ -70,7 +70,8 @@ def calibrate(
             matrix = fitted.matrix if matrix is None else matrix
     data, clipped = style_data(samples, multipliers)
     for name, of_style in data.items():
-        given = None if stages is None else _given(stages, name)
+        known = () if stages is None or name not in stages.styles else stages.styles[name].physical
+        given = MatrixAndResponse(known[0].matrix, known[0].response) if known else None
         data[name] = replace(of_style, physical=options.physical, given=given)
 
     def fitted_style(name: str) -> PictureStyle:
@@ -227,12 +228,6 @@ def stages_of(profile: CameraProfile, samples: SampleSet, multipliers: Array) ->
             f"{', '.join(np.unique(samples.style))}"
         )
     return CameraStages(next(iter(models.values())).matrix, multipliers, responses), usable
-
-
-def _given(profile: CameraProfile, style: str) -> MatrixAndResponse | None:
-    """The matrix and response of a style as what a lattice follows; None where the profile has none."""
-    physical = profile.styles[style].physical if style in profile.styles else ()
-    return MatrixAndResponse(physical[0].matrix, physical[0].response) if physical else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,6 @@ from lutforge.calibration.physical.response_from_exposures import (
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import LATTICE, NO_GAMUT_MAP, RBF, ErrorFigures, Predictions, error_figures
-from lutforge.model.profile_data import PhysicalModel
-from lutforge.solvers.gauss_newton import gauss_newton
 
 
 @dataclass(frozen=True)
@@ -114,14 +112,6 @@ def _plain(pairs: ExposurePairs) -> Mask:
     return np.asarray(np.maximum(saturation(pairs.first), saturation(pairs.second)) < BETA)
 
 
-def model_delta(pairs: ExposurePairs, model: PhysicalModel) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """δ (r, g, b) of one model on given pairs: without h, and with it."""
-    ratio = np.exp(pairs.log_ratio)
-    first, second = model.response.linearize(pairs.first), model.response.linearize(pairs.second)
-    with_map = delta(model.inverse_gamut_map(first), model.inverse_gamut_map(second), ratio)
-    return delta(first, second, ratio), with_map
-
-
 # --- How well a JPEG is linearized, as an editor sees it: ΔE00 after edits of the recovered light --------------------
 # The RMSE of RAW counts dark and bright errors alike, which an edit does not: two stops more show every error of the
 # shadows. So the light that a method finds in a JPEG, and the light that was there, are both rendered by the profile's
@@ -137,8 +127,6 @@ EDITS = {
     "cooler": (0.8, 1.0, 1.25),
 }
 """Gains of white-balanced RAW. The two white balances are about 1000 K away from daylight, to either side."""
-INVERTED = "render inverted"
-"""The method that searches for the light which the profile's own model renders as the JPEG."""
 
 
 def edited_errors(style: str, predictions: Predictions) -> Iterator[MethodError]:
@@ -146,12 +134,8 @@ def edited_errors(style: str, predictions: Predictions) -> Iterator[MethodError]
     model = next((name for name in (LATTICE, RBF) if name in predictions.methods), None)
     if model is None:
         return
-    data, light = predictions.data, dict(predictions.predicted.linearize)
+    data, light = predictions.data, predictions.predicted.linearize
     rendered = np.isfinite(predictions.predicted.render[model]).all(axis=1)
-    rows = np.flatnonzero(rendered)
-    start = np.where(np.isfinite(light[model][rows]), light[model][rows], data.balanced[rows])
-    light[INVERTED] = np.full_like(data.balanced, np.nan)
-    light[INVERTED][rows] = _inverted(predictions, model, data.encoded[rows], np.clip(start, 0.0, 1.0), rows)
     wanted = {
         name: predictions.render(model, np.clip(data.balanced * gain, 0.0, 1.0), np.arange(len(data.balanced)))
         for name, gain in EDITS.items()
@@ -164,24 +148,6 @@ def edited_errors(style: str, predictions: Predictions) -> Iterator[MethodError]
             differences[name] = float(delta_e_2000(shown, wanted[name][rows]).mean())
         if differences:
             yield MethodError(style, method, bool(np.all(predictions.held_out[rows])), len(rows), differences)
-
-
-def _inverted(predictions: Predictions, model: str, encoded: Array, start: Array, rows: NDArray[np.intp]) -> Array:
-    """White-balanced RAW (m, 3) that the model renders as the colours (m, 3), or as near as it can."""
-    step = 1e-4
-
-    def linearize(balanced: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
-        residual = predictions.render(model, balanced, rows[which]) - encoded[which]
-        slopes = []
-        for channel in range(3):
-            inward = np.where(balanced[:, channel] > 0.5, -step, step)
-            moved = balanced.copy()
-            moved[:, channel] += inward
-            slope = predictions.render(model, moved, rows[which]) - encoded[which] - residual
-            slopes.append(slope / inward[:, None])
-        return residual, np.ascontiguousarray(np.stack(slopes, axis=-1))
-
-    return gauss_newton(linearize, start, lower=0.0, upper=1.0).value
 
 
 # --- Refinishing (thesis, Fig. 6.2): a JPEG under one setting → the JPEG of the same scene under another -------------

@@ -204,16 +204,13 @@ def _unpack(path: Path, folder: Path) -> None:
 # --- The config -------------------------------------------------------------------------------------------------------
 
 
-def build_config(
-    profiles: Sequence[CameraProfile | str | Path], folder: str | Path | None = None, *, merge: str | Path | None = None
-) -> OCIO.Config:
+def build_config(profiles: Sequence[CameraProfile | str | Path], *, merge: str | Path | None = None) -> OCIO.Config:
     """Build an OpenColorIO config with the given cameras in memory; `config.serialize()` is its text.
 
     Its JPEG colour spaces refer to files in `luts/`, relative to the config, which `write_config` makes.
 
     Args:
         profiles: profiles, or the paths of their files.
-        folder: that of `luts/`, for use of the config from memory.
         merge: a config to add the cameras to, a file or the name of a built-in one; it keeps its own colour spaces.
 
     Returns:
@@ -225,10 +222,7 @@ def build_config(
     """
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)
-        config = _assembled(cameras, parts, base, {})
-    if folder is not None:
-        config.setWorkingDir(str(folder))
-    return config
+        return _assembled(cameras, parts, base, {})
 
 
 def write_config(

@@ -47,7 +47,7 @@ from lutforge.report.tables import (
 )
 from lutforge.samples.extract import ShotSamples, places_in_picture
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.tiles import clipping, saturation_levels
+from lutforge.samples.tiles import clipping
 from lutforge.settings import setting_name
 from lutforge.shots.read import TURNS, read_shot
 
@@ -322,7 +322,7 @@ def error_map(
     shot, samples = read_shot(raw_file), predictions.data.samples
     cell = max(2, round(shot.jpeg.shape[0] / 240))
     jpeg, raw = shot.jpeg_cells(cell), shot.raw_cells(cell)
-    clips = clipping(jpeg, raw, saturation_levels(shot.raw.pixels))
+    clips = clipping(jpeg, raw)
     usable = np.isfinite(raw.mean[..., 0]) & ~np.any(list(clips.values()), axis=0)
     gain = np.median(predictions.data.balanced[of_shot] / samples.raw[of_shot], axis=0)
     bright = np.nanpercentile(raw.mean * gain, 99)

@@ -18,7 +18,6 @@ from lutforge.samples.tiles import (
     clipping,
     flatness,
     one_sided,
-    saturation_levels,
 )
 from lutforge.shots.read import TURNS, Shot
 
@@ -83,8 +82,7 @@ class ShotSamples:
 
 def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
     """Sample a shot: flat tiles that cover its colours evenly, and a chart, of `kind` or where tiles are few."""
-    saturation = saturation_levels(shot.raw.pixels)
-    tiles = _tiles(shot, saturation)
+    tiles = _tiles(shot)
     notes, clipped, patches = [*filter(None, [shot.lens_note]), *tiles.notes], dict(tiles.clipped), None
     if kind is not None or len(tiles.samples) < FEW_TILES:
         missing = detector_note()
@@ -94,7 +92,7 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
             notes.append(f"no {kind.name} was found in it")
         if chart is not None:
             jpeg, raw = sample_chart(shot, chart)
-            clips = clipping(jpeg, raw, saturation)
+            clips = clipping(jpeg, raw)
             clipped = {reason: clipped[reason] + int(np.count_nonzero(mask)) for reason, mask in clips.items()}
             is_clipped = np.any(list(clips.values()), axis=0)
             kept = np.flatnonzero(np.isfinite(jpeg.mean + raw.mean).all(axis=-1) & ~is_clipped)
@@ -115,15 +113,15 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
     )
 
 
-def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
+def _tiles(shot: Shot) -> ShotSamples:
     """The flat tiles of a shot, and why its other cells are none."""
     cell = cell_size(shot.registration)
     raw, jpeg = shot.raw_cells(cell), shot.jpeg_cells(cell)
     inside: Mask = np.isfinite(raw.mean[..., 0])
-    clips = clipping(jpeg, raw, saturation)
+    clips = clipping(jpeg, raw)
     is_clipped = np.any(list(clips.values()), axis=0)
     usable = inside & ~is_clipped
-    black, white = one_sided(jpeg, raw, saturation)
+    black, white = one_sided(jpeg, raw)
     at_an_end = inside & np.any(black | white, axis=-1)
     level, roughness = flatness(jpeg, raw, cell, shot.metadata.multipliers, usable, usable | at_an_end)
     agrees = agreement(jpeg, raw)

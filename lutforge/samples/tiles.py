@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Mask, Pixels
+from lutforge.arrays import Array, Mask
 from lutforge.shots.cells import CellStatistics, greatest
 from lutforge.shots.geometry import Registration
 
@@ -186,14 +186,14 @@ def _ranks(order: NDArray[np.intp], keys: NDArray[np.intp]) -> NDArray[np.intp]:
 # --- Clipping: beyond these limits a JPEG or RAW pixel no longer tells what the scene was -----------------------------
 
 
-def clipping(jpeg: CellStatistics, raw: CellStatistics, saturation: Array) -> dict[str, Mask]:
-    """Masks (…) of areas with clipped channels, each under its first reason. saturation: as `saturation_levels`."""
+def clipping(jpeg: CellStatistics, raw: CellStatistics) -> dict[str, Mask]:
+    """Masks (…) of areas with clipped channels, each under its first reason."""
     clips = {
         # JPEG compression moves a clipped pixel by a code.
         "JPEG white": jpeg.maximum >= 254,
         "JPEG black": jpeg.minimum <= 1,
         # Sensors bend below their ceiling. Decoders cut noise below black at 0, so that a mean is too bright there.
-        "RAW saturated": raw.maximum >= 0.98 * saturation,
+        "RAW saturated": raw.maximum >= 0.98,
         "RAW black": raw.minimum <= 0,
     }
     masks: dict[str, Mask] = {}
@@ -202,34 +202,14 @@ def clipping(jpeg: CellStatistics, raw: CellStatistics, saturation: Array) -> di
     return masks
 
 
-def one_sided(jpeg: CellStatistics, raw: CellStatistics, saturation: Array) -> tuple[Mask, Mask]:
+def one_sided(jpeg: CellStatistics, raw: CellStatistics) -> tuple[Mask, Mask]:
     """Masks (…, 3) of channels that are all black, or all white, in the JPEG, in areas where that is all that clips.
 
     Their RAW is whole, and at least one channel of the JPEG is: such an area tells that the rendering of its light lies
-    at that end or beyond. saturation: as for `clipping`.
+    at that end or beyond.
     """
     black, white = jpeg.maximum <= 1, jpeg.minimum >= 254
     whole = (jpeg.minimum > 1) & (jpeg.maximum < 254)
-    of_raw = (raw.minimum > 0) & (raw.maximum < 0.98 * saturation)
+    of_raw = (raw.minimum > 0) & (raw.maximum < 0.98)
     told = np.all((black | white | whole) & of_raw, axis=-1) & np.any(black | white, axis=-1) & np.any(whole, axis=-1)
     return black & told[..., None], white & told[..., None]
-
-
-def saturation_levels(pixels: Pixels) -> Array:
-    """(3,) RAW level at which each channel of (h, w, 3) saturates, at most 1.
-
-    Many sensors saturate below the file's nominal white. Their pixels pile up at the channel's maximum, where
-    the histogram of a scene runs out; without a pile-up nothing was saturated, and the level is 1.
-    """
-    levels = np.ones(3)
-    for channel in range(3):
-        values = pixels[..., channel]
-        ceiling = float(values.max(initial=0.0))
-        if not 0.2 < ceiling < 1.0:
-            continue
-        edges = ceiling * (1 - 0.005 * np.arange(13, -1, -1)) + 1e-7
-        histogram, _ = np.histogram(values[values >= edges[0]], bins=edges)
-        top, below = int(histogram[-2:].sum()), float(histogram[:10].mean())
-        if top >= 50 and top > 10 * below:
-            levels[channel] = ceiling
-    return levels

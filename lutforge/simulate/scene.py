@@ -27,7 +27,6 @@ class Scene:
     """
 
     reflectances: Array
-    rng: np.random.Generator
     x: Array
     y: Array
     first: NDArray[np.int16]
@@ -39,13 +38,13 @@ class Scene:
     patch_side: float = 0.0
 
     @classmethod
-    def blank(cls, height: int, width: int, reflectances: Array, rng: np.random.Generator) -> "Scene":
+    def blank(cls, height: int, width: int, reflectances: Array) -> "Scene":
         """The first surface everywhere, in full light."""
         y, x = np.mgrid[0:height, 0:width]
         first, second = np.zeros((2, height, width), dtype=np.int16)
         mix, gloss = np.zeros((2, height, width), dtype=np.float32)
         shade = np.ones((height, width), dtype=np.float32)
-        return cls(reflectances, rng, (x + 0.5) / height, (y + 0.5) / height, first, second, mix, shade, gloss)
+        return cls(reflectances, (x + 0.5) / height, (y + 0.5) / height, first, second, mix, shade, gloss)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -172,7 +171,7 @@ WHITE, MID_GREY = 18, 21
 def chart_scene(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     """A ColorChecker Classic, a little tilted, on a grey studio background under one soft light."""
     rng = np.random.default_rng([seed, 1])
-    scene = Scene.blank(height, width, palette(0, rng), rng)
+    scene = Scene.blank(height, width, palette(0, rng))
     texture = 1 + 0.012 * smooth_noise((height, width), 3, rng)
     light = 1.05 - 0.12 * scene.x / (width / height) - 0.06 * scene.y
     scene.paint(scene.y > 0, MID_GREY, shade=light * texture)
@@ -186,7 +185,7 @@ def paint_wall(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     """Rows of paint cards in many colours, from pale to deep, a part of the wall in a soft shadow."""
     rng = np.random.default_rng([seed, 2])
     count = 104
-    scene = Scene.blank(height, width, palette(count, rng), rng)
+    scene = Scene.blank(height, width, palette(count, rng))
     aspect = width / height
     scene.paint(scene.y > 0, MID_GREY, WHITE, 0.5, 1 + 0.02 * smooth_noise((height, width), 4, rng))
     order = rng.permutation(count)
@@ -214,7 +213,7 @@ def paint_wall(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
 def still_life(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     """Glossy and matt balls, cards and a small chart on a table before a backdrop that fades into shade."""
     rng, shape, aspect, horizon = np.random.default_rng([seed, 3]), (height, width), width / height, 0.6
-    scene = Scene.blank(height, width, palette(60, rng), rng)
+    scene = Scene.blank(height, width, palette(60, rng))
     # Backdrop and table
     cloth, wall = (int(i) for i in rng.choice((2, 3, 4, 7, 9, 12, 0, 5), 2, replace=False))
     pool = np.exp(-((scene.x - 0.36 * aspect) ** 2 / 0.5 + (scene.y - 0.28) ** 2 / 0.22))

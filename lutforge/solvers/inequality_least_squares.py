@@ -10,7 +10,6 @@ from scipy.optimize import nnls
 
 from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
-from lutforge.solvers.solution import Solution, Status
 
 
 def solve_lsi(normal: Array, right: Array, constraints: Array, bounds: Array) -> Array:
@@ -34,28 +33,15 @@ def solve_lsi(normal: Array, right: Array, constraints: Array, bounds: Array) ->
         if not violated.any():  # what those that entered lack is rounding
             return np.asarray(solve_triangular(upper, solution) / size)
         chosen |= violated
-        distance = least_distance(turned[chosen], bounds[chosen] - turned[chosen] @ projected)
-        if distance.status is Status.INFEASIBLE:
+        # The least-distance problem: of all z with near z ≥ lacking that of least norm
+        near = turned[chosen]
+        dual = np.vstack([near.T, bounds[chosen] - near @ projected])
+        corner = np.zeros(len(dual))
+        corner[-1] = 1.0
+        try:
+            residual = dual @ nnls(dual, corner)[0] - corner
+        except RuntimeError as error:  # how SciPy says that its iterations did not suffice
+            raise CalibrationError("the curve of the samples was not found within the limit of iterations") from error
+        if residual[-1] > -1e-14:
             raise CalibrationError("no rising curve fits the samples: the shots contradict each other")
-        if not distance.converged:
-            raise CalibrationError(f"the curve of the samples was not found: {distance.status.value}")
-        solution = distance.value + projected
-
-
-def least_distance(constraints: Array, bounds: Array) -> Solution:
-    """Find z (k,) of least norm with constraints z ≥ bounds: the problem LDP, by non-negative least squares.
-
-    constraints: (c, k); bounds: (c,). The solution's residual is the norm of z. INFEASIBLE: no z satisfies them.
-    """
-    dual = np.vstack([constraints.T, bounds])
-    corner = np.zeros(len(dual))
-    corner[-1] = 1.0
-    nothing = np.zeros(len(dual) - 1)
-    try:
-        residual = dual @ nnls(dual, corner)[0] - corner
-    except RuntimeError:  # how scipy says that its iterations did not suffice
-        return Solution(nothing, Status.LIMIT, np.inf, 0)
-    if residual[-1] > -1e-14:
-        return Solution(nothing, Status.INFEASIBLE, np.inf, 0)
-    distance = np.asarray(-residual[:-1] / residual[-1])
-    return Solution(distance, Status.CONVERGED, float(np.linalg.norm(distance)), 0)
+        solution = projected - residual[:-1] / residual[-1]

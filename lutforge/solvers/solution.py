@@ -12,7 +12,6 @@ class Status(Enum):
     CONVERGED = "it converged"
     LIMIT = "it reached its limit of iterations"
     SINGULAR = "the equations do not determine every unknown"
-    INFEASIBLE = "no values satisfy the constraints"
 
 
 @dataclass(frozen=True, eq=False)

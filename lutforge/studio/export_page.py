@@ -41,7 +41,6 @@ class ExportPage:
         self.suffix = ui.select("LUT file", list(LUT_SUFFIXES))
         self.written: set[Path] = set()
         self._offered: object = None
-        self._cards: dict[tuple[Written, bool], pmui.Paper] = {}  # each stays while its file does: so does its button
         self.asked: list[Path] = []
         self.look = ui.text()
         self.main = pn.Column(**ui.SCROLLED)
@@ -74,11 +73,9 @@ class ExportPage:
             self.kind.value = "linearize"
             self.space.value = "aces2065-1" if session.response[0].chart else "raw"
         self._offered = session.response
-        cards = {(each, session.is_old(each)): None for each in reversed(session.written.values())}
-        if not cards or list(cards) != list(self._cards):
-            self._cards = {key: self._cards.get(key) or self._card(*key) for key in cards}
-            nothing = "Nothing is written yet. Each file will stand here with its error, and with its command."
-            self.main[:] = list(self._cards.values()) or [ui.text(ui.paragraphs(nothing))]
+        nothing = "Nothing is written yet. Each file will stand here with its error, and with its command."
+        cards = [self._card(each, session.is_old(each)) for each in reversed(session.written.values())]
+        self.main[:] = cards or [ui.text(ui.paragraphs(nothing))]
 
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
         """What was written: lines that tell of it, and its command."""

@@ -68,7 +68,7 @@ def test_jpegs_come_back(render: BakedRender, inverse: Linearization) -> None:
     lut = inverse.as_lut()
     for seed in (77, 78):
         trip = measure(render, lut, count=1 << 13, seed=seed)
-        assert trip.met, trip
+        assert trip.mean <= 0.001 and trip.maximum <= MAX_GOAL, trip  # a quarter of a code, and five
         assert trip.p999 <= 0.01
 
 

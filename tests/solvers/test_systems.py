@@ -10,7 +10,7 @@ from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interp
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out, predict_held_out
 from lutforge.solvers.gauss_newton import Index, gauss_newton
-from lutforge.solvers.inequality_least_squares import least_distance, solve_lsi
+from lutforge.solvers.inequality_least_squares import solve_lsi
 from lutforge.solvers.lattice_regression import Prior, Regularization, fit_lattice
 from lutforge.solvers.normal_equations import normal_equations
 from lutforge.solvers.penalties import thin_plate
@@ -84,6 +84,8 @@ def test_isotonic_regression() -> None:
     rising = np.diff(np.eye(4), axis=0)
     solution = solve_lsi(np.eye(4), np.array([1.0, 3.0, 2.0, 4.0]), rising, np.zeros(3))
     np.testing.assert_allclose(solution, [1.0, 2.5, 2.5, 4.0], atol=1e-9)
+    nearest = solve_lsi(np.eye(2), np.zeros(2), np.array([[1.0, 1.0]]), np.array([2.0]))
+    np.testing.assert_allclose(nearest, [1.0, 1.0])
 
 
 def test_impossible_and_undetermined_problems_are_refused() -> None:
@@ -91,13 +93,6 @@ def test_impossible_and_undetermined_problems_are_refused() -> None:
         solve_lsi(np.eye(2), np.zeros(2), np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 1.0]))
     with pytest.raises(CalibrationError, match="too few tones"):
         solve_lsi(np.array([[1.0, 2.0], [2.0, 1.0]]), np.ones(2), np.eye(2), np.zeros(2))
-
-
-def test_a_least_distance_that_there_is_not_is_said_so() -> None:
-    assert least_distance(np.array([[1.0], [-1.0]]), np.array([1.0, 1.0])).status is Status.INFEASIBLE
-    nearest = least_distance(np.array([[1.0, 1.0]]), np.array([2.0]))
-    assert nearest.converged and nearest.residual == pytest.approx(2**0.5)
-    np.testing.assert_allclose(nearest.value, [1.0, 1.0])
 
 
 # --- Folds hold out whole shots, each once ----------------------------------------------------------------------------

@@ -46,11 +46,13 @@ def bake_lattice(
 
     weight: (m,), of these colours. curve: what comes behind the cube; then model and values are in front of it, and
     errors count behind it. levels: of the nodes; without them the best are searched. asked: (k, 3), colours that alone
-    the the lattice will be asked for, at given levels; nodes that lie apart from them are 0.
+    the lattice will be asked for, at given levels; nodes that lie apart from them are 0.
     """
     cells = None
     if asked is not None and levels is not None:
-        cells = _cells_around(asked, levels)
+        around = np.zeros([len(axis) - 1 for axis in levels], dtype=np.bool_)
+        around[_cells_of(asked, levels)] = True
+        cells = binary_dilation(around)  # and those that share a face with one
         near = cells[_cells_of(points, levels)]
         points, values, weight = points[near], values[near], weight[near]
     if curve is not None:
@@ -153,13 +155,6 @@ def _cells_of(colours: Array, levels: Levels) -> tuple[Index, ...]:
     """Which cell holds each colour (n, 3): its number along each axis."""
     inner = (axis[1:-1] for axis in levels)
     return tuple(np.searchsorted(axis, column, side="right") for axis, column in zip(inner, colours.T, strict=True))
-
-
-def _cells_around(colours: Array, levels: Levels) -> Mask:
-    """The cells that hold a colour (n, 3), and those that share a face with one."""
-    cells = np.zeros([len(axis) - 1 for axis in levels], dtype=np.bool_)
-    cells[_cells_of(colours, levels)] = True
-    return np.asarray(binary_dilation(cells))
 
 
 def _floor(curve: OutputCurve | None) -> Array:
