@@ -13,6 +13,7 @@ from lutforge.boundary import MAX_SAMPLES, reading, require_file
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ImageError, ShotError, one_line
 from lutforge.images.heif import Heif, is_heif, read_heif
+from lutforge.images.jpeg import read_header
 
 _OF_THE_SHOT = frozenset({"Make", "Model", "DateTime", "ExposureTime", "FNumber", "Software", "Artist", "Copyright"})
 """OpenImageIO's names of the tags of a picture's first directory that a graded one keeps."""
@@ -86,6 +87,8 @@ class ImageReader:
             if spec.alpha_channel >= spec.nchannels:  # of a GIF, in OpenImageIO 3.2
                 spec.alpha_channel = spec.nchannels - 1
             self.format: str = source.format_name()
+            if self.format == "jpeg" and (quality := jpeg_quality(path)) is not None:
+                spec.attribute("jpeg:quality", quality)
             problem = ""
             if spec.deep or spec.depth > 1:
                 problem = "a deep or volume image; flatten it first"
@@ -188,6 +191,19 @@ def _heif_spec(heif: Heif) -> oiio.ImageSpec:
     if heif.icc:
         spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(heif.icc)}]"), heif.icc)
     return spec
+
+
+def jpeg_quality(path: Path) -> int | None:
+    """The libjpeg quality (1 … 100) whose luminance table comes nearest to a JPEG file's; None where it has none.
+
+    libjpeg scales the table of ITU-T T.81, Annex K.1 (its entries sum to 3688) by 2 − quality / 50 from 50 upwards, and
+    by 50 / quality below (jpeg_quality_scaling in its jcparam.c).
+    """
+    header = read_header(path.read_bytes())
+    if header is None:
+        return None
+    scale = max(sum(header.tables[0]) / 3688, 1e-3)
+    return int(np.clip(round(100 - 50 * scale if scale <= 1 else 50 / scale), 1, 100))
 
 
 def _reason(text: str) -> str:

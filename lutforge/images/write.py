@@ -166,8 +166,8 @@ def write_image(path: str | Path, pixels: ArrayLike, spec_like: Image, note: str
     """Write `pixels` (h, w, c) with the metadata of `spec_like`, atomically; the suffix picks the format.
 
     Pixels are in the encoding of the file: integers from [0, 1] (clipped), half and float as they are. Bit depth is the
-    source's where the format has it, else the nearest that loses least. A JPEG has quality 97, and of a JPEG its
-    source's chroma subsampling, else none. EXIF, IPTC, XMP, ICC profile and orientation are kept, thumbnails
+    source's where the format has it, else the nearest that loses least. A JPEG of a JPEG has its source's quality and
+    chroma subsampling, any other quality 97 and none. EXIF, IPTC, XMP, ICC profile and orientation are kept, thumbnails
     of the old pixels dropped. `note` says what was done, for Software and ImageHistory. Raises ImageError.
     """
     path = Path(path)

@@ -40,6 +40,7 @@ class ExportPage:
         self.space = ui.select("Scene of render and linearize", ["raw", *SPACES])
         self.suffix = ui.select("LUT file", list(LUT_SUFFIXES))
         self.written: set[Path] = set()
+        self._cards: dict[tuple[Written, bool], pmui.Paper] = {}
         self._offered: object = None
         self.asked: list[Path] = []
         self.look = ui.text()
@@ -73,9 +74,11 @@ class ExportPage:
             self.kind.value = "linearize"
             self.space.value = "aces2065-1" if session.response[0].chart else "raw"
         self._offered = session.response
-        nothing = "Nothing is written yet. Each file will stand here with its error, and with its command."
-        cards = [self._card(each, session.is_old(each)) for each in reversed(session.written.values())]
-        self.main[:] = cards or [ui.text(ui.paragraphs(nothing))]
+        cards = [(each, session.is_old(each)) for each in reversed(session.written.values())]
+        if not cards or cards != list(self._cards):  # else a click or a selection would fall into their redrawing
+            self._cards = {card: self._cards.get(card) or self._card(*card) for card in cards}
+            nothing = "Nothing is written yet. Each file will stand here with its error, and with its command."
+            self.main[:] = list(self._cards.values()) or [ui.text(ui.paragraphs(nothing))]
 
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
         """What was written: lines that tell of it, and its command."""

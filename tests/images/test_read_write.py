@@ -95,9 +95,11 @@ def test_jpeg_keeps_full_chroma(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("subsampling", ["4:4:4", "4:2:2", "4:2:0"])
-def test_a_jpeg_of_a_jpeg_has_the_chroma_of_its_source(tmp_path: Path, subsampling: str) -> None:
+@pytest.mark.parametrize("quality", [70, 92, 98])
+def test_a_jpeg_of_a_jpeg_is_as_fine_as_its_source(tmp_path: Path, quality: int, subsampling: str) -> None:
     noise = np.random.default_rng(1).uniform(0.2, 0.8, (240, 320, 3)).astype(np.float32)
     spec = oiio.ImageSpec(320, 240, 3, "uint8")
+    spec.attribute("Compression", f"jpeg:{quality}")
     spec.attribute("jpeg:subsampling", subsampling)
     output = oiio.ImageOutput.create("a.jpg")
     assert output is not None
@@ -108,6 +110,11 @@ def test_a_jpeg_of_a_jpeg_has_the_chroma_of_its_source(tmp_path: Path, subsampli
     write_image(tmp_path / "b.jpg", picture.pixels, picture)
     written = read_image(tmp_path / "b.jpg")
     assert written.spec.get_string_attribute("jpeg:subsampling") == subsampling
+    assert written.spec.get_int_attribute("jpeg:quality") == picture.spec.get_int_attribute("jpeg:quality") == quality
+    sizes = [(tmp_path / name).stat().st_size for name in ("a.jpg", "b.jpg")]
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.1)  # white noise, once more averaged
+    write_image(tmp_path / "c.png", picture.pixels, picture)
+    assert read_image(tmp_path / "c.png").spec.getattribute("jpeg:quality") is None
 
 
 def test_dates_have_exif_s_form(tmp_path: Path) -> None:
