@@ -108,12 +108,15 @@ def build_report(
     accounts: of the shots that the samples are from; files: the RAW file of each shot by name, for error maps.
     Raises CalibrationError where the samples hold none of the profile's styles.
     """
-    evaluation, own, lens = None, LATTICE, list(falloff_blocks(profile.falloffs))
+    options, lens = options_from_json(profile.options), list(falloff_blocks(profile.falloffs))
+    evaluation, own = None, LATTICE  # the method that is the profile's own model
     sections: dict[str, tuple[Block, ...]] = {"Notes": (profile.notes,) if profile.notes else ()}
     data: dict[str, StyleData] = {}
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
-        own = own_method(profile, evaluation)
+        methods = {row.method for row in evaluation.rows}
+        if RBF in methods and (options.model == "rbf" or LATTICE not in methods):
+            own = RBF
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*profile.notes, *evaluation.notes)))
         progress("error maps", 0.8)
@@ -133,7 +136,6 @@ def build_report(
         sections["Samples"] = tuple(sample_blocks(samples, accounts))
         sections["Exposures"] = tuple(exposure_blocks(data))
     progress("done", 1.0)
-    options = options_from_json(profile.options)
     model = {"lattice": f"lattices of {options.size}³ nodes", "rbf": "the physical model and lattices"}[options.model]
     return Report(
         f"{profile.camera}: calibration report",
@@ -142,13 +144,6 @@ def build_report(
         sections={title: blocks for title, blocks in sections.items() if blocks},
         answers=answers(profile, own, evaluation, data),
     )
-
-
-def own_method(profile: CameraProfile, evaluation: Evaluation) -> str:
-    """The method that is the profile's own model."""
-    methods = {row.method for row in evaluation.rows}
-    physical = LATTICE not in methods or options_from_json(profile.options).model == "rbf"
-    return RBF if physical and RBF in methods else LATTICE
 
 
 # --- Answers: how good a profile is, what it is fit for, what to photograph next -------------------------------------

@@ -238,11 +238,6 @@ def predicted_luma(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> Sin
     return quadratic(raw.pixels, raw.gains, weights.astype(np.float32))
 
 
-def usual_luma(raw: RawLevel) -> Single:
-    """RAW (h, w) as the luma of its compressed channels as they are."""
-    return quadratic(raw.pixels, raw.gains, np.concatenate([[0], LUMA, np.zeros(6)]).astype(np.float32))
-
-
 def roots(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[list[Single], list[Single]]:
     """The roots of each channel of the RAW, and, (h, w) each, what the JPEG tells of them: a quadratic of its codes."""
     known, use = _roots_at(raw, jpeg, place)
@@ -484,7 +479,8 @@ def search(raw: RawLevel, jpeg: ReducedJpeg, scale: float | None = None) -> list
     shape = [scipy.fft.next_fast_len(side + most + 1, real=True) for side, most in zip(sides, reach, strict=True)]
     matched, covering = (np.conj(scipy.fft.rfft2(plane, shape)) for plane in (template, mask))
     level, total, best = raw.for_scale(scales.min()), float((template**2).sum()), list[Registration]()
-    luma = usual_luma(level)
+    of_channels = np.concatenate([[0], LUMA, np.zeros(6)]).astype(np.float32)  # luma of the channels as they are
+    luma = quadratic(level.pixels, level.gains, of_channels)
     for each in scales.tolist():
         rows, columns = (math.ceil(side * level.pixel_size / each) for side in luma.shape)
         plane, cover = on_jpeg_pixels(luma, level.pixel_size, Registration(each, 0.0, 0.0, 0.0), (rows, columns))

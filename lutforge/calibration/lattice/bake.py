@@ -58,7 +58,7 @@ def bake_lattice(
     if curve is not None:
         # How much a squared error in front of the curve counts behind it, 1 in the median.
         codes = np.linspace(0.0, 1.0, 511)[:, None].repeat(3, axis=1)
-        square = squares(apply_curve(curve.slope(codes), curve.to_encoded(values)))
+        square = squares(apply_curve(curve.slope(codes), apply_curve(curve.table, values)))
         weight = weight * (square / np.median(square))
     if levels is None and options.nonuniform:
         levels = _levels(model, points, values, weight, options, curve)

@@ -12,7 +12,6 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from lutforge.arrays import Array
-from lutforge.interpolation import apply_curve
 from lutforge.model.response import Response
 
 
@@ -33,10 +32,6 @@ class OutputCurve:
         """Take I (…, 3) in [0, 1] to the values v in front of the curve, by its table as files hold it."""
         even, inside = np.linspace(0.0, 1.0, len(self.table)), np.clip(encoded, 0.0, 1.0)
         return np.stack([np.interp(inside[..., c], self.table[:, c], even) for c in range(3)], axis=-1)
-
-    def to_encoded(self, values: Array) -> Array:
-        """Take values v (…, 3) in front of the curve to I in [0, 1]."""
-        return apply_curve(self.table, values)
 
     def slope(self, encoded: Array) -> Array:
         """dI/dv at I (…, 3), over two codes."""
