@@ -210,8 +210,8 @@ def icc_xyz(values: tuple[float, float, float]) -> bytes:
 
 
 # --- Transfer functions of encoded spaces, by name: linear light → code value, and back ------------------------------
-# Those of cameras and of ACES are colour-science's, from their makers' publications. Linear values are relative to
-# diffuse white. All continue below 0, so that noise around black keeps its mean.
+# The log curves of cameras and of ACES come from colour-science, which follows their makers' publications. Linear
+# values are relative to diffuse white. All curves continue below 0, so that noise around black keeps its mean.
 
 
 TransferFunction = tuple[Callable[[Array], Array], Callable[[Array], Array]]

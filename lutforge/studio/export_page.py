@@ -75,7 +75,7 @@ class ExportPage:
             self.space.value = "aces2065-1" if session.response[0].chart else "raw"
         self._offered = session.response
         cards = [(each, session.is_old(each)) for each in reversed(session.written.values())]
-        if not cards or cards != list(self._cards):  # else a click or a selection would fall into their redrawing
+        if not cards or cards != list(self._cards):  # drawing them anew would lose a click or a selection of text
             self._cards = {card: self._cards.get(card) or self._card(*card) for card in cards}
             nothing = "Nothing is written yet. Each file will stand here with its error, and with its command."
             self.main[:] = list(self._cards.values()) or [ui.text(ui.paragraphs(nothing))]
