@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import lutforge as lf
-from lutforge.apply.grade import LutRecipe
-from lutforge.apply.image import apply_image
+from lutforge.grading.grade import LutRecipe
+from lutforge.grading.image import apply_image
 from lutforge.images.read import read_image
 from lutforge.simulate.photograph import demo_shots
 

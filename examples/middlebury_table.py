@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.physical.matrix_and_response import BETA, MatrixAndResponse, saturation
-from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
-from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.matrix_and_response import BETA, MatrixAndResponse, saturation
+from lutforge.calibration.response_from_exposures import pairs_of_samples
 from lutforge.calibration.style import StyleData
+from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.further_errors import delta
 from lutforge.evaluation.methods import colour_polynomial, mixed_channel_polynomials

@@ -14,13 +14,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from middlebury_table import read_patches, unclipped
 
-from lutforge.calibration.physical.brightness_transfer import (
+from lutforge.calibration.brightness_transfer import (
     ResponseVerdict,
     TransferFunction,
     judge,
     transfer_functions,
 )
-from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
+from lutforge.calibration.response_from_exposures import pairs_of_samples
 
 NOTES = """Made by `examples/middlebury_transfer_functions.py` from the photographs named in middlebury_table.md: pairs
 of one chart at two exposures, both lights. A colour is an outlier where it leaves the camera's common function by more

@@ -24,9 +24,7 @@ Each function is what the command of that name runs; help(lf.bake) and so on des
 The names are loaded when they are first used, so that importing the package stays fast.
 """
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.2.0"
@@ -81,16 +79,6 @@ _HOMES = {
     "write_kit": "pipeline.kits",
 }
 """The public names, and the modules that they are in."""
-
-
-class _Package(ModuleType):
-    def __setattr__(self, name: str, value: object) -> None:
-        """Set an attribute, but not `apply` and `report` to the folders of these names, as an import of them would."""
-        if not (name in _HOMES and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str) -> Any:

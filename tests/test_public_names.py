@@ -35,7 +35,7 @@ def test_every_name_is_there_and_told_in_the_help() -> None:
 
 
 def test_a_folder_takes_the_name_of_no_function() -> None:
-    code = "import lutforge as lf, lutforge.report, lutforge.apply; print(callable(lf.report), callable(lf.apply))"
+    code = "import lutforge as lf, lutforge.reports, lutforge.grading; print(callable(lf.report), callable(lf.apply))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["True", "True"]
 

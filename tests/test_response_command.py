@@ -13,7 +13,7 @@ from lutforge.cli.profiles import response as response_command
 from lutforge.colour.spectra import chart_reflectances, reflectances
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.pipeline.response import parse_times, write_input_transform
-from lutforge.report.report import build_report
+from lutforge.reports.report import build_report
 from lutforge.samples.chart import chart_kind
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.cases.brackets import bracket

@@ -7,28 +7,28 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.departures import departing_shots, departure_notes
-from lutforge.calibration.falloff import at_the_centre, fit_falloffs
-from lutforge.calibration.lattice.bake import node_coverage
+from lutforge.calibration.lattice.fit import node_coverage
 from lutforge.calibration.lattice.monochrome import monochrome_note
+from lutforge.calibration.matrix_and_response import BETA, LEAST_UNSATURATED, MatrixAndResponse, saturation
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
-from lutforge.calibration.physical.matrix_and_response import BETA, LEAST_UNSATURATED, MatrixAndResponse, saturation
-from lutforge.calibration.physical.physical_model import CameraStages, fit_gamut_maps, fit_stages
-from lutforge.calibration.physical.reference_camera import own_raw
-from lutforge.calibration.physical.white_balance import (
+from lutforge.calibration.physical_model import CameraStages, fit_gamut_maps, fit_stages
+from lutforge.calibration.plausibility import NOT_ONE_CAMERA, implausible
+from lutforge.calibration.reference_camera import own_raw
+from lutforge.calibration.style import LEAST_SAMPLES, StyleData, fit_lattices, style_data, styles_with_enough, unclipped
+from lutforge.calibration.vignetting import at_the_centre, fit_vignettings
+from lutforge.calibration.white_balance import (
     complete_multipliers,
     named_white_balances,
     with_fitted_gains,
     with_gains,
     with_known_balances,
 )
-from lutforge.calibration.plausibility import NOT_ONE_CAMERA, implausible
-from lutforge.calibration.style import LEAST_SAMPLES, StyleData, fit_lattices, style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile_data import Diagnosis, PhysicalModel, PictureStyle
 from lutforge.model.reference_raw import with_own_raw
+from lutforge.model.vignetting import Vignetting
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
@@ -242,7 +242,7 @@ class PreparedSamples:
     multipliers: Array
     raw_camera: str
     raw_transfer: Array | None
-    falloffs: tuple[Falloff, ...]
+    vignettings: tuple[Vignetting, ...]
     diagnoses: tuple[Diagnosis, ...]
     notes: tuple[str, ...]
 
@@ -265,7 +265,7 @@ class PreparedSamples:
             notes=(*self.notes, *notes),
             raw_camera=self.raw_camera,
             raw_transfer=self.raw_transfer,
-            falloffs=self.falloffs,
+            vignettings=self.vignettings,
             diagnoses=self.diagnoses,
         )
 
@@ -297,8 +297,8 @@ def prepare(samples: SampleSet, options: CalibrationOptions, stages: CameraProfi
     enough, left_out = styles_with_enough(samples, multipliers)
     samples, multipliers = samples.select(enough), multipliers[enough]
     thesis = options.preset == "thesis"
-    falloffs = () if thesis else fit_falloffs(samples, multipliers, unclipped(samples, multipliers))
-    samples = at_the_centre(samples, falloffs)
+    vignettings = () if thesis else fit_vignettings(samples, multipliers, unclipped(samples, multipliers))
+    samples = at_the_centre(samples, vignettings)
     diagnoses = implausible(samples, multipliers)
     if stages is None:
         multipliers = with_fitted_gains(samples, multipliers, unclipped(samples, multipliers))
@@ -312,8 +312,8 @@ def prepare(samples: SampleSet, options: CalibrationOptions, stages: CameraProfi
         diagnoses = implausible(samples, multipliers)
     given = "response and matrix were given: the held-out errors take them as they are"
     notes += [*of_balances, *left_out, *([] if stages is None else [given])]
-    notes += [*(falloff.note for falloff in falloffs), *departure_notes(departures)]
-    return PreparedSamples(samples, multipliers, raw_camera, transfer, falloffs, diagnoses, tuple(notes))
+    notes += [*(vignetting.note for vignetting in vignettings), *departure_notes(departures)]
+    return PreparedSamples(samples, multipliers, raw_camera, transfer, vignettings, diagnoses, tuple(notes))
 
 
 def _check_one_camera(samples: SampleSet) -> None:

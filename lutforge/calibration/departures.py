@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.monochrome import is_monochrome
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 

@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.monochrome import is_monochrome
-from lutforge.calibration.physical.matrix_and_response import (
+from lutforge.calibration.matrix_and_response import (
     encoded_residual,
     fit_matrix_and_response,
     with_matrix_of_all,

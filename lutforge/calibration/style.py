@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.bake import bake_lattice, likely_light, squares
+from lutforge.calibration.gamut_map import fit_camera_model
+from lutforge.calibration.lattice.fit import bake_lattice, likely_light, squares
 from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochrome
 from lutforge.calibration.lattice.node_levels import error_histogram, fit_thesis
 from lutforge.calibration.lattice.output_curve import output_curve
-from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
-from lutforge.calibration.physical.kriging import fit_camera_model
-from lutforge.calibration.physical.matrix_and_response import (
+from lutforge.calibration.matrix_and_response import (
     MatrixAndResponse,
     fit_matrix_and_response,
     with_matrix_of_all,
 )
-from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
+from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
+from lutforge.calibration.physical_model import fit_gamut_maps, fit_stages
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice

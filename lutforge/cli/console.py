@@ -11,7 +11,7 @@ from unicodedata import combining, east_asian_width
 import typer
 
 from lutforge.errors import LutForgeError
-from lutforge.report.tables import Table
+from lutforge.reports.tables import Table
 
 
 @contextmanager

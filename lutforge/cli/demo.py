@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import lutforge as lf
 from lutforge import child_processes
 from lutforge.cli.console import note, option, print_tables, progress_bar, say
-from lutforge.report.tables import Table, held_out_table
+from lutforge.reports.tables import Table, held_out_table
 
 if TYPE_CHECKING:
     from lutforge.evaluation.methods import ErrorFigures
@@ -24,7 +24,7 @@ def demo(
     from lutforge.pipeline.baking import TransformRequest, bake_files
     from lutforge.pipeline.outputs import check_output
     from lutforge.pipeline.sampling import sample_shots
-    from lutforge.report.matplotlib_figure import calibration_sheet
+    from lutforge.reports.matplotlib_figure import calibration_sheet
     from lutforge.samples.table import write_samples
     from lutforge.simulate.photograph import SHOTS, demo_shots
 
@@ -86,7 +86,7 @@ def demo(
 def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
     from lutforge.evaluation.methods import error_figures
     from lutforge.images.read import read_image
-    from lutforge.report.matplotlib_figure import refinish_sheet
+    from lutforge.reports.matplotlib_figure import refinish_sheet
 
     spoilt = shots.held_out.jpeg
     assert spoilt is not None

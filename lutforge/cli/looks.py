@@ -20,7 +20,7 @@ from lutforge.cli.console import (
     say,
 )
 from lutforge.errors import SettingsError, in_common
-from lutforge.report.tables import Table
+from lutforge.reports.tables import Table
 
 if TYPE_CHECKING:
     from lutforge.pipeline.grading import Grading
@@ -196,7 +196,7 @@ def apply(
 
 def _run(grading: "Grading", as_json: bool) -> bool:
     """Grade, and say what became of the images. Returns whether one failed."""
-    from lutforge.apply.batch import rate
+    from lutforge.grading.batch import rate
 
     began = time.monotonic()
     with quiet_codecs(), progress_bar("grading") as progress:

@@ -12,7 +12,7 @@ import lutforge as lf
 from lutforge.boundary import require_file
 from lutforge.cli.console import Profile, argument, for_each, note, option, print_tables, progress_bar, say
 from lutforge.errors import LutForgeError, ProfileError, SettingsError
-from lutforge.report.tables import TITLES, Table, error_table, held_out_table, more_tables, response_table
+from lutforge.reports.tables import TITLES, Table, error_table, held_out_table, more_tables, response_table
 
 if TYPE_CHECKING:
     from lutforge.pipeline.sampling import SampledShots

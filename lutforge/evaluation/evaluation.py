@@ -34,11 +34,11 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.departures import Departure, find_departures
-from lutforge.calibration.falloff import at_the_centre
 from lutforge.calibration.lattice.monochrome import is_monochrome, monochrome_note
 from lutforge.calibration.options import options_from_json
-from lutforge.calibration.physical.white_balance import complete_multipliers, with_gains
 from lutforge.calibration.style import style_data, styles_with_enough, unclipped
+from lutforge.calibration.vignetting import at_the_centre
+from lutforge.calibration.white_balance import complete_multipliers, with_gains
 from lutforge.errors import CalibrationError
 from lutforge.evaluation import further_errors as further
 from lutforge.evaluation.methods import LATTICE, RBF, ErrorFigures, Predictions, error_figures, predict
@@ -158,7 +158,7 @@ def evaluate(
             f"the profile of {profile.camera} holds a response alone, found without RAW: samples of RAW cannot tell "
             "its error; lutforge response prints it"
         )
-    samples = at_the_centre(with_own_raw(profile, samples), profile.falloffs)
+    samples = at_the_centre(with_own_raw(profile, samples), profile.vignettings)
     multipliers, of_balances = complete_multipliers(samples)
     multipliers = with_gains(samples, multipliers, profile.white_balances)
     known, strange = known_styles(profile, samples)
@@ -214,7 +214,7 @@ def departures_from(profile: CameraProfile, samples: SampleSet, multipliers: Arr
 
 def scene_departures(profile: CameraProfile, samples: SampleSet) -> tuple[Departure, ...]:
     """What the camera did to shots beyond its fixed rendering, of styles that the profile has."""
-    samples = at_the_centre(with_own_raw(profile, samples), profile.falloffs)
+    samples = at_the_centre(with_own_raw(profile, samples), profile.vignettings)
     multipliers = with_gains(samples, complete_multipliers(samples)[0], profile.white_balances)
     return departures_from(profile, samples, multipliers)
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.physical.matrix_and_response import BETA, saturation
-from lutforge.calibration.physical.response_from_exposures import (
+from lutforge.calibration.matrix_and_response import BETA, saturation
+from lutforge.calibration.response_from_exposures import (
     ExposurePairs,
     fit_response_to_exposures,
     pairs_of_samples,

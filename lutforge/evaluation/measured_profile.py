@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from lutforge.arrays import Array
+from lutforge.calibration.gamut_map import OFFSET, posterior_deviation
+from lutforge.calibration.matrix_and_response import MatrixAndResponse, encoding_slope
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.kriging import OFFSET, posterior_deviation
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, encoding_slope
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, Predictions, Predictor, error_figures, predict
@@ -108,7 +108,7 @@ def _worse_than_baselines(predictions: Predictions, errors: dict[str, float]) ->
 
 # --- The expected error at any colour: the deviation of the fitted process, in units of held-out errors --------------
 # Held-out samples give e = a + b · σ by nonnegative least squares, for each direction. σ is the posterior standard
-# deviation of the gamut map (`calibration.physical.kriging`), which is small near samples and grows away from them,
+# deviation of the gamut map (`calibration.gamut_map`), which is small near samples and grows away from them,
 # times the slope of the encoding. Errors are norms of encoded RGB; linearized light is compared after matrix and
 # response have rendered it.
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.node_levels import fit_uniform
+from lutforge.calibration.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.style import LEAST_SAMPLES, StyleData, fit_lattices, fit_physical
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError

@@ -3,7 +3,7 @@
 On linear values, as the thesis has it, or on an even scale, on which dark colours lie as far apart as they look:
 e(x) = ±((|x| + ε)^(1/2.4) − ε^(1/2.4)) / c with c such that e(1) = 1.
 
-The thesis's function is φ(r) = r. The other one is the covariance of kriging (`calibration.physical.kriging`), a sum of
+The thesis's function is φ(r) = r. The other one is the covariance of kriging (`calibration.gamut_map`), a sum of
 three that fade (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, section 4.2.1), with t = r/ℓ:
 φ(r) = 0.2 exp(−t) + 0.8 (1 + 8t) exp(−8t) + 10 exp(−3 t²). The first is rough and reaches far; its limit for long ℓ is
 φ(r) = r. The second is smooth and reaches an eighth as far. The third is what a polynomial trend would be, and goes on

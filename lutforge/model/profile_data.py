@@ -22,10 +22,10 @@ from lutforge.boundary import reading
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
+from lutforge.model.vignetting import Vignetting
 from lutforge.model.white_balance import WhiteBalance
 
 FORMAT_VERSION = 7
@@ -159,7 +159,7 @@ class ProfileData:
 
     shots: the names that it was calibrated from; options: how, as plain JSON values. raw_camera: the reference camera
     whose RAW stood in for a camera without RAW (4.9), else ""; raw_transfer: Tc (3, 3), which takes that camera's RAW
-    to this camera's, as far as it can be known. falloffs: what JPEGs are brighter towards the corners than the
+    to this camera's, as far as it can be known. vignettings: what JPEGs are brighter towards the corners than the
     middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes.
     Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
     singular.
@@ -173,7 +173,7 @@ class ProfileData:
     options: Mapping[str, object] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     raw_camera: str = ""
-    falloffs: tuple[Falloff, ...] = ()
+    vignettings: tuple[Vignetting, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
     raw_transfer: Array | None = None
 
@@ -230,9 +230,9 @@ class ProfileData:
             "shots": list(self.shots),
             "options": dict(self.options),
             "notes": list(self.notes),
-            "falloffs": [  # JSON has no NaN: what is not known is null
-                {name: value if value == value else None for name, value in asdict(falloff).items()}
-                for falloff in self.falloffs
+            "vignettings": [  # JSON has no NaN: what is not known is null
+                {name: value if value == value else None for name, value in asdict(vignetting).items()}
+                for vignetting in self.vignettings
             ],
             "diagnoses": [asdict(diagnosis) for diagnosis in self.diagnoses],
         }
@@ -262,14 +262,14 @@ class ProfileData:
                 r, g, b = map(float, entry["multipliers"])
                 spread, gain = float(entry["spread"]), float(entry["gain"])
                 balances[str(name)] = WhiteBalance((r, g, b), entry["kelvin"], spread, gain)
-            falloffs = []
-            for entry in document["falloffs"]:
+            vignettings = []
+            for entry in document["vignettings"]:
                 one, two, three = map(float, entry["coefficients"])
                 x, y = map(float, entry["centre"])
                 focal_mm, aperture = (
                     math.nan if entry[name] is None else float(entry[name]) for name in ("focal_mm", "aperture")
                 )
-                falloffs.append(Falloff((one, two, three), (x, y), str(entry["lens"]), focal_mm, aperture))
+                vignettings.append(Vignetting((one, two, three), (x, y), str(entry["lens"]), focal_mm, aperture))
             transfer = document["raw_transfer"]
             return cls(
                 camera=str(document["camera"]),
@@ -284,7 +284,7 @@ class ProfileData:
                 notes=tuple(map(str, document["notes"])),
                 raw_camera=str(document["raw_camera"]),
                 raw_transfer=None if transfer is None else np.array(transfer, dtype=np.float64),
-                falloffs=tuple(falloffs),
+                vignettings=tuple(vignettings),
                 diagnoses=tuple(
                     Diagnosis(str(entry["cause"]), str(entry["evidence"]), str(entry["advice"]))
                     for entry in document["diagnoses"]

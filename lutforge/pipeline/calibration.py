@@ -9,7 +9,7 @@ from pathlib import Path
 from lutforge.calibration.calibrate import calibrate as fit_profile
 from lutforge.calibration.calibrate import calibrate_stages as fit_stages
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer, pair_samples
+from lutforge.calibration.raw_transfer import fit_raw_transfer, pair_samples
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import CalibrationError, SampleError
 from lutforge.evaluation.measured_profile import measured

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.falloff import at_the_centre
-from lutforge.calibration.physical.white_balance import with_known_balances
+from lutforge.calibration.vignetting import at_the_centre
+from lutforge.calibration.white_balance import with_known_balances
 from lutforge.evaluation.evaluation import Evaluation, known_styles, scene_departures
 from lutforge.evaluation.evaluation import evaluate as evaluate_profile
 from lutforge.model.camera_profile import CameraProfile, as_profile
-from lutforge.model.falloff import falloff_of
+from lutforge.model.vignetting import vignetting_of
 from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sampling import as_samples, gather_samples, require_same_origin
 from lutforge.progress import Progress, silent, telling_of_compilation
-from lutforge.report.tables import Table
+from lutforge.reports.tables import Table
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.settings import Multipliers, Selector
 
@@ -60,7 +60,7 @@ def evaluate(
 def inspect_scene(
     profile: CameraProfile | str | Path, shots: Paths, progress: Progress = silent
 ) -> tuple[Table, tuple[str, ...]]:
-    """Compare three shots or more with a profile's rendering: lens falloff, exposure, contrast, saturation.
+    """Compare three shots or more with a profile's rendering: vignetting, exposure, contrast, saturation.
 
     shots: RAW files, folders, or sample tables. Departures that chance explains are not told. Returned are a table
     with a row a shot, and a line for each shot that was left out.
@@ -72,8 +72,10 @@ def inspect_scene(
     departures = {departure.shot: departure.cells for departure in scene_departures(camera, samples)}
     rows = []
     for name, shot in samples.by_shot():
-        falloff = falloff_of(camera.falloffs, str(shot.lens[0]), float(shot.focal_mm[0]), float(shot.aperture[0]))
-        corners = "–" if falloff is None else f"{falloff.corner_ev:+.2f} EV"
+        vignetting = vignetting_of(
+            camera.vignettings, str(shot.lens[0]), float(shot.focal_mm[0]), float(shot.aperture[0])
+        )
+        corners = "–" if vignetting is None else f"{vignetting.corner_ev:+.2f} EV"
         rows.append((name, corners, *departures.get(name, ("–",) * 3)))
     header = ("shot", "corners", "exposure, EV", "contrast", "saturation")
     return Table(f"Beyond the rendering of {profile}", header, rows), gathered.left_out
@@ -97,7 +99,7 @@ class Predicted:
 
 def predict(profile: CameraProfile, samples: SampleSet) -> Predicted:
     """Render the RAW values of samples and linearize their JPEG values by a profile, each under its own settings."""
-    samples = at_the_centre(with_setting_names(samples), profile.falloffs)
+    samples = at_the_centre(with_setting_names(samples), profile.vignettings)
     scene, linearized, rendered, transformed, decoded = (np.full_like(samples.raw, np.nan) for _ in range(5))
     multipliers = with_known_balances(samples, profile.white_balances).wb
     columns = [samples.style, samples.white_balance, *np.char.mod("%.9g", multipliers.T)]

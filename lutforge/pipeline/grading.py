@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from lutforge.apply.batch import BatchResult, apply_batch, plan_jobs
-from lutforge.apply.grade import ConfigRecipe, LutRecipe, Recipe
-from lutforge.apply.inputs import Failure, find_inputs, is_picture
 from lutforge.errors import ImageError, SettingsError
+from lutforge.grading.batch import BatchResult, apply_batch, plan_jobs
+from lutforge.grading.grade import ConfigRecipe, LutRecipe, Recipe
+from lutforge.grading.inputs import Failure, find_inputs, is_picture
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, check_output, one_of, several
 from lutforge.progress import Progress, silent
 
@@ -70,7 +70,7 @@ class Grading:
         path, *others = self.words[0], *filter(_is_profile, self.words[1:])  # LUT, config or profile; further profiles
         is_config = path.suffix.lower() in (".ocio", ".ocioz")
         if _is_profile(path):
-            from lutforge.apply.profile_recipe import ProfileRecipe, SceneRecipe
+            from lutforge.grading.profile_recipe import ProfileRecipe, SceneRecipe
 
             settings = ((path, *others), self.source, self.target, self.ev)
             if self.space is not None:
@@ -109,7 +109,7 @@ class Grading:
 
     def commands(self) -> Iterator[str | Failure]:
         """The oiiotool lines that grade as `run` would, for a POSIX shell, or why there is none."""
-        from lutforge.apply.batch import oiiotool_commands
+        from lutforge.grading.batch import oiiotool_commands
 
         if self.space is not None:
             raise SettingsError("--print-commands goes without --space: oiiotool cannot mark what is clipped")

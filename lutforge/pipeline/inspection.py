@@ -10,7 +10,7 @@ import numpy as np
 from lutforge.errors import ImageError
 from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
-from lutforge.report.tables import exposure_time
+from lutforge.reports.tables import exposure_time
 from lutforge.samples.table import is_table, read_samples
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 
@@ -137,8 +137,8 @@ def _profile(profile: "CameraProfile") -> Rows:
         parts = [f"{direction} lattice {size}" for direction, size in sizes.items()]
         parts += [f"physical model for {', '.join(model.white_balances)}" for model in style.physical]
         yield "style", f"{name}: {'; '.join(parts)}"
-    for falloff in profile.falloffs:
-        yield "lens falloff", f"{falloff.setting}: {falloff.corner_ev:.2f} EV in the corners"
+    for vignetting in profile.vignettings:
+        yield "vignetting", f"{vignetting.setting}: {vignetting.corner_ev:.2f} EV in the corners"
     yield from (("note", text) for text in (*map(str, profile.diagnoses), *profile.notes))
     yield "use", "a camera profile: bake, config, apply, evaluate, report"
 

@@ -10,7 +10,7 @@ from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sampling import SampledShots, gather_samples, require_same_origin
 from lutforge.progress import Progress, part, silent, telling_of_compilation
-from lutforge.report.report import Report, build_comparison, build_report, write_page
+from lutforge.reports.report import Report, build_comparison, build_report, write_page
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
 

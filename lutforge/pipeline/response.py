@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array, Pixels
-from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
-from lutforge.calibration.physical.matrix_and_response import BETA
-from lutforge.calibration.physical.response_from_exposures import (
+from lutforge.calibration.bracket import BracketFit, fit_bracket
+from lutforge.calibration.matrix_and_response import BETA
+from lutforge.calibration.response_from_exposures import (
     CLIPPED,
     ExposurePairs,
     pairs_of_bracket,

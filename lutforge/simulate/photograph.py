@@ -20,7 +20,7 @@ from lutforge.images.jpeg import read_header
 from lutforge.images.read import Image
 from lutforge.images.tiff import Field, TiffWriter, byte_field, long_field, rational_field, short_field, text_field
 from lutforge.images.write import write_image
-from lutforge.model.falloff import Falloff
+from lutforge.model.vignetting import Vignetting
 from lutforge.model.white_balance import LIGHT_SOURCES
 from lutforge.shots.geometry import Distortion
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
@@ -36,9 +36,9 @@ class CameraSettings:
     """The dials of the camera.
 
     preview_scale: size of the embedded JPEG relative to the full one. push_ev: brightening in the development, in
-    stops. orientation: how the camera was held (TIFF 1, 3, 6 or 8); pixels stay as the sensor has them. falloff: what
-    the lens loses, which the development brings back. distortion: how the lens bends the scene, which the development
-    straightens and scales to fill the JPEG.
+    stops. orientation: how the camera was held (TIFF 1, 3, 6 or 8); pixels stay as the sensor has them.
+    vignetting: what the lens loses, which the development brings back. distortion: how the lens bends
+    the scene, which the development straightens and scales to fill the JPEG.
     """
 
     style: str = "standard"
@@ -51,7 +51,7 @@ class CameraSettings:
     preview_scale: float = 0.5
     push_ev: float = 0.0
     orientation: int = 1
-    falloff: Falloff | None = None
+    vignetting: Vignetting | None = None
     distortion: Distortion | None = None
 
     @property
@@ -107,8 +107,8 @@ def photograph(
     light: the white-balance name whose light falls on the scene, if not the camera's. The noise is of seed and name.
     """
     irradiance = scene.irradiance(camera, light or settings.white_balance, settings.exposure_s)
-    if settings.falloff is not None:
-        irradiance /= settings.falloff.gain(*irradiance.shape[:2])[..., None].astype(np.float32)
+    if settings.vignetting is not None:
+        irradiance /= settings.vignetting.gain(*irradiance.shape[:2])[..., None].astype(np.float32)
     lens = settings.distortion
     if lens is not None and (lens.red or lens.blue):  # red and blue are drawn larger than green
         y, x = np.mgrid[: irradiance.shape[0], : irradiance.shape[1]] + 0.5
@@ -151,8 +151,8 @@ def develop(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Camer
 def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: CameraSettings) -> Array:
     """Encoded values (h, w, 3) of a mosaic (h, w): demosaicked, its border cropped, and rendered."""
     raw = demosaic(normalized(camera, mosaic), camera.cfa)
-    if settings.falloff is not None:
-        raw *= settings.falloff.gain(*mosaic.shape)[..., None].astype(np.float32)
+    if settings.vignetting is not None:
+        raw *= settings.vignetting.gain(*mosaic.shape)[..., None].astype(np.float32)
     raw = raw[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
     if settings.distortion is not None:
         # What the lens drew, as large as it fills the picture when it is straight

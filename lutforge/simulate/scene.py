@@ -133,11 +133,11 @@ class Scene:
         self.gloss[mask] += shine[mask].astype(np.float32)
 
     def vignetted(self, amount: float = 0.12) -> "Scene":
-        """It, with the lens's falloff toward the corners."""
+        """It, with the vignetting of the lens toward the corners."""
         aspect = self.shape[1] / self.shape[0]
         radius = ((self.x - aspect / 2) ** 2 + (self.y - 0.5) ** 2) / (aspect**2 / 4 + 0.25)
-        falloff = (1 - amount * radius).astype(np.float32)
-        return replace(self, shade=self.shade * falloff, gloss=self.gloss * falloff)
+        vignetting = (1 - amount * radius).astype(np.float32)
+        return replace(self, shade=self.shade * vignetting, gloss=self.gloss * vignetting)
 
 
 def palette(count: int, rng: np.random.Generator) -> Array:

@@ -16,8 +16,8 @@ import panel as pn
 import param
 from panel.custom import JSComponent
 
-from lutforge.apply.profile_recipe import BakedGrades, SettingChange, baked_steps
 from lutforge.errors import LutError, SettingsError
+from lutforge.grading.profile_recipe import BakedGrades, SettingChange, baked_steps
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range, lattice_ops
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile

@@ -12,9 +12,9 @@ from lutforge.calibration.options import LARGEST, PRESETS, SMALLEST
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
-from lutforge.report import figures
-from lutforge.report.figures import CHANNELS, Drawing
-from lutforge.report.tables import TITLES, Table, balance_table, matrix_table
+from lutforge.reports import figures
+from lutforge.reports.figures import CHANNELS, Drawing
+from lutforge.reports.tables import TITLES, Table, balance_table, matrix_table
 from lutforge.studio import ui
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import MODELS, Workspace

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from lutforge.apply.profile_recipe import choose_camera, source_selector
 from lutforge.arrays import Pixels
 from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
+from lutforge.grading.profile_recipe import choose_camera, source_selector
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
 from lutforge.images.read import ImageReader, read_image

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode
-from lutforge.report.figures import (
+from lutforge.reports.figures import (
     GREY,
     Dots,
     Drawing,

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.falloff import falloff_of
+from lutforge.model.vignetting import vignetting_of
 from lutforge.pipeline.response import Bracket, FittedResponse, ResponseRequest
 from lutforge.pipeline.sampling import file_notes
-from lutforge.report.figures import bracket_figure
-from lutforge.report.tables import exposure_time, response_table
+from lutforge.reports.figures import bracket_figure
+from lutforge.reports.tables import exposure_time, response_table
 from lutforge.samples.chart import chart_names
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
@@ -141,7 +141,7 @@ class ShotsPage:
                 paper[0].value = name not in left_out
         unused = (f"not used: {line}" for line in session.opened.left_out[:20])
         untick = "Untick a shot to leave it out. " if self.papers else ""
-        known = "" if profile is not None or workspace is None else "The falloff is known once a model is computed."
+        known = "" if profile is not None or workspace is None else "The vignetting is known once a model is computed."
         hint = untick + known if bracket is None else f"{bracket}. {FIT}"
         self.notes.object = ui.paragraphs(hint, *file_notes(session.opened.accounts), *unused)
 
@@ -208,15 +208,15 @@ def card_of(name: str, pictures: dict[str, NDArray[np.uint8]], facts: list[str])
 
 
 def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile: CameraProfile | None) -> list[str]:
-    """What is known of a shot, a line each: settings, samples and falloff."""
+    """What is known of a shot, a line each: settings, samples and vignetting."""
     time, balance = float(samples.exposure_s[0]), samples.white_balance[0]
     seconds = f", {exposure_time(time)}" if np.isfinite(time) else ""
     facts = [f"{samples.style[0]}/{balance}{seconds}", f"{len(samples):,} samples"]
     if account is not None:
         facts = [facts[0], account.summary.removeprefix(f"{account.shot}: ")]
     if profile is not None:
-        lens = falloff_of(
-            profile.falloffs, str(samples.lens[0]), float(samples.focal_mm[0]), float(samples.aperture[0])
+        lens = vignetting_of(
+            profile.vignettings, str(samples.lens[0]), float(samples.focal_mm[0]), float(samples.aperture[0])
         )
-        facts += [f"falloff: corners {lens.corner_ev:+.2f} EV"] if lens is not None else []
+        facts += [f"vignetting: corners {lens.corner_ev:+.2f} EV"] if lens is not None else []
     return facts

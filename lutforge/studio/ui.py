@@ -13,8 +13,8 @@ from bokeh.plotting import figure
 from panel.models.plotly import PlotlyPlot
 
 from lutforge.arrays import Array
-from lutforge.report.figures import GREY, Bars, Dots, Drawing, Line, Lines, Mark, Panel, Raster
-from lutforge.report.tables import Table
+from lutforge.reports.figures import GREY, Bars, Dots, Drawing, Line, Lines, Mark, Panel, Raster
+from lutforge.reports.tables import Table
 
 HERE = Path(__file__).parent
 """The folder of the studio's style sheets, scripts and templates."""

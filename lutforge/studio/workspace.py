@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.boundary import reading
+from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import CalibrationOptions, options_from_json
-from lutforge.calibration.physical.matrix_and_response import saturation
-from lutforge.calibration.physical.response_from_exposures import ExposurePairs, pairs_of_samples
+from lutforge.calibration.response_from_exposures import ExposurePairs, pairs_of_samples
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName, load_profile
 from lutforge.model.response import Response

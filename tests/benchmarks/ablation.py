@@ -26,10 +26,10 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from lutforge.arrays import Array
+from lutforge.calibration import gamut_map as kriging
+from lutforge.calibration.curve_basis import CurveBasis
+from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
-from lutforge.calibration.physical import kriging
-from lutforge.calibration.physical.curve_basis import CurveBasis
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style import ClippedColours, StyleData, fit_lattices, unclipped
 from lutforge.colour.spectra import light
 from lutforge.colour.srgb import delta_e_2000

@@ -32,9 +32,9 @@ from scipy.stats import qmc
 import lutforge as lf
 from lutforge.arrays import Array
 from lutforge.calibration.calibrate import calibrate
-from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer
-from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.raw_transfer import fit_raw_transfer
 from lutforge.calibration.style import style_data
+from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.evaluation.methods import fit_baselines

@@ -28,7 +28,6 @@ from PIL import Image as Pillow
 from lutforge.arrays import Pixels
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.calibration.style import fit_lattices
 from lutforge.luts.bake import bake_forms
 from lutforge.luts.programs import target_of
@@ -38,6 +37,7 @@ from lutforge.samples.table import read_samples, write_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
+from lutforge.thesis.gamut_map import fit_gamut_map
 from tests.benchmarks import common
 from tests.benchmarks.common import ROOT, Figure, Figures, Parts
 from tests.cases.pictures import write_cube

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
-from lutforge.calibration.physical.brightness_transfer import TransferFunction, judge, transfer_functions
-from lutforge.calibration.physical.response_from_exposures import pairs_of_bracket, pairs_of_samples
+from lutforge.calibration.bracket import BracketFit, fit_bracket
+from lutforge.calibration.brightness_transfer import TransferFunction, judge, transfer_functions
+from lutforge.calibration.response_from_exposures import pairs_of_bracket, pairs_of_samples
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.pipeline.response import response

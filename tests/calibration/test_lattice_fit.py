@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # i
 
 from lutforge import threads as shared
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.bake import node_coverage
+from lutforge.calibration.lattice.fit import node_coverage
 from lutforge.calibration.lattice.node_levels import BINS, EVEN, blended_levels, equidistributed_levels, error_histogram
 from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
 from lutforge.calibration.options import CalibrationOptions

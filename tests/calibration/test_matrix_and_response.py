@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 from lutforge.arrays import Array
-from lutforge.calibration.options import CalibrationOptions, Preset
-from lutforge.calibration.physical.matrix_and_response import (
+from lutforge.calibration.matrix_and_response import (
     BETA,
     check_tones,
     fit_matrix_and_response,
     saturation,
     untouched,
 )
-from lutforge.calibration.physical.physical_model import KNOWN, fit_matrix
-from lutforge.calibration.physical.response_from_exposures import (
+from lutforge.calibration.options import CalibrationOptions, Preset
+from lutforge.calibration.physical_model import KNOWN, fit_matrix
+from lutforge.calibration.response_from_exposures import (
     fit_response_to_exposures,
     pairs_of_bracket,
     pairs_of_samples,
 )
-from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style import fit_lattices, style_data, unclipped
+from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator
 
+from lutforge.calibration.gamut_map import fit_camera_model, krige
+from lutforge.calibration.matrix_and_response import MatrixAndResponse, untouched
 from lutforge.calibration.options import PhysicalOptions
-from lutforge.calibration.physical.gamut_map import fit_gamut_map, merge_coincident, solve
-from lutforge.calibration.physical.kriging import fit_camera_model, krige
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, untouched
-from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
-from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.style import unclipped
+from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
+from lutforge.thesis.gamut_map import fit_gamut_map, merge_coincident, solve
 from tests.cases.samples import chart_140, photograph_patches, surfaces
 
 CAMERA = nikon_d5100()

@@ -8,14 +8,14 @@ import pytest
 import lutforge as lf
 from lutforge.calibration.departures import Departure, departing_shots
 from lutforge.calibration.options import CalibrationOptions, Preset
-from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.plausibility import implausible
 from lutforge.calibration.style import unclipped
+from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import evaluate
 from lutforge.model.camera_profile import ModelName
 from lutforge.pipeline.calibration import calibrate
-from lutforge.report.report import build_report
+from lutforge.reports.report import build_report
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.cases.cameras import photographed_at_random

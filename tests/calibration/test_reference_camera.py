@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.calibration.curve_basis import gamma_response
+from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.curve_basis import gamma_response
-from lutforge.calibration.physical.matrix_and_response import saturation
-from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer, pair_samples
-from lutforge.calibration.physical.reference_camera import own_raw
+from lutforge.calibration.raw_transfer import fit_raw_transfer, pair_samples
+from lutforge.calibration.reference_camera import own_raw
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.colour.srgb import srgb_to_lab
 from lutforge.errors import CalibrationError, ProfileError

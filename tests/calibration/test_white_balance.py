@@ -7,18 +7,18 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.white_balance import (
+from lutforge.calibration.style import unclipped
+from lutforge.calibration.white_balance import (
     complete_multipliers,
     multipliers_from_colours,
     named_temperature,
     named_white_balances,
     with_fitted_gains,
 )
-from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import evaluate
 from lutforge.pipeline.calibration import calibrate
-from lutforge.report.tables import balance_table
+from lutforge.reports.tables import balance_table
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
 from tests.cases.samples import BALANCES, chart_140, photograph_patches

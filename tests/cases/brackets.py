@@ -6,7 +6,7 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
-from lutforge.calibration.physical.bracket import BracketFit
+from lutforge.calibration.bracket import BracketFit
 from lutforge.colour.srgb import srgb_encode
 from lutforge.simulate.camera import ToneResponse
 

@@ -10,10 +10,10 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 import lutforge as lf
-from lutforge.apply.grade import LutRecipe
-from lutforge.apply.image import apply_image
 from lutforge.cli.console import quiet_codecs
 from lutforge.errors import LutForgeError
+from lutforge.grading.grade import LutRecipe
+from lutforge.grading.image import apply_image
 from lutforge.images.raw import read_raw
 from lutforge.kits.dcp import DngProfile, write_dcp
 from lutforge.kits.icc import IccProfile, write_icc

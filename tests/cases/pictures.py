@@ -8,8 +8,8 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
-from lutforge.apply.image import grade_floats
 from lutforge.arrays import Array
+from lutforge.grading.image import grade_floats
 from lutforge.interpolation import Interpolation, Levels
 from lutforge.luts.bake import joined
 from lutforge.luts.ops import SHAPER_SIZE, Cube, Matrix, Range, is_even, shaper

@@ -7,10 +7,10 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.departures import departing_shots
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.plausibility import implausible
 from lutforge.calibration.style import unclipped
+from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.colour.srgb import srgb_decode
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples

@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from lutforge.apply.inputs import JOURNAL
+from lutforge.grading.inputs import JOURNAL
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import load_profile
 from tests.cases.pictures import write_cube, write_picture

@@ -10,7 +10,7 @@ import pytest
 
 import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.response_from_exposures import pairs_of_samples
+from lutforge.calibration.response_from_exposures import pairs_of_samples
 from lutforge.calibration.style import unclipped
 from lutforge.evaluation import evaluation as evaluation_module
 from lutforge.evaluation.evaluation import Evaluation, evaluate

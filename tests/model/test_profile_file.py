@@ -11,27 +11,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lutforge.calibration.physical.gamut_map import fit_gamut_map
 from lutforge.errors import ProfileError
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import Diagnosis, PictureStyle
 from lutforge.model.published_model import PublishedModel, export_published, import_published, read_published_model
+from lutforge.model.vignetting import Vignetting
+from lutforge.thesis.gamut_map import fit_gamut_map
 from tests.cases.profiles import small_profile
 
 VALUES = "style0_render_values"
 
 
 def _profile() -> CameraProfile:
-    """The small profile with what a profile can hold beside: an output curve, lens falloffs, a diagnosis."""
+    """The small profile with what a profile can hold beside: an output curve, vignetting, a diagnosis."""
     profile = small_profile()
     standard = profile.styles["standard"]
     assert standard.render is not None
     curve = np.linspace(0.0, 1.0, 65)[:, None] ** np.array([0.4, 0.5, 0.6])
     standard = replace(standard, render=replace(standard.render, output_curve=curve))
-    falloffs = (Falloff((0.1, 0.0, 0.3), (0.01, 0.0), "A lens", 24.0, 2.8), Falloff((0.1, 0.2, 0.3)))
+    vignettings = (Vignetting((0.1, 0.0, 0.3), (0.01, 0.0), "A lens", 24.0, 2.8), Vignetting((0.1, 0.2, 0.3)))
     return replace(
-        profile, styles={**profile.styles, "standard": standard}, falloffs=falloffs,
+        profile, styles={**profile.styles, "standard": standard}, vignettings=vignettings,
         diagnoses=(Diagnosis("a cause", "its evidence", "advice"),), raw_camera="Other", raw_transfer=0.9 * np.eye(3),
     )  # fmt: skip
 
@@ -83,7 +83,7 @@ def _refused(path: Path) -> str:
 
 def test_everything_comes_back(saved: Path) -> None:
     first, second = _profile(), load_profile(saved)
-    for name in ("camera", "shots", "notes", "options", "white_balances", "raw_camera", "falloffs", "diagnoses"):
+    for name in ("camera", "shots", "notes", "options", "white_balances", "raw_camera", "vignettings", "diagnoses"):
         assert repr(getattr(second, name)) == repr(getattr(first, name)), name  # NaN equals nothing
     for name in ("matrix", "raw_transfer"):
         np.testing.assert_array_equal(getattr(second, name), getattr(first, name))
@@ -161,7 +161,11 @@ def test_another_version_says_what_to_do(saved: Path, version: object, says: str
         {"options": [1]},
         {"camera": "x" * 10_000},
         {"camera": "A\nB \x1b[31m"},
-        {"falloffs": [{"coefficients": [-1, 0, 0], "centre": [0, 0], "lens": "", "focal_mm": None, "aperture": None}]},
+        {
+            "vignettings": [
+                {"coefficients": [-1, 0, 0], "centre": [0, 0], "lens": "", "focal_mm": None, "aperture": None}
+            ]
+        },
     ],
 )
 def test_wrong_values_in_the_description(saved: Path, fields: dict[str, Any]) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.white_balance import named_white_balances
+from lutforge.calibration.white_balance import named_white_balances
 from lutforge.colour.colour_temperature import (
     camera_from_xyz,
     locus,

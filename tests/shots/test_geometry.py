@@ -136,7 +136,7 @@ def test_it_is_told(tmp_path: Path) -> None:
 
 
 def test_places_of_samples_are_where_the_lens_drew_them(tmp_path: Path) -> None:
-    """So that falloff, which darkens the RAW, is where it is; a tile near the corner moves by over a pixel in 30."""
+    """So that vignetting, which darkens the RAW, is where it is; a tile near the corner moves by over a pixel in 30."""
     shot = shot_of(tmp_path, lens(-0.06))
     corner = np.array([[10.0, 10.0]])
     registration = shot.placement.registration

@@ -10,12 +10,12 @@ import rawpy
 from PIL import Image
 
 import lutforge as lf
-from lutforge.apply.batch import plan_jobs
-from lutforge.apply.grade import LutRecipe
-from lutforge.apply.image import apply_image
-from lutforge.apply.inputs import find_inputs
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
+from lutforge.grading.batch import plan_jobs
+from lutforge.grading.grade import LutRecipe
+from lutforge.grading.image import apply_image
+from lutforge.grading.inputs import find_inputs
 from lutforge.images.heif import read_heif
 from lutforge.images.icc import to_srgb
 from lutforge.images.read import read_image

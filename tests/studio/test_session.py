@@ -35,9 +35,9 @@ from bokeh.events import SelectionGeometry
 from panel.io.state import set_curdoc
 from tornado.httputil import HTTPHeaders, HTTPServerRequest, RequestStartLine
 
-from lutforge.apply.batch import apply_batch
-from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
+from lutforge.grading.batch import apply_batch
+from lutforge.grading.profile_recipe import ProfileRecipe
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile

@@ -11,9 +11,9 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PIL.Image
 import pytest
 
-from lutforge.apply.inputs import find_inputs
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError, LutError, LutForgeError, SampleError
+from lutforge.grading.inputs import find_inputs
 from lutforge.images.icc import to_srgb
 from lutforge.images.read import Image
 from lutforge.images.write import write_image
@@ -140,7 +140,7 @@ def test_a_picture_that_is_cut_short_is_not_usable(lutforge: CommandLine, refuse
 
 def test_plots_print_nothing_where_there_is_no_home(tmp_path: Path) -> None:
     environment = {**os.environ, "HOME": "/proc/nowhere", "MPLCONFIGDIR": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/x"}
-    code = "import lutforge.report.figures, matplotlib.pyplot"
+    code = "import lutforge.reports.figures, matplotlib.pyplot"
     run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert run.stderr == ""
 

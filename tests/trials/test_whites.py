@@ -10,9 +10,9 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import pytest
 
 import lutforge as lf
-from lutforge.apply.profile_recipe import BakedGrades, SettingChange
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.grading.profile_recipe import BakedGrades, SettingChange
 from lutforge.luts.bake import bake_steps
 from lutforge.luts.programs import target_of
 from lutforge.luts.sequence import Lut

@@ -1,0 +1,194 @@
+"""The gamut map h, or h⁻¹, by kriging: the mean of a Gaussian process with the kernel of `model.gamut_map`.
+
+With z = e(X) on the even scale, h(X) = e⁻¹(z + r(z)), and the correction r is a Gaussian process of mean zero given the
+samples (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, equation 2.23). In the words of (4.7) and
+(4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity. The numbers of the kernel, its
+noise and the weight of distances along the grey axis were chosen on the Canon S40 and the published Nikon D40 among
+factors of two, within which errors change by 3 %; the table of parts in the guide has the other cameras.
+
+Near the edge of its gamut a camera takes wide ranges of scenes to few codes. There the rendering is a gentle function,
+which extrapolates well beyond the samples; its inverse is steep and does not. So h⁻¹ is fitted to the samples and to
+pairs of a likely scene and the code that the rendering gives it. The logarithms of the cone responses to natural scenes
+are nearly normally distributed (Ruderman, Cronin & Chiao 1998, https://doi.org/10.1364/JOSAA.15.002036): the density of
+likely scenes is a kernel density estimate in log RAW, the scenes of the calibration, each with a kernel whose shape is
+their covariance. Neutral light is always likely, up to where the camera clips, and samples rarely reach there.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+
+from lutforge.arrays import Array, Mask
+from lutforge.calibration.matrix_and_response import MatrixAndResponse
+from lutforge.errors import CalibrationError
+from lutforge.model.gamut_map import GamutMap, flattened, from_even, identity_gamut_map, kriging_covariance, to_even
+from lutforge.model.profile_data import PhysicalModel
+from lutforge.sobol import sobol
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
+
+
+def likely_scenes(balanced: Array, count: int) -> Array:
+    """Draw at most `count` scenes (m, 3) below 1 around those of the samples, Tw E (n, 3), the same ones every time.
+
+    The kernel is Student's t with three degrees of freedom, because a broad prior has wide tails. Its width, half the
+    samples' standard deviation, is about that of Silverman's rule for 150 samples, as many as a chart has.
+    """
+    rng, width, freedom, darkest = np.random.default_rng(0), 0.5, 3.0, 1e-4
+    seen = np.log(np.maximum(balanced, darkest))
+    shape = np.linalg.cholesky(np.cov(seen.T) + 1e-6 * np.eye(3))
+    normal = rng.standard_normal((2 * count, 3)) @ shape.T
+    step = width * normal / np.sqrt(rng.chisquare(freedom, (2 * count, 1)) / freedom)
+    drawn = np.exp(seen[rng.integers(0, len(seen), len(step))] + step)
+    return np.asarray(drawn[np.all(drawn < 1.0, axis=1)][:count])
+
+
+def neutral_scenes(count: int) -> Array:
+    """Return near-neutral light (count, 3) from black to saturation, at perceptually even steps.
+
+    Red and blue differ from green by up to a tenth.
+    """
+    level, red, blue = sobol(count, seed=0).T
+    light = 1.0 + 0.1 * np.stack([2.0 * red - 1.0, np.zeros(count), 2.0 * blue - 1.0], axis=1)
+    return np.asarray(from_even(level, 0.005)[:, None] * light / light.max(axis=1, keepdims=True))
+
+
+OFFSET = 0.005
+"""ε of the even scale."""
+NOISE = 3e-4
+"""Variance of a sample's error, where a priori the correction's is 1."""
+MOST_CENTRES = 4_000
+"""Samples are merged in cells until they are this few; the thesis has 3,000 to 5,000."""
+CELL = 0.005
+"""The least size of these cells. Samples so near are of one surface, share their errors, and count once."""
+BEYOND_CENTRES = 1_000
+"""Centres of the fit that tells how far beyond its end a clipped channel goes on."""
+DEVIATION_CENTRES = 500
+"""Centres that the standard deviation of the process is computed from."""
+SCENES = 1_500
+"""Likely scenes whose rendering takes part in the fit of h⁻¹."""
+
+
+def krige(
+    source: Array,
+    target: Array,
+    error_scale: Array,
+    most_centres: int,
+    clipped: tuple[Array, Array, Mask, Mask] | None = None,
+) -> GamutMap:
+    """Fit target = h(source), both (n, 3) linear.
+
+    error_scale: (n,), how much an encoded error of a sample is on the even scale of the target. Outliers lose their
+    weight by residuals of a coarse fit. clipped: more samples, source and target (m, 3), with the channels
+    (m, 3) at white and at black, whose rendering lies at or beyond the target. Time O(most_centres³ + n).
+    """
+    z, correction = to_even(source, OFFSET), to_even(target, OFFSET) - to_even(source, OFFSET)
+    # IRLS weights by encoded residuals from a fit with few centres and much noise.
+    coarse = _solve(z, correction, np.full(len(z), 0.01), min(400, most_centres))
+    residual = to_even(coarse(from_even(z, OFFSET)), OFFSET) - z - correction
+    robust = RobustWeights(cauchy, multiple=10.0, least=12.0 / 255.0)
+    weight = robust(np.linalg.norm(residual, axis=1) / error_scale)
+    black, white = np.zeros((1, 3)), np.ones((1, 3))  # which a gamut map leaves alone
+    z, correction = np.concatenate([z, black, white]), np.concatenate([correction, np.zeros((2, 3))])
+    weight = np.concatenate([weight, np.ones(2)])
+    if clipped is not None and len(clipped[0]):
+        bounded, ends, at_white, at_black = clipped
+        # What a fit without them continues beyond the bound holds; the bound holds where that falls short of it.
+        fit = _solve(z, correction, weight, min(BEYOND_CENTRES, most_centres))
+        at, bound = to_even(bounded, OFFSET), to_even(ends, OFFSET)
+        continued = to_even(fit(bounded), OFFSET)
+        wanted = np.where(at_white, np.maximum(continued, bound), bound)
+        wanted = np.where(at_black, np.minimum(continued, bound), wanted)
+        z, correction = np.concatenate([z, at]), np.concatenate([correction, wanted - at])
+        weight = np.concatenate([weight, np.ones(len(at))])
+    return _solve(z, correction, weight, most_centres)
+
+
+def fit_camera_model(
+    base: MatrixAndResponse,
+    balanced: Array,
+    encoded: Array,
+    white_balances: tuple[str, ...],
+    clipped: tuple[Array, Array] | None = None,
+    most_centres: int = MOST_CENTRES,
+) -> PhysicalModel:
+    """Fit h and h⁻¹ of one style around matrix and response, to unclipped samples Tw E → I, both (n, 3).
+
+    clipped: Tw E and I (m, 3) of samples with a JPEG channel at 0 or 1. They count in the rendering; what light they
+    are of is not known. Raises CalibrationError.
+    """
+    matrix, response = base.matrix, base.response
+    linear, mapped = balanced @ matrix.T, response.linearize(encoded)
+    half_code = 0.5 / 255.0
+    low, high = np.clip(encoded - half_code, 0.0, 1.0), np.clip(encoded + half_code, 0.0, 1.0)
+    steps = to_even(response.linearize(high), OFFSET) - to_even(response.linearize(low), OFFSET)
+    error_scale = np.maximum((steps / (high - low)).mean(axis=1), 1e-3)
+    bounds = None
+    if clipped is not None:
+        light, codes = clipped
+        bounds = (light @ matrix.T, response.linearize(codes), codes >= 1.0, codes <= 0.0)
+    forward = krige(linear, mapped, error_scale, most_centres, bounds)
+    scenes = np.concatenate([likely_scenes(balanced, SCENES), neutral_scenes(SCENES // 4)]) @ matrix.T
+    rendered = response.encode(forward(scenes))
+    whole = np.all((rendered > half_code) & (rendered < 1.0 - half_code), axis=1)
+    back = krige(
+        np.concatenate([mapped, response.linearize(rendered[whole])]),
+        np.concatenate([linear, scenes[whole]]),
+        np.concatenate([error_scale, np.full(int(whole.sum()), np.median(error_scale))]),
+        most_centres,
+    )
+    return PhysicalModel(white_balances, matrix, response, forward, back)
+
+
+def posterior_deviation(source: Array) -> Callable[[Array], Array]:
+    """The standard deviation of the process given samples at source (n, 3), as a function of linear colours (m, 3).
+
+    It is on the even scale, in the units of a process of which the kernel is the covariance: what errors are in these
+    units, held-out samples tell (equation 2.24 of the book). Samples are merged to DEVIATION_CENTRES.
+    """
+    z = to_even(source, OFFSET)
+    centres, _, _ = _merged(z, np.zeros_like(z), np.ones(len(z)), DEVIATION_CENTRES)
+    covariance = kriging_covariance(centres)
+    variance = covariance[0, 0]
+    covariance[np.diag_indices(len(centres))] += NOISE
+    factor = cholesky(covariance, lower=True, overwrite_a=True)
+
+    def deviation(linear: Array) -> Array:
+        across = kriging_covariance(centres, to_even(linear.reshape(-1, 3), OFFSET))
+        known = np.sum(solve_triangular(factor, across, lower=True, overwrite_b=True) ** 2, axis=0)
+        return np.asarray(np.sqrt(np.maximum(variance - known, NOISE)).reshape(linear.shape[:-1]))
+
+    return deviation
+
+
+def _solve(z: Array, correction: Array, weight: Array, most_centres: int) -> GamutMap:
+    """The mean of the process given samples of noise NOISE / weight (n,) at z (n, 3)."""
+    centres, values, weight = _merged(z, correction, weight, most_centres)
+    covariance = kriging_covariance(centres)
+    covariance[np.diag_indices(len(centres))] += NOISE / weight
+    try:
+        # NumPy's factorization releases Python's lock, so that fits run beside each other; SciPy's does not.
+        coefficients = cho_solve((np.linalg.cholesky(covariance), True), values, check_finite=False)
+    except np.linalg.LinAlgError as error:
+        raise CalibrationError("the colours hold numbers that are not finite, or far beyond 1") from error
+    if not np.all(np.isfinite(coefficients)):
+        raise CalibrationError("the colours hold numbers that are not finite, or far beyond 1")
+    identity = identity_gamut_map().polynomial
+    return GamutMap(from_even(centres, OFFSET), coefficients, identity, OFFSET, "kriging")
+
+
+def _merged(z: Array, correction: Array, weight: Array, most: int) -> tuple[Array, Array, Array]:
+    """Means of samples in one cell, at most `most`: places (m, 3), corrections (m, 3), and the largest weight (m,)."""
+    size = CELL
+    while True:
+        cells = np.floor(flattened(z) / size).astype(np.int64)
+        key = (cells - cells.min(axis=0)) @ np.array([1, 1 << 20, 1 << 40])
+        _, place = np.unique(key, return_inverse=True)
+        total = np.bincount(place, weight)
+        means = [np.bincount(place, weight * column) / total for column in (*z.T, *correction.T)]
+        largest = np.zeros(len(total))
+        np.maximum.at(largest, place, weight)
+        z, correction, weight = np.stack(means[:3], axis=1), np.stack(means[3:], axis=1), largest
+        if len(z) <= most:
+            return z, correction, weight
+        size *= 1.25

@@ -1,0 +1,132 @@
+"""Grade the images of a batch on a Dask cluster whose machines see the same files under the same paths."""
+
+import logging
+import platform
+import re
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from importlib import import_module
+from pathlib import Path
+from threading import Lock
+from typing import Any, TypeVar
+
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+
+from lutforge.errors import LutForgeError, one_line
+from lutforge.grading.batch import Job, Outcome, run_job
+from lutforge.grading.grade import Recipe
+from lutforge.grading.inputs import Failure
+
+Sent = TypeVar("Sent", Recipe, Job)
+
+_RECIPES: dict[str, Recipe] = {}
+"""The recipe that this worker has prepared, by its key."""
+
+_PREPARING = Lock()
+
+
+def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterator[tuple[Job, Outcome]]:
+    """The jobs and their outcomes as they come.
+
+    An image whose worker dies is graded again by another, up to the scheduler's `allowed-failures`. Each result is
+    checked: the worker had this recipe, and the file that it tells of is here. Raises LutForgeError where Dask is not
+    installed, or no scheduler or worker answers.
+    """
+    with _connected(address) as (distributed, client):
+        shared, key = _with_absolute_paths(recipe), recipe.key
+        threads = max(1, sum(client.nthreads().values()))
+        waiting = deque(jobs)
+        running: dict[str, Job] = {}
+
+        def submit() -> Any:
+            job = waiting.popleft()
+            future = client.submit(_run_there, shared, key, _with_absolute_paths(job), pure=False)
+            running[future.key] = job
+            return future
+
+        # A few per thread wait at the workers, so that none is idle; not all, so that the scheduler stays small.
+        futures = [submit() for _ in range(min(4 * threads, len(waiting)))]
+        finished = distributed.as_completed(futures, loop=client.loop)
+        for future in finished:
+            job = running.pop(future.key)
+            yield job, _outcome(job, future)
+            if waiting:
+                finished.add(submit())
+
+
+@contextmanager
+def _connected(address: str) -> Iterator[tuple[Any, Any]]:
+    """Dask's module, which has no types, and a client of the scheduler."""
+    if not re.fullmatch(r"([a-z]+://)?[^/\s]+:\d{1,5}", address):
+        raise LutForgeError(f'"{address}" is not the address of a Dask scheduler; write it as tcp://HOST:8786')
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError as error:
+        raise LutForgeError('--scheduler needs Dask: pip install "lutforge[cluster]"') from error
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is told here
+    try:
+        client = distributed.Client(address, timeout=10, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = one_line(str(error), 200)
+        raise LutForgeError(f"{address}: no Dask scheduler answers ({reason}); start one: dask scheduler") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=60)
+        except TimeoutError as error:
+            raise LutForgeError(f"{address}: the scheduler has no workers; start some with: dask worker") from error
+        yield distributed, client
+
+
+def _outcome(job: Job, future: Any) -> Outcome:
+    """A worker's answer, checked against the file that is here."""
+    try:
+        answer: Outcome = future.result()
+    except Exception as error:  # whatever went wrong there: the other images are graded
+        line = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        return Failure(job.source, f"{job.source}: the cluster did not grade it ({line})")
+    if isinstance(answer, Failure):
+        return replace(answer, source=job.source)
+    applied, record = answer
+    # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
+    until = time.monotonic() + 10
+    output = record.output
+    while not output.still_true() and time.monotonic() < until:
+        time.sleep(0.2)
+    if output.still_true():
+        return replace(applied, source=job.source, target=job.target), record
+    return Failure(job.source, f"{output.path}: a worker wrote it, but it is not here, or is another file")
+
+
+def _with_absolute_paths(record: Sent) -> Sent:
+    """A copy for machines with another working folder, of the fields alone: without what was computed from them."""
+
+    def absolute(value: object) -> object:
+        if isinstance(value, tuple):
+            return tuple(map(absolute, value))
+        return value.absolute() if isinstance(value, Path) else value
+
+    changes: dict[str, Any] = {field.name: absolute(getattr(record, field.name)) for field in fields(record)}
+    return replace(record, **changes)
+
+
+def _run_there(recipe: Recipe, key: str, job: Job) -> Outcome:
+    """Grade an image on a worker, whose threads share one prepared recipe."""
+    try:
+        with _PREPARING:
+            if key not in _RECIPES:
+                recipe.check()
+                if recipe.key != key:
+                    differs = "has other versions of the recipe's files, LutForge or OpenColorIO than who asks"
+                    raise LutForgeError(f"{platform.node()} {differs}")
+                # A worker is one thread: codecs that took all cores would take them from the other workers.
+                oiio.attribute("threads", 1)
+                oiio.attribute("exr_threads", -1)
+                _RECIPES.clear()
+                _RECIPES[key] = recipe
+            prepared = _RECIPES[key]
+    except LutForgeError as error:
+        return Failure(job.source, f"{job.source}: {error}")
+    return run_job(prepared, job)

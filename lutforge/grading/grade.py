@@ -1,0 +1,165 @@
+"""Recipes and grades: a recipe says how a batch grades any image, and gives the grade of each image."""
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge import __version__
+from lutforge.child_processes import guarded
+from lutforge.errors import ConfigError, LutError, LutForgeError, alternatives
+from lutforge.luts.reading import stranger
+from lutforge.luts.sequence import ENCODED, OCIO_ERRORS, Lut, of_codes, read_input_and_output
+
+if TYPE_CHECKING:
+    from lutforge.model.vignetting import Vignetting
+
+
+@dataclass(frozen=True, eq=False)
+class Grade:
+    """What is to be done to one image.
+
+    processor: colours in the image's own encoding → graded colours; history: one line for the output's metadata.
+    attributes: further metadata to set in the output, by OpenImageIO's names; with None those that match the name, a
+    regular expression, are erased. raw: the source is a RAW file, and its linear camera RGB is graded, brightened by
+    the one of vignettings that is of its lens setting.
+    notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
+    scene-linear light and not an encoded picture, where that is known. oiiotool: the arguments with which oiiotool does
+    the same, where it can; lut: the LUT of `processor`, where it is in no file. unchanged: the pixels stay as they are.
+    codes: what `processor` does, for 8-bit codes in and out; None for RAW files. for_srgb: it takes pictures in sRGB,
+    as far as that is known. marks_clipped: a channel "clipped" is added, 1 where a channel of the source is at an end.
+    """
+
+    processor: OCIO.CPUProcessor
+    history: str
+    attributes: Mapping[str, object] = field(default_factory=dict)
+    raw: bool = False
+    vignettings: "tuple[Vignetting, ...]" = ()
+    notes: tuple[str, ...] = ()
+    takes_linear: bool = False
+    gives_linear: bool = False
+    oiiotool: tuple[str, ...] = ()
+    lut: Lut | None = None
+    unchanged: bool = False
+    codes: OCIO.CPUProcessor | None = None
+    for_srgb: bool = False
+    marks_clipped: bool = False
+
+
+@dataclass(frozen=True)
+class Recipe(ABC):
+    """How to grade any image. Its fields are paths and settings only, so that another machine can rebuild it."""
+
+    @cached_property
+    def key(self) -> str:
+        """A fingerprint of all that decides the result."""
+        return fingerprint(type(self).__name__, *(getattr(self, field.name) for field in fields(self)))
+
+    def check(self) -> None:
+        """Raise LutForgeError where what all images share is wrong, so that none can be graded."""
+        self.grade(Path())
+
+    @abstractmethod
+    def grade(self, source: Path) -> Grade:
+        """The grade of one image, made once where images share it. Raises LutForgeError: this image fails."""
+
+
+def fingerprint(*parts: object) -> str:
+    """Return the SHA-256, in hexadecimal, of what a grade is made of. Raises LutError where a file cannot be read.
+
+    It is over the contents of the files among `parts`, the other parts as text, and the versions of LutForge and
+    OpenColorIO.
+    """
+    total = hashlib.sha256(f"{__version__} {OCIO.__version__}".encode())
+    for part in parts:
+        text = fingerprint(*part) if isinstance(part, tuple) else repr(part)
+        try:
+            data = part.read_bytes() if isinstance(part, Path) else text.encode()
+        except OSError as error:
+            raise LutError(f"{part}: {error.strerror or 'cannot be opened'}") from error
+        total.update(hashlib.sha256(data).digest())
+    return total.hexdigest()
+
+
+@dataclass(frozen=True)
+class LutRecipe(Recipe):
+    """One LUT file for all images; cubes of files that name no interpolation are interpolated tetrahedrally."""
+
+    path: Path
+
+    def grade(self, source: Path) -> Grade:
+        """The grade by the LUT."""
+        return self._grade
+
+    @cached_property
+    def _grade(self) -> Grade:
+        pair = {".spi1d": ".spi3d", ".spi3d": ".spi1d"}.get(self.path.suffix.lower())
+        if pair is not None and self.path.with_suffix(pair).is_file():
+            raise LutError(
+                f"{self.path}: half of a LUT, {self.path.with_suffix(pair).name} is the other; bake a .clf or .cube to "
+                "apply, or use the two in an OpenColorIO config"
+            )
+        processor, comments = stranger(self.path)
+        ends = read_input_and_output(comments)
+        takes_linear, gives_linear = (False, False) if ends is None else ends.are_linear
+        return Grade(
+            processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
+            f"graded with {self.path.name}",
+            takes_linear=takes_linear,
+            gives_linear=gives_linear,
+            oiiotool=("--ociofiletransform", str(self.path)),
+            codes=of_codes(processor),
+            for_srgb=ends is not None and ends.input == ENCODED,
+        )
+
+
+@dataclass(frozen=True)
+class ConfigRecipe(Recipe):
+    """Grade from one colour space of an OpenColorIO config to another."""
+
+    path: Path
+    source: str | None
+    target: str | None
+
+    @cached_property
+    def key(self) -> str:
+        """Identify the conversion by its contents: the processor's identity holds those of the config's LUT files."""
+        return fingerprint("config", self._grade.processor.getCacheID())
+
+    def grade(self, source: Path) -> Grade:
+        """The grade by the conversion."""
+        return self._grade
+
+    @cached_property
+    def _grade(self) -> Grade:
+        from lutforge.ocio.check import load_config, make_processor  # a LUT does without what is known of configs
+
+        config = load_config(self.path)
+        names = config.getColorSpaceNames()
+        if self.source is None or self.target is None:
+            raise ConfigError(f"{self.path}: name two of its colour spaces with --from and --to: {', '.join(names)}")
+        for name in (self.source, self.target):
+            if config.getColorSpace(name) is None:
+                raise ConfigError(f'{self.path}: no colour space "{name}"; {alternatives(name, names)}')
+        try:
+            guarded(make_processor, str(self.path), self.source, self.target)
+            processor = config.getProcessor(self.source, self.target)
+            floats = processor.getDefaultCPUProcessor()
+            takes_linear, gives_linear = (
+                config.isColorSpaceLinear(name, OCIO.REFERENCE_SPACE_SCENE) for name in (self.source, self.target)
+            )
+        except (LutForgeError, *OCIO_ERRORS) as error:
+            raise ConfigError(f"{self.path}: {error}") from error
+        return Grade(
+            floats,
+            f"{self.source} to {self.target}",
+            takes_linear=takes_linear,
+            gives_linear=gives_linear,
+            oiiotool=("--colorconfig", str(self.path), "--colorconvert", self.source, self.target),
+            codes=of_codes(processor, OCIO.OPTIMIZATION_DEFAULT),
+        )

@@ -1,0 +1,100 @@
+"""The correction of a vignetting of the lens that a camera applies to its JPEGs only, by lens setting."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lutforge.arrays import Array
+from lutforge.errors import ProfileError
+
+DEGREE = 3
+
+
+def vignetting_basis(q: Array) -> Array:
+    """Rising polynomials of squared distances q (n,) ≥ 0, (n, DEGREE), that are 0 at 0 and 1 at 1, straight beyond.
+
+    They are integrals of Bernstein's polynomials (Farouki 2012, https://doi.org/10.1016/j.cagd.2012.03.001). A sum with
+    coefficients that are not negative never falls, and nearly every rising polynomial of that degree is such a sum.
+    """
+    inside, beyond = np.minimum(q, 1.0), np.maximum(q - 1.0, 0.0)
+    rest = 1.0 - inside
+    cubic = inside**3
+    second = cubic + 3.0 * inside**2 * rest
+    return np.stack([second + 3.0 * inside * rest**2, second, cubic + DEGREE * beyond], axis=-1)
+
+
+@dataclass(frozen=True)
+class Vignetting:
+    """The brightening of a JPEG beyond its centre, in stops, at one lens setting.
+
+    coefficients: of `vignetting_basis`, ≥ 0, their sum is the brightening at the corners; centre: where there is none.
+    Both take places as samples have them: x to the right and y down from the middle of the visible area, half its
+    diagonal = 1. lens: its name, "" where unknown; focal_mm, aperture (f-number): NaN where unknown.
+    Raises ProfileError on numbers that no lens has.
+    """
+
+    coefficients: tuple[float, float, float]
+    centre: tuple[float, float] = (0.0, 0.0)
+    lens: str = ""
+    focal_mm: float = float("nan")
+    aperture: float = float("nan")
+
+    def __post_init__(self) -> None:
+        if not (
+            len(self.coefficients) == DEGREE
+            and all(0.0 <= value <= 20.0 for value in self.coefficients)
+            and all(-1.0 <= value <= 1.0 for value in self.centre)
+            and not any(value <= 0.0 for value in (self.focal_mm, self.aperture))  # NaN is unknown
+            and len(self.lens) <= 200
+            and self.lens.isprintable()
+        ):
+            raise ProfileError("a vignetting of the profile has a name or numbers that no lens has")
+
+    @property
+    def corner_ev(self) -> float:
+        """The brightening in stops at half a diagonal from its centre."""
+        return sum(self.coefficients)
+
+    @property
+    def setting(self) -> str:
+        """The lens setting in words."""
+        focal = f"{self.focal_mm:g} mm" if np.isfinite(self.focal_mm) else ""
+        aperture = f"f/{self.aperture:g}" if np.isfinite(self.aperture) else ""
+        return " ".join(word for word in (self.lens, focal, aperture) if word) or "an unknown lens"
+
+    @property
+    def note(self) -> str:
+        """The vignetting in one sentence for a user."""
+        return (
+            f"{self.setting}: the JPEG's corners are {self.corner_ev:.2f} EV brighter than the RAW's (vignetting, "
+            "corrected by the camera); the profile renders the middle, and corrects other places where it knows them"
+        )
+
+    def stops(self, places: ArrayLike) -> Array:
+        """The brightening in stops at places (…, 2), (…); 0 where a place is NaN."""
+        offset = np.asarray(places, dtype=np.float64) - self.centre
+        return np.asarray(vignetting_basis(np.nan_to_num(np.sum(offset**2, axis=-1))) @ np.array(self.coefficients))
+
+    def gain(self, height: int, width: int) -> Array:
+        """Return the factor (height, width) by which each pixel of the whole visible area is brightened."""
+        half = 0.5 * np.hypot(height, width)
+        y, x = ((np.arange(size) + 0.5 - 0.5 * size) / half for size in (height, width))
+        return np.asarray(2.0 ** self.stops(np.stack(np.meshgrid(x, y), axis=-1)))
+
+
+def vignetting_of(vignettings: Iterable[Vignetting], lens: str, focal_mm: float, aperture: float) -> Vignetting | None:
+    """The vignetting of the nearest lens setting, of the same lens and within half a stop; None where there is none.
+
+    The distance is in stops of focal length and of aperture. Values that are unknown of both count as equal.
+    """
+    asked = np.array([focal_mm, aperture])
+
+    def distance(vignetting: Vignetting) -> float:
+        known = np.array([vignetting.focal_mm, vignetting.aperture])
+        stops = np.nan_to_num(np.abs(np.log2(asked / known)), nan=np.inf)
+        return float(np.where(np.isnan(asked) & np.isnan(known), 0.0, stops).sum())
+
+    near = min((vignetting for vignetting in vignettings if vignetting.lens == lens), key=distance, default=None)
+    return near if near is not None and distance(near) <= 0.5 else None

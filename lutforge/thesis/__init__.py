@@ -1,0 +1,1 @@
+"""The thesis as it was published, in a room of its own: its stages, its gamut map, its lattices, its tables."""

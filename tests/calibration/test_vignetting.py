@@ -1,0 +1,191 @@
+"""The vignetting that a camera corrects in its JPEGs only: found where it is there, and never invented."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lutforge.arrays import Pixels
+from lutforge.calibration.calibrate import calibrate as calibrate_once
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.style import unclipped
+from lutforge.calibration.vignetting import at_the_centre, fit_vignettings
+from lutforge.errors import ProfileError
+from lutforge.evaluation.evaluation import evaluate
+from lutforge.images.read import read_image
+from lutforge.model.camera_profile import CameraProfile, load_profile
+from lutforge.model.vignetting import Vignetting, vignetting_of
+from lutforge.pipeline.calibration import calibrate
+from lutforge.pipeline.grading import apply
+from lutforge.pipeline.sampling import sample
+from lutforge.samples.extract import extract
+from lutforge.samples.sample_set import SampleSet
+from lutforge.shots.read import read_shot
+from lutforge.simulate.camera import nikon_d5100
+from lutforge.simulate.photograph import BORDER, CameraSettings, Photograph, photograph
+from lutforge.simulate.scene import chart_scene
+from tests.cases.samples import (
+    chart_140,
+    lost_stops,
+    photograph_patches,
+    spread_over_picture,
+    surfaces,
+    with_bright_jpegs,
+    with_dark_corners,
+)
+
+BALANCES = ("tungsten", "daylight", "shade")
+
+
+def _photographed(count: int = 80, seed: int = 0, stops: tuple[int, ...] = (-2, -1, 0)) -> SampleSet:
+    samples = photograph_patches(nikon_d5100(), surfaces(count, seed), balances=BALANCES, stops=stops, seed=seed)
+    return spread_over_picture(samples, seed)
+
+
+def _fitted(samples: SampleSet) -> tuple[Vignetting, ...]:
+    return fit_vignettings(samples, samples.wb, unclipped(samples, samples.wb))
+
+
+@pytest.mark.parametrize("power", [1.0, 1.5])
+@pytest.mark.parametrize(("ev", "centre"), [(0.3, (0.0, 0.0)), (1.0, (0.05, -0.06)), (2.0, (0.0, 0.0))])
+def test_vignetting_is_recovered(ev: float, centre: tuple[float, float], power: float) -> None:
+    """A power of the distance from the centre, and the fourth power of a cosine."""
+    samples = _photographed()
+    fourth = 2.0 * np.log2(1.0 + 0.7 * np.sum(samples.position**2, axis=1))
+    for stops, within in ((lost_stops(samples, ev, centre, power), 0.05), (fourth, 0.02)):
+        (vignetting,) = _fitted(with_dark_corners(samples, stops))
+        np.testing.assert_allclose(vignetting.stops(samples.position), stops, atol=within)
+
+
+@pytest.mark.slow
+def test_vignetting_of_real_photographs_is_recovered(shared_data: Path) -> None:
+    """RAW darkened, or JPEGs brightened through the camera's own rendering. As they are, none is found."""
+    photographs = sample([shared_data / "canon_powershot_s40"])
+    assert _fitted(photographs) == ()
+    profile, _ = calibrate_once(photographs, CalibrationOptions(size=17))
+    for ev, centre in ((0.3, (0.0, 0.0)), (1.5, (0.0, 0.0)), (0.85, (0.06, -0.05))):
+        stops = lost_stops(photographs, ev, centre)
+        for samples in (with_dark_corners(photographs, stops), with_bright_jpegs(photographs, stops, profile)):
+            (vignetting,) = _fitted(samples)
+            np.testing.assert_allclose(vignetting.stops(photographs.position), stops, atol=0.05)
+
+
+def test_lens_settings_have_vignettings_of_their_own() -> None:
+    samples = _photographed(60)
+    one = np.char.endswith(samples.shot, "-1")
+    stops = np.where(one, lost_stops(samples, 0.8), 0.0)
+    aperture, focal_mm = np.where(one, 2.8, 8.0), np.full(len(samples), 35.0)
+    spoilt = replace(with_dark_corners(samples, stops), aperture=aperture, focal_mm=focal_mm)
+    (vignetting,) = _fitted(spoilt)
+    assert (vignetting.focal_mm, vignetting.aperture) == (35.0, 2.8)
+    assert vignetting.setting == "35 mm f/2.8"
+    centred = at_the_centre(spoilt, (vignetting,)).raw
+    assert np.array_equal(centred[~one], spoilt.raw[~one])  # f/8 loses nothing
+    np.testing.assert_allclose(np.log2(centred / samples.raw), 0.0, atol=0.05)
+
+
+def test_settings_of_no_sample_take_the_nearest_of_their_lens() -> None:
+    vignetting = Vignetting((0.1, 0.2, 0.3), lens="Nikkor", focal_mm=35.0, aperture=4.0)
+    near, unknown = replace(vignetting, aperture=4.5), replace(vignetting, focal_mm=np.nan)
+    for known, setting, nearest in (
+        ((near, vignetting), ("Nikkor", 35.0, 4.0), vignetting),
+        ((near,), ("Nikkor", 35.0, 4.0), near),  # a third of a stop off
+        ((vignetting,), ("Nikkor", 35.0, 6.3), None),
+        ((vignetting,), ("Zeiss", 35.0, 4.0), None),
+        ((vignetting,), ("Nikkor", np.nan, 4.0), None),
+        ((vignetting, unknown), ("Nikkor", np.nan, 4.0), unknown),
+    ):
+        assert vignetting_of(known, *setting) is nearest
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_vignetting_is_invented(seed: int) -> None:
+    samples = _photographed(30, seed)
+    fixed = replace(samples, position=samples.position[samples.patch.astype(int)])  # one chart, never moved
+    assert _fitted(samples) == _fitted(fixed) == ()
+
+
+def test_samples_without_places_tell_nothing() -> None:
+    samples = _photographed(30)
+    dark = with_dark_corners(samples, lost_stops(samples, 1.0))
+    assert _fitted(replace(dark, position=np.full_like(dark.position, np.nan))) == ()
+
+
+def test_what_changes_from_side_to_side_is_no_vignetting() -> None:
+    samples = _photographed(80)
+    assert _fitted(with_dark_corners(samples, 0.5 * samples.position[:, 0])) == ()
+
+
+def test_unseen_shots_are_predicted_as_without(tmp_path: Path) -> None:
+    options = CalibrationOptions(size=9)
+    errors, noted = [], []
+    for ev in (0.0, 1.0):
+        seen, unseen = _photographed(60, 1), _photographed(60, 2, stops=(-1, 0))
+        unseen = replace(unseen, shot=np.char.add(unseen.shot, " unseen"))
+        profile = calibrate(with_dark_corners(seen, lost_stops(seen, ev)), options)
+        profile.save(tmp_path / "camera.npz")
+        profile = load_profile(tmp_path / "camera.npz")
+        table = evaluate(profile, with_dark_corners(unseen, lost_stops(unseen, ev))).rows
+        errors.append(next(row.figures.mean for row in table if (row.shot, row.method) == ("all", "lattice")))
+        noted.append(any("vignetting" in note for note in profile.notes))
+    assert errors[1] < 1.1 * errors[0]
+    assert noted == [False, True]
+
+
+@pytest.mark.parametrize("wrong", [{"coefficients": (np.nan, 0.0, 0.0)}, {"centre": (3.0, 0.0)}, {"aperture": 0.0}])
+def test_numbers_that_no_lens_has_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ProfileError, match="no lens has"):
+        replace(Vignetting((0.1, 0.2, 0.3), lens="Nikkor", focal_mm=35.0, aperture=4.0), **wrong)
+
+
+# --- RAW files of a lens that loses light towards the corners, which the camera corrects in its JPEGs -----------------
+
+
+CAMERA = nikon_d5100()
+LENS = Vignetting((0.5, 0.5, 0.4), (0.03, -0.04), aperture=8.0)
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory: pytest.TempPathFactory) -> Photograph:
+    settings = CameraSettings(exposure_s=0.8 * CAMERA.nominal_exposure_s, vignetting=LENS, preview_scale=1.0)
+    return photograph(CAMERA, chart_scene(400, 600), settings, tmp_path_factory.mktemp("shot"), "dark-corners")
+
+
+@pytest.fixture(scope="module")
+def profile() -> CameraProfile:
+    samples = photograph_patches(CAMERA, chart_140(), balances=("daylight",), stops=(-4, -2, 0))
+    return calibrate(samples, CalibrationOptions(size=9))
+
+
+def _error(profile: CameraProfile, shot: Photograph, folder: Path) -> Pixels:
+    """Of the RAW graded by a profile against the camera's JPEG, smoothed over 8 × 8 pixels."""
+    profile.save(folder / "camera.npz")
+    result = apply(folder / "camera.npz", shot.dng, folder / "graded", suffix=".png")
+    assert not result.failed
+    graded = read_image(next((folder / "graded").iterdir())).pixels[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
+    assert shot.jpeg is not None
+    difference = graded - read_image(shot.jpeg).pixels
+    height, width = (size // 8 for size in difference.shape[:2])
+    cells = difference[: 8 * height, : 8 * width].reshape(height, 8, width, 8, 3).mean(axis=(1, 3))
+    return np.asarray(np.abs(cells).max(axis=-1))
+
+
+def test_apply_brightens_the_corners(profile: CameraProfile, shot: Photograph, tmp_path: Path) -> None:
+    known = _error(replace(profile, vignettings=(LENS,)), shot, tmp_path)
+    other = _error(replace(profile, vignettings=(replace(LENS, lens="another"),)), shot, tmp_path)
+    corner, middle = np.s_[:6, :6], np.s_[20:28, 32:40]
+    assert np.median(known[corner]) < 0.01
+    assert np.median(other[corner]) > 0.1
+    assert np.median(known[middle]) < 0.01
+
+
+def test_samples_of_a_photograph_know_their_places(profile: CameraProfile, shot: Photograph) -> None:
+    """RAW, brightened at its places, is what the camera rendered."""
+    samples = extract(read_shot(shot.dng)).samples
+    gain = 2.0 ** LENS.stops(samples.position)[:, None]
+    assert np.ptp(np.linalg.norm(samples.position, axis=1)) > 0.5
+    rendered = CAMERA.render(samples.raw * gain, "standard", "daylight")
+    assert np.median(np.abs(rendered - samples.srgb)) < 0.004
+    assert set(samples.aperture) == {8.0}

@@ -1,0 +1,255 @@
+"""Grading images through OpenColorIO: the pixels are the LUT's, everything else stays."""
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+import pytest
+
+from lutforge.errors import ImageError
+from lutforge.grading.batch import apply_batch, oiiotool_commands, plan_jobs
+from lutforge.grading.grade import ConfigRecipe, Grade, LutRecipe, Recipe
+from lutforge.grading.image import BLOCK, apply_image
+from lutforge.grading.inputs import JOURNAL, Failure
+from lutforge.images.read import is_premultiplied, read_image
+from lutforge.luts.ops import SHAPER_SIZE, Cube
+from lutforge.luts.reading import file_processor
+from lutforge.luts.sequence import Lut
+from lutforge.model.lattice import grid, snap_levels
+from tests.cases.pictures import Pixels, apply_to_pixels, lut_of_nodes, write_cube, write_picture
+
+
+@pytest.fixture(scope="module")
+def lut() -> Lut:
+    axis = snap_levels(np.linspace(0, 1, 17) ** 2, SHAPER_SIZE)
+    levels = (axis, axis, axis)
+    return lut_of_nodes(levels, np.sqrt(grid(levels))[..., ::-1], (1.4, 1.0, 0.9))
+
+
+@pytest.fixture(scope="module")
+def lut_file(lut: Lut, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return lut.write(tmp_path_factory.mktemp("lut") / "look.clf")
+
+
+def picture(height: int = 30, width: int = 50, channels: int = 3) -> Pixels:
+    return np.random.default_rng(9).random((height, width, channels), dtype=np.float32)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5])
+def test_every_block_and_thread_gives_the_lut_and_leaves_other_channels(lut: Lut, lut_file: Path, workers: int) -> None:
+    pixels = picture(2 * BLOCK // 500 + 3, 500, channels=5)  # two whole blocks and a part
+    before = pixels.copy()
+    graded = apply_to_pixels(file_processor(lut_file), pixels, workers=workers)
+    np.testing.assert_allclose(graded[..., :3], lut(pixels[..., :3]), atol=1e-5)
+    np.testing.assert_array_equal(graded[..., 3:], pixels[..., 3:])
+    np.testing.assert_array_equal(pixels, before)
+
+
+def test_premultiplied_colours_are_graded_as_colours(lut: Lut, lut_file: Path) -> None:
+    straight = picture(channels=4)
+    straight[0, 0, 3] = 0.0
+    pixels = straight.copy()
+    pixels[..., :3] *= pixels[..., 3:]
+    pixels[0, 0, :3] = (0.25, 0.5, 0.75)  # light without coverage, such as a flame
+    graded = apply_to_pixels(file_processor(lut_file), pixels, premultiplied=True)
+    wanted = lut(straight[..., :3]) * straight[..., 3:]
+    np.testing.assert_allclose(graded[1:, :, :3], wanted[1:], atol=2e-5)
+    np.testing.assert_array_equal(graded[0, 0], pixels[0, 0])
+
+
+def test_a_batch_goes_on_past_failures(tmp_path: Path, lut: Lut, lut_file: Path) -> None:
+    good, missing = tmp_path / "a.png", tmp_path / "missing.png"
+    write_picture(good, kind="uint16")
+    shares: list[float] = []
+    recipe, out = LutRecipe(lut_file), tmp_path / "out"
+    result = apply_batch(recipe, [missing, good], out, suffix="tif", progress=lambda _, share: shares.append(share))
+    assert [failure.reason for failure in result.failed] == [f"{missing}: no such file"]
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    assert sorted(path.name for path in out.iterdir()) == [JOURNAL, "a.tif"]
+    np.testing.assert_allclose(read_image(out / "a.tif").pixels, lut(read_image(good).pixels), atol=2e-5)
+
+
+def test_a_batch_refuses_to_replace_inputs_or_to_merge_names(tmp_path: Path, lut_file: Path) -> None:
+    source, link = tmp_path / "a.png", tmp_path / "link.png"
+    write_picture(source)
+    before = source.read_bytes()
+    os.link(source, link)
+    with pytest.raises(ImageError, match="replace the input"):
+        apply_image(LutRecipe(lut_file).grade(source), source, link)
+    with pytest.raises(ImageError, match="replace an input"):
+        apply_batch(LutRecipe(lut_file), [source], tmp_path)
+    with pytest.raises(ImageError, match="would both become"):
+        plan_jobs([Path("x/a.png"), Path("y/A.PNG")], tmp_path / "out")
+    with pytest.raises(ImageError, match="would both become"):
+        apply_batch(LutRecipe(lut_file), [source, source.with_suffix(".tif")], tmp_path / "out", ".exr")
+    assert source.read_bytes() == before
+    assert not (tmp_path / "out").exists()
+
+
+# --- An image that is graded region by region is the image that is graded at once -------------------------------------
+
+
+@pytest.fixture
+def grade(tmp_path: Path) -> Grade:
+    return LutRecipe(write_cube(tmp_path / "look.cube")).grade(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "kind", "tile", "channels"),
+    [
+        ("a.tif", "b.tif", "uint16", 0, 3),
+        ("a.tif", "b.tif", "uint8", 16, 4),
+        ("a.tif", "b.png", "uint16", 32, 3),
+        ("a.tif", "b.exr", "uint16", 32, 5),
+        ("a.exr", "b.exr", "half", 0, 4),
+        ("a.exr", "b.exr", "float", 16, 3),
+        ("a.png", "b.tif", "uint8", 0, 4),
+        ("a.dpx", "b.dpx", "uint16", 0, 3),
+    ],
+)
+@pytest.mark.parametrize("workers", [1, 3])
+def test_regions_give_the_whole(
+    tmp_path: Path, grade: Grade, name: str, target: str, kind: str, tile: int, channels: int, workers: int
+) -> None:
+    orientation = 1 if name == "a.dpx" else 6  # which has no place for it
+    write_picture(tmp_path / name, (150, 90), kind, tile, channels, Orientation=orientation)
+    done = apply_image(grade, tmp_path / name, tmp_path / target, workers, region_samples=90 * 20 * channels)
+    before, after = read_image(tmp_path / name), read_image(tmp_path / target)
+    whole = apply_to_pixels(grade.processor, before.pixels, is_premultiplied(before.spec))
+    step = {"uint8": 255, "uint16": 65535}.get(str(after.spec.format))
+    wanted = np.clip(whole, 0, 1) if step else whole
+    tolerance = 0.51 / step if step else 1e-3 if after.spec.format == "half" else 0
+    np.testing.assert_allclose(after.pixels, wanted, atol=tolerance)
+    assert (done.width, done.height) == (90, 150)
+    assert after.spec.get_int_attribute("Orientation", 1) == orientation
+
+
+@pytest.mark.parametrize("tile", [0, 16])
+def test_data_windows_off_the_origin_stay_where_they_are(tmp_path: Path, grade: Grade, tile: int) -> None:
+    pixels = np.random.default_rng(1).random((70, 50, 3), dtype=np.float32)
+    spec = oiio.ImageSpec(50, 70, 3, "float")
+    spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height = -7, 11, 0, 0, 64, 64
+    spec.tile_width = spec.tile_height = tile
+    output = oiio.ImageOutput.create("a.exr")
+    assert output is not None
+    assert output.open(str(tmp_path / "a.exr"), spec)
+    assert output.write_image(pixels)
+    assert output.close()
+    apply_image(grade, tmp_path / "a.exr", tmp_path / "b.exr", 2, region_samples=50 * 3 * 16)
+    graded = read_image(tmp_path / "b.exr")
+    assert (graded.spec.x, graded.spec.y, graded.spec.full_width) == (-7, 11, 64)
+    np.testing.assert_array_equal(graded.pixels, apply_to_pixels(grade.processor, pixels))
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif", ".exr", ".dpx", ".webp"])
+def test_a_truncated_file_is_noticed_and_leaves_nothing(tmp_path: Path, grade: Grade, suffix: str) -> None:
+    source = tmp_path / f"a{suffix}"
+    write_picture(source, (200, 100), "half" if suffix == ".exr" else "uint8", DateTime="2020:01:01 00:00:00")
+    source.write_bytes(source.read_bytes()[: source.stat().st_size * 2 // 3])
+    refused = partial(pytest.raises, ImageError, match="damaged or cut short|copy it again")
+    with refused():
+        read_image(source)
+    with refused():
+        apply_image(grade, source, tmp_path / "out" / source.name, 2, region_samples=10_000)
+    assert list(tmp_path.glob("out/*")) == []
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_image(tmp_path: Path) -> None:
+    """60 Mpixel as floats would take 720 MB; a whole run, with Python and its libraries, stays below 450."""
+    cube = write_cube(tmp_path / "look.cube")
+    spec = oiio.ImageSpec(10_000, 6_000, 3, "uint8")
+    spec.attribute("compression", "none")
+    output = oiio.ImageOutput.create("a.tif")
+    assert output is not None
+    assert output.open(str(tmp_path / "a.tif"), spec)
+    strip = np.full((500, 10_000, 3), 0.5, np.float32)
+    for top in range(0, 6_000, 500):
+        assert output.write_scanlines(top, top + 500, 0, strip)
+    assert output.close()
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom lutforge.grading.grade import LutRecipe\n"
+        "from lutforge.grading.image import apply_image\n"
+        "apply_image(LutRecipe(Path(sys.argv[1])).grade(Path()), sys.argv[2], sys.argv[3])\n"
+        "print(Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0])"
+    )
+    words = [sys.executable, "-c", code, str(cube), str(tmp_path / "a.tif"), str(tmp_path / "b.tif")]
+    run = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert int(run.stdout) < 450 * 1024  # kB
+
+
+# --- The printed oiiotool lines run as they are, and give the pixels of apply -----------------------------------------
+
+
+@dataclass(frozen=True)
+class BakedRecipe(Recipe):
+    """Gives a LUT that is in no file, as a profile does."""
+
+    @cached_property
+    def _lut(self) -> Lut:
+        axis = np.linspace(0, 1, 5)
+        cube = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1) ** 2
+        return Lut((Cube(cube),))
+
+    def grade(self, source: Path) -> Grade:
+        return Grade(self._lut.processor(), "baked", {"Artist": "it's {me}"}, lut=self._lut)
+
+
+def recipe_of(kind: str, folder: Path) -> Recipe:
+    cube = write_cube(folder / "a look's {1}.cube")
+    if kind == "LUT":
+        return LutRecipe(cube)
+    if kind == "baked":
+        return BakedRecipe()
+    config = OCIO.Config.CreateRaw()
+    space = OCIO.ColorSpace(name="log look")
+    space.setTransform(OCIO.ExponentTransform([2.0, 2.0, 2.0, 1.0]), OCIO.COLORSPACE_DIR_TO_REFERENCE)
+    config.addColorSpace(space)
+    (folder / "config.ocio").write_text(config.serialize())
+    return ConfigRecipe(folder / "config.ocio", "log look", config.getColorSpaceNames()[0])
+
+
+@pytest.mark.parametrize("kind", ["LUT", "baked", "config"])
+def test_the_lines_give_the_pixels_of_apply(tmp_path: Path, kind: str) -> None:
+    recipe = recipe_of(kind, tmp_path)
+    (tmp_path / "in").mkdir()
+    sources = [tmp_path / "in" / name for name in ("it's #1 {a}.png", "b.exr", "c.tif", "d.jpg", "%04d.png")]
+    write_picture(sources[0], (60, 80), "uint16", channels=4, oiio_UnassociatedAlpha=1)
+    write_picture(sources[1], (60, 80), "half", 16, channels=4)
+    write_picture(sources[2], (60, 80), "uint8", Orientation=6)
+    write_picture(sources[3], (60, 80))
+    write_picture(sources[4], (60, 80))
+    here = apply_batch(recipe, sources, tmp_path / "here")
+    assert not here.failed
+    lines = list(oiiotool_commands(recipe, plan_jobs(sources, tmp_path / "farm"), tmp_path / "farm" / "luts"))
+    assert all(isinstance(line, str) for line in lines), lines
+    program = Path(sys.executable).with_name("oiiotool")
+    assert program.exists()
+    environment = os.environ | {"PATH": f"{program.parent}:{os.environ['PATH']}"}
+    script = "set -e\n" + "\n".join(map(str, lines))
+    subprocess.run(["bash", "-c", script], check=True, env=environment, timeout=100)
+    for done in here.done:
+        mine, theirs = read_image(done.target), read_image(tmp_path / "farm" / done.target.name)
+        assert theirs.spec.format == mine.spec.format
+        assert theirs.spec.channelnames == mine.spec.channelnames
+        step = {"uint8": 1 / 255, "uint16": 1 / 65535, "half": 1e-3}[str(mine.spec.format)]
+        difference = np.abs(mine.pixels - theirs.pixels)
+        assert difference.max() <= (2.5 if done.target.suffix == ".jpg" else 1.01) * step, done.target
+        assert (difference > 0.01 * step).mean() < 0.01, done.target  # of the rounding of a value between two codes
+        assert theirs.spec.get_string_attribute("Software") == "LutForge"
+    luts = list((tmp_path / "farm" / "luts").glob("*.clf")) if kind == "baked" else []
+    assert len(luts) == (kind == "baked")
+
+
+def test_what_oiiotool_cannot_do_is_said(tmp_path: Path) -> None:
+    write_picture(tmp_path / "a.png")
+    jobs = plan_jobs([tmp_path / "a.png"], tmp_path / "out")
+    (line,) = oiiotool_commands(LutRecipe(write_cube(tmp_path / "l$HOME.cube")), jobs, tmp_path)
+    assert isinstance(line, Failure)
+    assert "variables" in line.reason

@@ -1,0 +1,314 @@
+"""The report: what it says is what the tables say, it needs nothing else, and names cannot break it."""
+
+import re
+import shutil
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.arrays import Array
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.style import style_data
+from lutforge.cli.profiles import compare as compare_command
+from lutforge.errors import SettingsError
+from lutforge.evaluation.next_shots import colour_gaps
+from lutforge.model.camera_profile import CameraProfile, as_profile, load_profile
+from lutforge.model.gamut_map import GamutMap
+from lutforge.pipeline.calibration import calibrate
+from lutforge.pipeline.evaluation import evaluate
+from lutforge.pipeline.reports import compare
+from lutforge.reports.figures import LUMINANCE, Arrows, Dots, gamut_figure, slice_grid
+from lutforge.reports.report import (
+    Picture,
+    Report,
+    build_comparison,
+    build_report,
+    exposure_blocks,
+    write_page,
+)
+from lutforge.reports.tables import Table, balance_table
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples
+from lutforge.simulate.camera import nikon_d5100
+from tests.cases.profiles import small_profile
+from tests.cases.samples import chart_140, photograph_patches
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+HOSTILE = '<script>alert("$x$")</script>'
+
+
+def shots(names: tuple[str, ...] = ("a", "b", "c"), count: int = 600) -> SampleSet:
+    """Colours of the simulated camera, in shots of these names."""
+    camera, rng = nikon_d5100(), np.random.default_rng(4)
+    gain = np.array(camera.white_balances["daylight"].multipliers)
+    raw = rng.uniform(0.02, 0.8, (count, 3)) / gain
+    srgb = np.array(camera.render(raw, "standard", "daylight"))
+    return SampleSet.from_arrays(
+        raw, srgb, camera="Simulated <b>", white_balance="daylight", shot=np.resize(names, count),
+        patch=np.arange(count).astype(np.str_), exposure_s=0.01, wb=gain,
+    )  # fmt: skip
+
+
+class Tags(HTMLParser):
+    """All start tags with their attributes; whether elements nest soundly."""
+
+    void = ("meta", "link", "img", "br")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+        if tag not in self.void:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def answered(report: Report, question: int) -> str:
+    """All that the first page says to one of its questions."""
+    said: list[str] = []
+    for block in list(report.answers.values())[question]:
+        match block:
+            case str():
+                said.append(block)
+            case tuple():
+                said += block
+            case Table():
+                said += [cell for row in block.rows for cell in row]
+    return " ".join(said)
+
+
+@pytest.fixture(scope="module")
+def hostile() -> tuple[CameraProfile, SampleSet]:
+    samples = shots(("a", "b", HOSTILE))
+    return calibrate(samples, CalibrationOptions(size=9, model="rbf")), samples
+
+
+def test_tables_are_those_of_evaluate(hostile: tuple[CameraProfile, SampleSet]) -> None:
+    profile, samples = hostile
+    report = build_report(profile, samples)
+    tables = [block for blocks in report.sections.values() for block in blocks if isinstance(block, Table)]
+    rows = [row for row in evaluate(profile, samples).rows if row.direction == "render" and row.shot == "all"]
+    shown = next(table for table in tables if table.caption.startswith("RAW → JPEG, all shots, held out"))
+    assert [row[2] for row in shown.rows] == [row.method for row in rows]
+    mean = shown.header.index("mean")
+    assert [row[mean] for row in shown.rows] == [f"{row.figures.mean:.4f}" for row in rows]
+    own = next(row for row in rows if row.method == "rbf")
+    assert f"{own.figures.mean:.4f}" in answered(report, 0)
+    assert f"ΔE00 {own.figures.de00_mean:.2f}" in answered(report, 1)
+    back = next(row for row in evaluate(profile, samples).rows if (row.direction, row.method) == ("linearize", "rbf"))
+    assert f"{back.figures.mean:.4f}" in answered(report, 0)
+
+
+def test_page_stands_alone_and_names_are_only_text(hostile: tuple[CameraProfile, SampleSet], tmp_path: Path) -> None:
+    report = build_report(*hostile)
+    write_page(report, tmp_path / "report.html")
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "yes, on colours like those of the shots" in html
+    tags = Tags()
+    tags.feed(html)
+    assert tags.open == []
+    assert not [tag for tag, _ in tags.seen if tag in ("script", "link", "iframe", "object", "b")]
+    links = [value for _, attrs in tags.seen for key, value in attrs.items() if key in ("src", "href", "xlink:href")]
+    assert links and all(value and (value.startswith(("#", "data:image/png;base64,"))) for value in links)
+    assert not [key for _, attrs in tags.seen for key in attrs if key.startswith("on")]
+    ids = [attrs["id"] for _, attrs in tags.seen if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    assert set(re.findall(r"url\(#([^)]+)\)", html)) <= set(ids)
+    assert HOSTILE not in html
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+def test_it_prints_on_a4_with_the_answers_on_page_one(hostile: tuple[CameraProfile, SampleSet], tmp_path: Path) -> None:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    write_page(build_report(*hostile), tmp_path / "report.html")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        context = browser.new_context(offline=True, viewport={"width": 688, "height": 1002})  # A4 within the margins
+        page, asked = context.new_page(), []
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto((tmp_path / "report.html").as_uri())
+        page.emulate_media(media="print")
+        headings = page.locator(".answer h2").all_inner_texts()
+        end = page.locator(".answer").last.evaluate("e => e.getBoundingClientRect().bottom")
+        width = page.evaluate("document.documentElement.scrollWidth")
+        pages = page.pdf(format="A4", prefer_css_page_size=True).count(b"/Type /Page\n")
+        browser.close()
+    assert headings == ["How good is it?", "What for?", "What to shoot next?"]
+    assert end < 1002 and width <= 688
+    assert pages >= 3
+    assert len(asked) == 1  # the file itself
+
+
+@pytest.mark.slow
+def test_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
+    profile = calibrate(shots(), CalibrationOptions(size=9))
+    for name in ("one.html", "two.html"):
+        report = build_report(profile)
+        write_page(report, tmp_path / name)
+    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
+
+
+def test_error_maps_of_real_files(demo: tuple[Path, str]) -> None:
+    folder, _ = demo
+    profile, samples = load_profile(folder / "camera.npz"), read_samples(folder / "samples.csv")
+    samples = samples.select(samples.style == "standard")
+    name = str(samples.shot[0])
+    report = build_report(profile, samples, files={name: next((folder / "shots").rglob(f"{name}.*dng"))})
+    maps = [block for block in report.pictures if isinstance(block, Picture) and block.name.startswith("error_map_")]
+    assert len(maps) == 1
+    assert "not seen by the fits" in maps[0].caption
+    titles = [axis.get_title() for axis in maps[0].figure.axes]
+    for direction in ("RAW → JPEG", "JPEG → RAW"):
+        means = [float(title.rsplit(" ", 1)[1]) for title in titles if title.startswith(direction)]
+        assert len(means) == 4 and means[0] < means[3], titles  # LutForge below the polynomial
+        methods = [title.split("\n")[1].split(":")[0] for title in titles if title.startswith(direction)]
+        assert methods == ["lattice", "uniform lattice 17", "rbf", "polynomial of all channels"]
+
+
+def test_gaps_are_named_where_colours_are_missing() -> None:
+    rng = np.random.default_rng(1)
+    everything = rng.random((60_000, 3))
+    assert colour_gaps(everything) == ()
+    without_blues = everything[everything[:, 2] < everything[:, 0] * 0.9 + 0.05]
+    gaps = colour_gaps(without_blues)
+    assert any("blue" in gap.colour for gap in gaps)
+    assert not any("red" in gap.colour or "yellow" in gap.colour for gap in gaps)
+    assert len(colour_gaps(np.zeros((0, 3)))) > 0
+
+
+def test_one_shot_is_not_praised() -> None:
+    """An error on the shot that was fitted says nothing about others, and the report says no more."""
+    samples = shots(("only",))
+    report = build_report(calibrate(samples, CalibrationOptions(size=9)), samples)
+    for question in (0, 1):
+        assert "not known" in answered(report, question) and "eye" not in answered(report, question)
+
+
+@pytest.mark.parametrize("names", [("d",), ("a", "d")])
+def test_a_shot_that_the_profile_has_not_seen_is_reported(names: tuple[str, ...]) -> None:
+    report = build_report(calibrate(shots(), CalibrationOptions(size=5)), shots(names))
+    assert answered(report, 0).startswith("standard: on ")
+
+
+def test_samples_of_another_camera_are_said_first() -> None:
+    samples = shots(("one", "two"))
+    profile = calibrate(samples, CalibrationOptions(size=5))
+    other = replace(samples, camera=np.full(len(samples), "Another"), raw_camera=np.full(len(samples), "Another"))
+    assert "The samples are of Another" in answered(build_report(profile, other), 0)
+    assert "Another" not in answered(build_report(profile, samples), 0)
+
+
+def test_a_spread_is_told_of_white_balances_that_shots_were_taken_with() -> None:
+    assert [row[-1] for row in balance_table(small_profile()).rows] == ["–", "–", "10.0 %"]
+
+
+def test_gaps_are_where_errors_are_expected() -> None:
+    """All colours are sampled, but those of much blue are said to be 20 codes off."""
+    everything = np.random.default_rng(1).random((60_000, 3))
+
+    def expected(encoded: Array) -> Array:
+        return np.where(encoded[:, 2] > encoded[:, :2].max(axis=1) + 0.1, 20 / 255, 1 / 255)
+
+    gaps = colour_gaps(everything, expected)
+    assert gaps
+    assert all("blue" in gap.colour or "purple" in gap.colour for gap in gaps)
+    assert "codes of error to expect" in str(gaps[0])
+    assert colour_gaps(everything, lambda encoded: np.full(len(encoded), 1 / 255)) == ()
+
+
+def test_exposures_say_whether_the_response_is_fixed() -> None:
+    light, stops = ("daylight",), (-2, -1, 0)
+    samples = photograph_patches(nikon_d5100(), chart_140(), balances=light, stops=stops, exposure_error=0.0)
+    late = samples.shot == "standard daylight +0"
+    samples = replace(samples, exposure_s=np.where(late, samples.exposure_s / 1.05, samples.exposure_s))
+    data, _ = style_data(samples, samples.wb)
+    text, table, shutters, picture = exposure_blocks(data)
+    assert isinstance(text, str) and "standard: the response is a fixed property of this camera" in text
+    assert isinstance(table, Table)
+    removed, everything = (np.array(row[1:], dtype=float) for row in table.rows)
+    assert (removed < 0.05).all() and not np.array_equal(removed, everything)
+    assert isinstance(shutters, Table)
+    assert {row[0]: float(row[-1]) for row in shutters.rows} == pytest.approx(
+        {name: 1.05 if name == "standard daylight +0" else 1.0 for name in np.unique(samples.shot)}, abs=0.003
+    )
+    assert isinstance(picture, Picture) and picture.name == "brightness_transfer_standard"
+    single = data["standard"].select(data["standard"].shot == data["standard"].shot[0])
+    assert list(exposure_blocks({"standard": single})) == []
+
+
+# --- Two settings of a camera on one page ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def profile_path(published_d40: CameraProfile, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("compare") / "d40.npz"
+    published_d40.save(path)
+    return path
+
+
+def test_a_page_shows_chart_and_differences(profile_path: Path, tmp_path: Path) -> None:
+    page = compare(profile_path, profile_path, tmp_path / "compare.html", "standard/daylight", "standard/shade")
+    text = (tmp_path / "compare.html").read_text()
+    assert "Nikon D40 standard/shade" in text and text.count("<svg") == 1
+    (table,) = (block for blocks in page.sections.values() for block in blocks if isinstance(block, Table))
+    assert len(table.rows) == 24
+    with pytest.raises(SettingsError, match="vivid"):
+        compare(profile_path, profile_path, tmp_path / "compare.html", "vivid/daylight")
+    compare_command(profile_path, output=tmp_path / "one.html", one="standard/daylight", other="standard/shade")
+    assert "Nikon D40 standard/shade" in (tmp_path / "one.html").read_text()
+
+
+def test_the_same_setting_differs_by_nothing_and_an_exposure_is_levelled(profile_path: Path) -> None:
+    profile = as_profile(profile_path)
+    models = profile.styles["standard"].physical
+    darker = tuple(replace(model, matrix=model.matrix * 0.7) for model in models)  # half a stop less sensitive
+    style = replace(profile.styles["standard"], physical=darker)
+    page = build_comparison(profile, "standard/daylight", profile, "standard/daylight")
+    assert "ΔE00 0.0 in the mean" in page.lead[0]
+    other = replace(profile, styles={"standard": style})
+    page = build_comparison(profile, "standard/daylight", other, "standard/daylight")
+    stops = float(page.subtitle.split(" EV")[0].split()[-1])
+    assert stops == pytest.approx(-np.log2(0.7), abs=0.05)
+    assert float(page.lead[0].split("ΔE00 ")[1].split()[0]) < 0.2
+
+
+# --- The slices of the gamut map: their grid covers what the sRGB cube has of a luminance ----------------------------
+
+
+@pytest.mark.parametrize("luminance", [0.02, 0.0722, 0.25, 0.5, 0.7152, 0.9])
+def test_the_grid_covers_the_slice_of_the_cube(luminance: float) -> None:
+    grid = slice_grid(luminance)
+    assert np.allclose(grid @ LUMINANCE, luminance) and grid.min() > -1e-12 and grid.max() < 1 + 1e-12
+    assert np.allclose(grid[0], luminance)
+    assert np.allclose(np.minimum(grid[-1], 1 - grid[-1]).min(axis=1), 0, atol=1e-12)  # on a face of the cube
+    assert np.allclose(grid[-1, 0], grid[-1, -1])
+    # Its cells make up the area of all colours of this luminance, seen along G.
+    rng = np.random.default_rng(0).random((200_000, 2))
+    green = (luminance - rng @ LUMINANCE[[0, 2]]) / LUMINANCE[1]
+    red, blue = grid[-1, :, 0], grid[-1, :, 2]
+    area = 0.5 * abs(np.sum(red[:-1] * blue[1:] - red[1:] * blue[:-1]))
+    assert area == pytest.approx(((green >= 0) & (green <= 1)).mean(), abs=0.005)
+
+
+def test_arrows_lead_where_the_map_takes_colours() -> None:
+    polynomial = np.vstack([np.zeros(3), np.diag([0.5, 1.0, 1.0])])  # half of red; a control point at a grey of 0.25
+    halved = GamutMap(np.full((1, 3), 0.25), np.zeros((1, 3)), polynomial)
+    (panel,) = gamut_figure({"halved": halved}, [0.25]).panels
+    arrows = next(mark for mark in panel.marks if isinstance(mark, Arrows))
+    red = arrows.values / 0.5
+    moved = 0.5 * np.stack([red * (LUMINANCE[0] - 1), red * LUMINANCE[0]], 1)
+    assert np.allclose(arrows.end - arrows.start, moved)
+    centres = next(mark for mark in panel.marks if isinstance(mark, Dots))
+    assert np.allclose(centres.points, [[0.0, 0.0]])
