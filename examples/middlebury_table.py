@@ -1,4 +1,4 @@
-"""JPEG → RAW of ten cameras: the physical model beside the baselines of the thesis's Fig. 4.5.
+"""JPEG → RAW of ten cameras: the camera model beside the baselines of the thesis's Fig. 4.5.
 
 Trains on a colour chart under one light (four exposures, 24 patches), tests on the chart under another, then the other
 way round, and writes the tables as Markdown. The photographs are those of Chakrabarti, Scharstein & Zickler, "An
@@ -15,14 +15,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.matrix_and_response import BETA, MatrixAndResponse, saturation
-from lutforge.calibration.response_from_exposures import pairs_of_samples
+from lutforge.calibration.exposure_pairs import pairs_of_samples
+from lutforge.calibration.matrix_and_response import MatrixAndResponse, saturation
+from lutforge.calibration.options import BETA
 from lutforge.calibration.style import StyleData
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.further_errors import delta
-from lutforge.evaluation.methods import colour_polynomial, mixed_channel_polynomials
-from lutforge.model.profile_data import PhysicalModel
+from lutforge.evaluation.polynomials import colour_polynomial, mixed_channel_polynomials
+from lutforge.model.profile_data import CameraModel
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 
@@ -83,7 +84,7 @@ def unclipped(samples: SampleSet) -> NDArray[np.bool_]:
     return inside
 
 
-def fit(samples: SampleSet) -> tuple[PhysicalModel, Array]:
+def fit(samples: SampleSet) -> tuple[CameraModel, Array]:
     """The model that `lutforge calibrate` fits to one camera, and the multipliers (3,) of its one setting."""
     try:
         start, _ = complete_multipliers(samples)

@@ -20,7 +20,7 @@ from lutforge.calibration.brightness_transfer import (
     judge,
     transfer_functions,
 )
-from lutforge.calibration.response_from_exposures import pairs_of_samples
+from lutforge.calibration.exposure_pairs import pairs_of_samples
 
 NOTES = """Made by `examples/middlebury_transfer_functions.py` from the photographs named in middlebury_table.md: pairs
 of one chart at two exposures, both lights. A colour is an outlier where it leaves the camera's common function by more

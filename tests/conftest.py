@@ -61,7 +61,7 @@ def d40_pairs() -> PublishedPairs:
 
 @pytest.fixture(scope="session")
 def published_d40(shared_data: Path) -> CameraProfile:
-    """The physical model of a Nikon D40 that the thesis's authors published."""
+    """The camera model of a Nikon D40 that the thesis's authors published."""
     folder = shared_data / "nus_nikon_d40"
     return import_published([folder / "other_white_balances", folder / "fluorescent"], "Nikon D40")
 

@@ -14,12 +14,10 @@ from scipy.optimize import minimize_scalar
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.brightness_transfer import ResponseVerdict, judge
 from lutforge.calibration.curve_basis import gamma_response, log_emor_basis, log_spline_basis, srgb_response
-from lutforge.calibration.matrix_and_response import BETA, saturation
-from lutforge.calibration.response_from_exposures import (
-    ExposurePairs,
-    ExposureResponseFit,
-    fit_response_to_exposures,
-)
+from lutforge.calibration.exposure_pairs import ExposurePairs
+from lutforge.calibration.matrix_and_response import saturation
+from lutforge.calibration.options import BETA
+from lutforge.calibration.response_from_exposures import ExposureResponseFit, fit_response_by_least_squares, fit_response_to_exposures
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out
@@ -115,7 +113,7 @@ def _fit(pairs: ExposurePairs, beta: float) -> tuple[BracketFit, str]:
     count, held_out = _choose_curves(pairs, plain, beta)
     fits = {
         "EMoR": fit_response_to_exposures(pairs, beta=beta, basis=log_emor_basis(count)),
-        "monotone spline": fit_response_to_exposures(pairs, "thesis", beta, log_spline_basis()),
+        "monotone spline": fit_response_by_least_squares(pairs, beta, log_spline_basis()),
     }
     gamma = minimize_scalar(
         lambda value: _residual(pairs, gamma_response(value), plain)[1], bounds=(0.5, 5), method="bounded"

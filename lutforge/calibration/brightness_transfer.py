@@ -14,8 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.matrix_and_response import BETA, saturation
-from lutforge.calibration.response_from_exposures import ExposurePairs, fit_response_to_exposures
+from lutforge.calibration.exposure_pairs import ExposurePairs
+from lutforge.calibration.matrix_and_response import saturation
+from lutforge.calibration.options import BETA
+from lutforge.calibration.response_from_exposures import fit_response_by_least_squares, fit_response_to_exposures
 from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
@@ -91,7 +93,7 @@ def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
     Raises CalibrationError where the pairs do not determine a response.
     """
     response = fit_response_to_exposures(pairs).response
-    of_all = fit_response_to_exposures(pairs, "thesis", np.inf).response
+    of_all = fit_response_by_least_squares(pairs, np.inf).response
     stops = pairs.log_ratio / np.log(2.0)
     result = []
     for centre in _centres(stops):

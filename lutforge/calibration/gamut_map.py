@@ -23,7 +23,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap, flattened, from_even, identity_gamut_map, kriging_covariance, to_even
-from lutforge.model.profile_data import PhysicalModel
+from lutforge.model.profile_data import CameraModel
 from lutforge.sobol import sobol
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
@@ -111,7 +111,7 @@ def fit_camera_model(
     white_balances: tuple[str, ...],
     clipped: tuple[Array, Array] | None = None,
     most_centres: int = MOST_CENTRES,
-) -> PhysicalModel:
+) -> CameraModel:
     """Fit h and h⁻¹ of one style around matrix and response, to unclipped samples Tw E → I, both (n, 3).
 
     clipped: Tw E and I (m, 3) of samples with a JPEG channel at 0 or 1. They count in the rendering; what light they
@@ -137,7 +137,7 @@ def fit_camera_model(
         np.concatenate([error_scale, np.full(int(whole.sum()), np.median(error_scale))]),
         most_centres,
     )
-    return PhysicalModel(white_balances, matrix, response, forward, back)
+    return CameraModel(white_balances, matrix, response, forward, back)
 
 
 def posterior_deviation(source: Array) -> Callable[[Array], Array]:

@@ -18,17 +18,18 @@ from scipy.optimize import brentq
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import SAMPLE, CurveBasis, emor_basis, spline_basis
-from lutforge.calibration.options import PhysicalOptions, Preset
+from lutforge.calibration.options import BETA, CURVES
 from lutforge.calibration.robust_fit import Light, ToneWeights, robust_fit
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
+from lutforge.solvers.reweighted import reweighted
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 from lutforge.solvers.solution import Status
 from lutforge.threads import one_blas_thread
 
-BETA = PhysicalOptions.beta
-"""HSV saturation below which a colour is taken to be untouched by the gamut map."""
 LEAST_UNSATURATED = 8
+LEAST_HUE_SPREAD = 8e-3
+"""The chromaticities (shares of r, g, b) of the unsaturated colours must spread in two directions by this much."""
 NEAR_WHITE = 0.97
 """Nearer to white even unsaturated colours are moved, some of their pixels clip, and f⁻¹ is steepest: a few of them
 turn a plain least-squares fit of Ts by several per cent (0.1 % without them, on the simulated camera)."""
@@ -59,12 +60,12 @@ def saturation(encoded: Array) -> Array:
     return np.asarray(1.0 - low / np.maximum(high, 1e-6))
 
 
-def untouched(encoded: Array, beta: float = BETA) -> Mask:
+def plainly_unsaturated(encoded: Array, beta: float = BETA) -> Mask:
     """(n,) colours (n, 3) that a plain fit trusts: saturation below β, and not near white."""
     return np.asarray((saturation(encoded) < beta) & (encoded.max(axis=1) < NEAR_WHITE))
 
 
-def untouched_odds(chroma: Array, beta: float) -> Array:
+def in_gamut_weight(chroma: Array, beta: float) -> Array:
     """Return the weight (n,) of colours of saturation chroma (n,), ½ at β.
 
     There a shift that grows with the third power of the saturation is as large as the noise.
@@ -72,15 +73,23 @@ def untouched_odds(chroma: Array, beta: float) -> Array:
     return np.asarray(1.0 / (1.0 + (chroma / beta) ** 6))
 
 
-def starting_beta(chroma: Array, preset: Preset, beta: float = BETA) -> float:
-    """β itself, or for the robust fit what takes in enough of the least saturated colours.
+def starting_beta(chroma: Array, beta: float = BETA) -> float:
+    """The saturation below which a robust fit starts: β, or what takes in enough of the least saturated colours.
 
-    Few colours lie below β under a light that the white balance does not meet; then the fit starts from those that are
-    least saturated, if they lie below a saturation of one half.
+    Few colours lie below β under an illuminant that the white balance does not meet; then the fit starts from those
+    that are least saturated, if they lie below a saturation of one half.
     """
-    if preset == "thesis" or (chroma < beta).sum() >= max(2 * LEAST_UNSATURATED, ENOUGH_UNSATURATED * len(chroma)):
+    if (chroma < beta).sum() >= max(2 * LEAST_UNSATURATED, ENOUGH_UNSATURATED * len(chroma)):
         return beta
     return float(np.clip(np.quantile(chroma, LEAST_SATURATED), beta, 0.5))
+
+
+def hue_spread(linear: Array) -> float:
+    """How far chromaticities of linear colours (n, 3) spread in their second principal direction, root mean square."""
+    if len(linear) < 2:
+        return 0.0
+    shares = linear / np.maximum(linear.sum(axis=1, keepdims=True), 1e-9)
+    return float(np.linalg.svd(shares - shares.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(linear)))
 
 
 def check_tones(encoded: Array, unsaturated: Mask) -> None:
@@ -118,44 +127,45 @@ class MatrixAndResponse:
 class MatrixAndResponseFit(MatrixAndResponse):
     """A matrix and response that were fitted to samples.
 
-    trust: (n,) odds in [0, 1] that the gamut map leaves a sample's colour alone, by its saturation only; status: how
+    in_gamut: (n,) the weight in [0, 1] of a sample by its saturation, 1 where the gamut map leaves its colour alone;
+    status: how
     the rounds ended.
     """
 
-    trust: Array
+    in_gamut: Array
     status: Status
 
 
 @one_blas_thread
 def fit_matrix_and_response(
-    x: Array, encoded: Array, options: PhysicalOptions | None = None, *, saturates: bool = False
+    x: Array, encoded: Array, beta: float = BETA, curves: int = CURVES, *, saturates: bool = False
 ) -> MatrixAndResponseFit:
     """Fit Ts and f to white-balanced RAW x (n, 3) and JPEG values encoded (n, 3) in [0, 1], neither clipped.
 
     f⁻¹ is made of EMoR's curves first, whose shape beyond the samples is that of real cameras, then twice a spline
-    around the mean of the channels, which follows what EMoR cannot. saturates: 1 is where the sensor does, which
-    cameras render white: f⁻¹(1) ≤ 1, however dark the samples are. Raises CalibrationError below 10 samples.
+    around the mean of the channels, which follows what EMoR cannot. beta: the saturation below which a colour surely
+    counts; curves: of EMoR. saturates: 1 is where the sensor does, which cameras render white: f⁻¹(1) ≤ 1, however
+    dark the samples are. Raises CalibrationError below 10 samples.
     """
-    options = options or PhysicalOptions()
     if len(x) < 10:
         raise CalibrationError(f"{len(x)} samples cannot determine a matrix and a response; at least 10 are needed")
     chroma = saturation(encoded)
-    beta = _wide_enough(chroma, options.beta)
+    beta = _wide_enough(chroma, beta)
     rows = np.flatnonzero(chroma < REACH * beta)
     if len(rows) > MOST_SAMPLES:  # the same ones every time
         rows = np.random.default_rng(0).choice(rows, MOST_SAMPLES, replace=False, shuffle=False)
-    odds = untouched_odds(chroma[rows], beta)
-    weights = ToneWeights(encoded[rows].mean(axis=1), odds**SELECTION, options.weighting)
+    odds = in_gamut_weight(chroma[rows], beta)
+    weights = ToneWeights(encoded[rows].mean(axis=1), odds**SELECTION)
     problem = JointFit(x[rows], encoded[rows], weights, neutral_rows)
 
     def fit(basis: CurveBasis) -> Status:
         return robust_fit(problem, basis.with_white_by_one() if saturates else basis)
 
-    status = fit(emor_basis(options.curves))
+    status = fit(emor_basis(curves))
     for _ in range(2):
         status = fit(spline_basis(problem.response.inverse.mean(axis=1)))
     matrix = matrix_of_rows(problem.coefficients)
-    return MatrixAndResponseFit(matrix, problem.response, untouched_odds(chroma, beta), status)
+    return MatrixAndResponseFit(matrix, problem.response, in_gamut_weight(chroma, beta), status)
 
 
 def neutral_rows(x: Array) -> tuple[Array, Array]:
@@ -233,17 +243,21 @@ def with_matrix_of_all(fit: MatrixAndResponse, x: Array, encoded: Array) -> Matr
     """Fit the matrix anew to all samples x, encoded (n, 3), saturated ones too, and keep the response."""
     linear, slope = fit.response.linearize(encoded), encoding_slope(fit.response, encoded)
     known, columns = neutral_rows(x)
-    matrix, robust = fit.matrix, RobustWeights(cauchy, multiple=4, least=2 / 255)
-    for _ in range(6):
-        weight = robust(encoded_residual(fit.response, matrix, x, encoded))
+    robust = RobustWeights(cauchy, multiple=4, least=2 / 255)
+
+    def solve(weight: Array) -> Array:
         rows = []
         for c in range(3):
             weighted = columns[:, c].T * (weight * slope[:, c] ** 2)
             normal = weighted @ columns[:, c]
             normal += 1e-9 * np.sum(weight * slope[:, c] ** 2) * np.eye(len(normal))
             rows.append(np.linalg.solve(normal, weighted @ (linear - known)[:, c]))
-        matrix = matrix_of_rows(np.stack(rows))
-    return MatrixAndResponse(matrix, fit.response)
+        return matrix_of_rows(np.stack(rows))
+
+    def weights(matrix: Array) -> Array:
+        return robust(encoded_residual(fit.response, matrix, x, encoded))
+
+    return MatrixAndResponse(reweighted(solve, weights, weights(fit.matrix), rounds=6), fit.response)
 
 
 def _wide_enough(chroma: Array, beta: float) -> float:
@@ -255,7 +269,7 @@ def _wide_enough(chroma: Array, beta: float) -> float:
     widest = 20  # at a saturation of 1 a colour still counts as a grey one
 
     def missing(beta: float) -> float:
-        return enough - float((untouched_odds(chroma, beta) ** SELECTION).sum())
+        return enough - float((in_gamut_weight(chroma, beta) ** SELECTION).sum())
 
     return beta if missing(beta) <= 0 else brentq(missing, beta, widest, xtol=1e-3)
 

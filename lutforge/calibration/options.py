@@ -1,78 +1,41 @@
-"""How a camera is calibrated: one record of options, and the presets that name two sets of them."""
+"""How a camera is calibrated: one record of options."""
 
-import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Literal, get_args
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.model.camera_profile import MODELS, ModelName
 
-
-@dataclass(frozen=True)
-class PhysicalOptions:
-    """How response, matrix and gamut map are fitted (thesis, chapter 4).
-
-    beta: HSV saturation β below which a colour is used to fit f and Ts. curves: number of EMoR curves of f⁻¹.
-    weighting: a sample has the number of samples of its tone to the power of −weighting as its weight, so that with 0
-    all samples count alike, and with 1 all tones. centres: the most of a gamut map. rho: ρ of (4.8), its smoothness;
-    None chooses it on held-out shots. without_pairs: pairs of names of shots whose exposure pairs are not used to fit f
-    (preset "thesis").
-    Raises CalibrationError on values outside these.
-    """
-
-    beta: float = 0.3
-    curves: int = 15
-    weighting: float = 0.5
-    centres: int = 4000
-    rho: float | None = None
-    without_pairs: tuple[tuple[str, str], ...] = ()
-
-    def __post_init__(self) -> None:
-        if not 0 < self.beta <= 1 or not 0 <= self.weighting <= 1:
-            raise CalibrationError("β lies above 0, up to 1, and the data weighting between 0 and 1")
-        if not 1 <= self.curves <= 15:
-            raise CalibrationError(f"{self.curves} curves; EMoR has 1 to 15")
-        if self.centres < 8 or (self.rho is not None and not 0 <= self.rho < math.inf):
-            raise CalibrationError("a gamut map needs 8 centres or more, and a finite ρ that is not negative")
-
-
-Preset = Literal["lutforge", "thesis"]
-PRESETS: tuple[Preset, ...] = get_args(Preset)
-
-SMALLEST, LARGEST = 3, 65
+BETA = 0.3
+"""HSV saturation β below which a colour is taken to be left alone by the gamut map."""
+CURVES = 15
+"""Curves of EMoR of which f⁻¹ is made."""
+MOST_CENTRES = 4_000
+"""Centres of a gamut map; the thesis has 3,000 to 5,000."""
+SMALLEST_LATTICE = 3
+LARGEST_LATTICE = 65
+"""Nodes per axis."""
 SHAPER_SIZE = 4096
 """Entries of the shaper whose grid the node levels are snapped to."""
 
 
 @dataclass(frozen=True)
-class CalibrationOptions:
-    """Options of the fit.
+class LatticeOptions:
+    """The lattices of a profile.
 
-    model: "lattice" renders by lookup tables that the fitted model is baked to, "rbf" by the model itself.
-    preset: "thesis" is its chapters as written (regression of lattices from a uniform prior, fixed weights, α by
-    fitting error, saturation threshold β); "lutforge" fits matrix and response to all pairs and the gamut map by
-    kriging, and bakes the lattices from these. size: nodes per axis, 3 … 65. nonuniform: False keeps the node levels
-    evenly spaced. physical: the numbers of response, matrix and gamut map that the thesis leaves open. Raises
-    CalibrationError on values outside these.
+    size: nodes per axis, 3 … 65; interpolation: between them; nonuniform: False keeps the node levels evenly spaced;
+    shaper_size: entries of the shaper that will hold the levels. Raises CalibrationError on values outside these.
     """
 
-    model: ModelName = "lattice"
-    preset: Preset = "lutforge"
     size: int = 33
     interpolation: Interpolation = "trilinear"
     nonuniform: bool = True
     shaper_size: int = SHAPER_SIZE
-    physical: PhysicalOptions = field(default_factory=PhysicalOptions)
 
     def __post_init__(self) -> None:
-        if self.model not in MODELS:
-            raise CalibrationError(f'unknown model "{self.model}"; choose one of {", ".join(MODELS)}')
-        if self.preset not in PRESETS:
-            raise CalibrationError(f'unknown preset "{self.preset}"; choose one of {", ".join(PRESETS)}')
-        if not SMALLEST <= self.size <= LARGEST:
-            raise CalibrationError(f"lattice size {self.size} is not within {SMALLEST} … {LARGEST}")
+        if not SMALLEST_LATTICE <= self.size <= LARGEST_LATTICE:
+            raise CalibrationError(f"lattice size {self.size} is not within {SMALLEST_LATTICE} … {LARGEST_LATTICE}")
         if self.interpolation not in INTERPOLATIONS:
             raise CalibrationError(
                 f'unknown interpolation "{self.interpolation}"; choose one of {", ".join(INTERPOLATIONS)}'
@@ -81,21 +44,43 @@ class CalibrationOptions:
             raise CalibrationError(f"a shaper of {self.shaper_size} entries cannot hold {self.size} node levels")
 
     def as_json(self) -> dict[str, object]:
-        """The options as plain values, for the profile; of the physical ones, those that are not the default."""
-        values, usual = asdict(self), asdict(PhysicalOptions())
-        physical = {name: value for name, value in values.pop("physical").items() if value != usual[name]}
-        return values | ({"physical": physical} if physical else {})
+        """The options as plain values, for the profile."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class CalibrationOptions(LatticeOptions):
+    """Options of the calibration.
+
+    beta: HSV saturation below which a colour is surely used to fit response and matrix; curves: number of EMoR curves
+    of the response; centres: the most of a gamut map. The others are those of `LatticeOptions`. Raises CalibrationError
+    on values outside their ranges.
+    """
+
+    beta: float = BETA
+    curves: int = CURVES
+    centres: int = MOST_CENTRES
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_model_options(self.beta, self.curves, self.centres)
+
+
+def check_model_options(beta: float, curves: int, centres: int) -> None:
+    """Raise CalibrationError where a camera model cannot be fitted with these numbers."""
+    if not 0 < beta <= 1:
+        raise CalibrationError("β lies above 0, up to 1")
+    if not 1 <= curves <= CURVES:
+        raise CalibrationError(f"{curves} curves; EMoR has 1 to {CURVES}")
+    if centres < 8:
+        raise CalibrationError("a gamut map needs 8 centres or more")
 
 
 def options_from_json(values: Mapping[str, object]) -> CalibrationOptions:
-    """The options that a profile was calibrated with; what it does not say is the default."""
-    names = {each.name for each in fields(CalibrationOptions)}
+    """The options that a profile was calibrated with; what it does not state is the default."""
+    names = {field.name for field in fields(CalibrationOptions)}
     known: dict[str, Any] = {name: value for name, value in values.items() if name in names}
     try:
-        if "physical" in known:
-            physical = dict(known["physical"])
-            pairs = tuple((str(one), str(other)) for one, other in physical.pop("without_pairs", ()))
-            known["physical"] = PhysicalOptions(**physical, without_pairs=pairs)
         return CalibrationOptions(**known)  # checked by __post_init__, and TypeError here
     except (TypeError, ValueError) as error:
         raise CalibrationError(f"the profile's options cannot be read ({error})") from error

@@ -19,11 +19,7 @@ from scipy.optimize import linear_sum_assignment
 
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.monochrome import is_monochrome
-from lutforge.calibration.matrix_and_response import (
-    encoded_residual,
-    fit_matrix_and_response,
-    with_matrix_of_all,
-)
+from lutforge.calibration.matrix_and_response import encoded_residual, fit_matrix_and_response, with_matrix_of_all
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.model.profile_data import Diagnosis
@@ -144,7 +140,7 @@ def _judged(colours: _Colours) -> _Judgement | None:
     except (CalibrationError, np.linalg.LinAlgError):
         return None
     residual = 255 * np.average(
-        np.minimum(encoded_residual(fit.response, fit.matrix, x, encoded), FAR_OFF), weights=fit.trust + TINY / 1000
+        np.minimum(encoded_residual(fit.response, fit.matrix, x, encoded), FAR_OFF), weights=fit.in_gamut + TINY / 1000
     )
     dark, bright = np.percentile(encoded.mean(axis=1), (10, 90))
     greys = np.linspace(dark, bright, 9)

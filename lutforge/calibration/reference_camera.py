@@ -12,12 +12,9 @@ gamut map h leaves alone:
 
 Two shutters and two metering systems do not agree to a per cent, nor do clouds: each shot has a gain of its own, which
 is fitted with f and Tz.
-
-With the preset "thesis" these are as written there: f from exposure pairs, then (4.10) over all colours below the
-saturation β, which count alike; shots have no gains.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,24 +23,15 @@ from scipy.linalg import null_space
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import emor_basis, spline_basis, srgb_response
-from lutforge.calibration.matrix_and_response import (
-    BETA,
-    LEAST_UNSATURATED,
-    REACH,
-    JointFit,
-    matrix_of_rows,
-    neutral_rows,
-    saturation,
-    untouched_odds,
-)
-from lutforge.calibration.options import PhysicalOptions, Preset
-from lutforge.calibration.physical_model import LEAST_CONDITION, hue_spread, response_of_exposures
+from lutforge.calibration.matrix_and_response import LEAST_HUE_SPREAD, LEAST_UNSATURATED, REACH, JointFit, hue_spread, in_gamut_weight, matrix_of_rows, neutral_rows, saturation
+from lutforge.calibration.options import BETA
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
 from lutforge.calibration.white_balance import estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet, unclipped_colours
 from lutforge.solvers.gauss_newton import gauss_newton
+from lutforge.solvers.reweighted import reweighted
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 
 LEAST_COLOURS = 12
@@ -62,35 +50,82 @@ STEP = 1e-6
 """Step of a numerical derivative."""
 
 
-def own_raw(
-    samples: SampleSet, preset: Preset = "lutforge", physical: PhysicalOptions | None = None
-) -> tuple[SampleSet, Array]:
-    """Carry a reference camera's RAW to the camera that was sampled with it: the samples, and Tc (3, 3).
+@dataclass(frozen=True, eq=False)
+class StyleFit:
+    """A style's response f, its matrices Tz (3, 3) by white balance, gains of its shots (n,), in-gamut weights (n,)."""
+
+    response: Response
+    matrices: Mapping[str, Array]
+    gain: Array
+    in_gamut: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LinearValues:
+    """f⁻¹(I) (n, 3) of samples of all styles, on about one scale; in-gamut weights, f⁻¹(1) and gains, each (n,)."""
+
+    linear: Array
+    in_gamut: Array
+    white: Array
+    gain: Array
+
+
+def own_raw(samples: SampleSet, beta: float = BETA) -> tuple[SampleSet, Array]:
+    """Transform a reference camera's RAW to that of the camera that was sampled with it: the samples, and Tc (3, 3).
 
     Those stay that neither the JPEG nor the reference clips, with the multipliers of the camera. RAW is scaled so that
-    balanced RAW of 1 is what the JPEG's brightest code stands for. Raises CalibrationError, in one line with what to
-    shoot, where the samples do not determine f or Tz of a white balance, or contradict every one.
+    balanced RAW of 1 is what the JPEG's brightest code stands for. beta: saturation below which a colour surely counts.
+    Raises CalibrationError, in one line with what to shoot, where the samples do not determine f or Tz of a white
+    balance, or contradict every one.
     """
+    inside = unclipped_pairs(samples)
+    setting = inside.settings
+    values = linear_values(inside, setting, lambda style, of: _fit_style(style, of, beta))
+    even = replace(inside, raw=values.gain[:, None] * inside.raw)
+    inverses = {str(name): _inverse(values.linear, even, setting == name, str(name)) for name in np.unique(setting)}
+    transfer, matrix, balances = jointly_diagonal(inverses)
+    multipliers = np.array([balances[str(name)] / balances[str(name)][1] for name in setting])
+    gain, scale = gains_and_scale(inside, setting, values, transfer, matrix, multipliers)
+    return transformed(inside, values, transfer, multipliers, gain, scale)
+
+
+def unclipped_pairs(samples: SampleSet) -> SampleSet:
+    """The samples that neither the JPEG nor the reference clips. Raises CalibrationError where they are too few."""
     inside = samples.select(unclipped_colours(samples.srgb, samples.raw))
     if len(inside) < LEAST_COLOURS:
         raise CalibrationError(
             f"{len(inside)} samples are unclipped in both the JPEG and the reference camera's RAW: expose less"
         )
-    setting = inside.settings
-    linear, trust, white, gain = _linear_light(inside, setting, preset, physical or PhysicalOptions())
-    even = replace(inside, raw=gain[:, None] * inside.raw)
-    transfer, matrix, balances = _jointly_diagonal(
-        {str(name): _inverse(linear, even, setting == name, str(name), preset) for name in np.unique(setting)}
-    )
-    multipliers = np.array([balances[str(name)] / balances[str(name)][1] for name in setting])
-    balanced = inside.raw @ transfer.T * multipliers
-    level = np.log(np.maximum(linear.sum(axis=1), TINY) / np.maximum((balanced @ matrix.T).sum(axis=1), TINY))
-    shots, scale = _gains(inside, setting, level, trust * (inside.srgb.max(axis=1) > ROUNDED))
-    gain = gain if preset == "thesis" else shots
-    top = np.quantile((gain[:, None] * balanced)[trust > 0.5], 0.999)
-    transfer = transfer / max(float(top), float(np.max(white / scale)))
-    raw = gain[:, None] * inside.raw @ transfer.T
-    return replace(inside, raw=raw, wb=multipliers, raw_camera=inside.camera.copy()), transfer
+    return inside
+
+
+def transformed(
+    samples: SampleSet, values: LinearValues, transfer: Array, multipliers: Array, gain: Array, scale: Array
+) -> tuple[SampleSet, Array]:
+    """The samples with the camera's own RAW, and Tc (3, 3), scaled so that balanced RAW of 1 is the brightest code.
+
+    transfer: Tc up to a factor; multipliers: (n, 3); gain: of the RAW (n,); scale: of each sample's f⁻¹ (n,).
+    """
+    exposed = gain[:, None] * samples.raw
+    top = np.quantile((exposed @ transfer.T * multipliers)[values.in_gamut > 0.5], 0.999)
+    transfer = transfer / max(float(top), float(np.max(values.white / scale)))
+    own = replace(samples, raw=exposed @ transfer.T, wb=multipliers, raw_camera=samples.camera.copy())
+    return own, transfer
+
+
+def gains_and_scale(
+    samples: SampleSet,
+    setting: NDArray[np.str_],
+    values: LinearValues,
+    transfer: Array,
+    matrix: Array,
+    multipliers: Array,
+) -> tuple[Array, Array]:
+    """The gain of each shot's RAW (n,), and the scale of f⁻¹ of each style (n,), by the levels that are left."""
+    balanced = samples.raw @ transfer.T * multipliers
+    rendered = np.maximum((balanced @ matrix.T).sum(axis=1), TINY)
+    level = np.log(np.maximum(values.linear.sum(axis=1), TINY) / rendered)
+    return _gains(samples, setting, level, values.in_gamut * (samples.srgb.max(axis=1) > ROUNDED))
 
 
 def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: Array) -> tuple[Array, Array]:
@@ -112,29 +147,23 @@ def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: 
     return np.exp(rest - kept)[shot], np.exp(scale)[shot]
 
 
-def _linear_light(
-    samples: SampleSet, setting: NDArray[np.str_], preset: Preset, physical: PhysicalOptions
-) -> tuple[Array, Array, Array, Array]:
-    """f⁻¹(I) (n, 3) on about one scale, the odds that h leaves a colour alone, the style's f⁻¹(1), and gains, all (n,).
+def linear_values(
+    samples: SampleSet,
+    setting: NDArray[np.str_],
+    fit_style: Callable[[SampleSet, NDArray[np.str_]], StyleFit],
+) -> LinearValues:
+    """Fit every style by itself, and bring f⁻¹(I) of all to one scale. Raises CalibrationError, naming the style.
 
-    Gains are those of the shots of a style and a white balance beside each other.
+    fit_style: of a style's samples and their settings (m,), its fit.
     """
-    linear, (trust, white, gain) = np.zeros_like(samples.raw), np.zeros((3, len(samples)))
+    linear = np.zeros_like(samples.raw)
+    in_gamut, white, gain = np.zeros((3, len(samples)))
     names, counts = np.unique(samples.style, return_counts=True)
     anchors: dict[str, Array] = {}
     for name in names[np.argsort(-counts)]:
         rows = samples.style == name
         try:
-            if preset == "thesis":
-                # f from the exposure pairs (4.2.1), and Tz of the colours below β by plain least squares.
-                style = samples.select(rows)
-                response = response_of_exposures(style, preset, physical)
-                low, light = saturation(style.srgb) < physical.beta, response.linearize(style.srgb)
-                parts = {str(key): low & (setting[rows] == key) for key in np.unique(setting[rows])}
-                tz = {key: np.linalg.lstsq(style.raw[mine], light[mine])[0].T for key, mine in parts.items()}
-                fit = _StyleFit(response, tz, np.ones(len(style)), low.astype(np.float64))
-            else:
-                fit = _fit_response(samples.select(rows), setting[rows], physical)
+            fit = fit_style(samples.select(rows), setting[rows])
         except CalibrationError as error:
             raise CalibrationError(f'style "{name}": {error}') from None
         common = [balance for balance in fit.matrices if balance in anchors]
@@ -143,22 +172,13 @@ def _linear_light(
         for balance, matrix in fit.matrices.items():
             anchors.setdefault(balance, scale * matrix)
         linear[rows] = scale * fit.response.linearize(samples.srgb[rows])
-        trust[rows], gain[rows] = fit.trust, fit.gain
+        in_gamut[rows] = fit.in_gamut
+        gain[rows] = fit.gain
         white[rows] = scale * float(fit.response.inverse[-1].max())
-    return linear, trust, white, gain
+    return LinearValues(linear, in_gamut, white, gain)
 
 
-@dataclass(frozen=True, eq=False)
-class _StyleFit:
-    """f of a style, Tz (3, 3) by white balance, gains of shots (n,), and the odds (n,) that h leaves a colour alone."""
-
-    response: Response
-    matrices: Mapping[str, Array]
-    gain: Array
-    trust: Array
-
-
-def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: PhysicalOptions) -> _StyleFit:
+def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> StyleFit:
     """Fit f, every Tz and the shots' gains of a style together (`JointFit`).
 
     Were gains fitted after f, f would bend where the shots of some tones are all too bright, and leave a part of that
@@ -170,7 +190,7 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Physic
     first = int(np.argmax(votes))
     multipliers, _ = estimated_multipliers(raw[place == first], encoded[place == first])
     chroma = saturation(encoded)
-    beta = max(options.beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
+    beta = max(beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
     near = chroma < REACH * beta
     is_of = np.eye(len(names))[place]
     others = np.delete(is_of, first, axis=1)
@@ -181,7 +201,7 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Physic
         free = (others[near, :, None] * x[:, None, :]).reshape(len(x), 1, -1)
         return known, np.concatenate([own, np.repeat(free, 3, axis=1)], axis=2)
 
-    weights = ToneWeights(encoded[near].mean(axis=1), untouched_odds(chroma[near], beta), options.weighting)
+    weights = ToneWeights(encoded[near].mean(axis=1), in_gamut_weight(chroma[near], beta))
     # The changes of the shots' log gains, sample by sample, that RAW and JPEG tell, as columns (n, q). One gain for all
     # shots of a white balance is a part of its Tz; gains that go with the light of the shots are hardly told from a
     # power of f, and shutters do not err so.
@@ -204,46 +224,67 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Physic
             f"no matrix takes the reference camera's RAW to these JPEGs (median error {255 * error:.0f} codes): "
             "were both taken of the same scene, in the same order, in manual mode?"
         )
-    return _StyleFit(fit.response, matrices, gain, untouched_odds(chroma, beta))
+    return StyleFit(fit.response, matrices, gain, in_gamut_weight(chroma, beta))
 
 
-def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str, preset: Preset) -> tuple[Array, Array]:
+def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[Array, Array]:
     """Tz⁻¹ (3, 3) of one white balance, f⁻¹(I) → E', and the precision (3, 3) of each of its rows.
 
-    Colours count by their relative error, as E' departs by a share of itself; in (4.10) all alike. Raises
-    CalibrationError where the colours do not determine it, or contradict every matrix.
+    Colours count by their relative error, as E' deviates by a share of itself. Raises CalibrationError where the
+    colours do not determine it, or contradict every matrix.
     """
     x, y, chroma = linear[rows], samples.raw[rows], saturation(samples.srgb[rows])
+    plain, beta = unsaturated_of_several_hues(x, chroma, name)
+    in_gamut = in_gamut_weight(chroma, beta)
+    level = level_of(y)
+    outliers = RobustWeights(cauchy, multiple=2.0, least=2e-4)
+
+    def solve(weight: Array) -> tuple[Array, Array]:
+        root = np.sqrt(weight) / level
+        return np.asarray(np.linalg.lstsq(x * root[:, None], y * root[:, None])[0].T, dtype=np.float64), root
+
+    def error_of(inverse: Array) -> Array:
+        return np.asarray(np.linalg.norm(y - x @ inverse.T, axis=1) / level)
+
+    def weights(fit: tuple[Array, Array]) -> Array:
+        error = error_of(fit[0])
+        return in_gamut * outliers(error, error[plain])
+
+    inverse, root = reweighted(solve, weights, in_gamut, rounds=10)
+    scale = outliers.scale(error_of(inverse)[plain]) / 2.0
+    check_inverse(inverse, scale, name)
+    weighted = x * root[:, None] / scale
+    return inverse, weighted.T @ weighted
+
+
+def unsaturated_of_several_hues(linear: Array, chroma: Array, name: str) -> tuple[Mask, float]:
+    """The colours (n,) below the least saturation β by which they are enough, and that β. Raises CalibrationError."""
     for beta in WIDER:
         plain = chroma < beta
-        if plain.sum() >= LEAST_COLOURS and hue_spread(x[plain]) >= LEAST_CONDITION:
-            break
-    else:
-        raise CalibrationError(
-            f'white balance "{name}": {int(plain.sum())} unsaturated colours, and {LEAST_COLOURS} of several hues are '
-            "needed: shoot a colour chart with both cameras"
-        )
-    robust = preset == "lutforge"
-    odds = untouched_odds(chroma, beta) if robust else plain.astype(np.float64)
-    level = np.linalg.norm(y, axis=1)
-    level = np.maximum(level, DARK * np.percentile(level, 95))
-    weight, outliers = odds, RobustWeights(cauchy, multiple=2.0, least=2e-4)
-    for _ in range(10 if robust else 1):
-        root = np.sqrt(weight) / level if robust else weight
-        inverse = np.linalg.lstsq(x * root[:, None], y * root[:, None])[0].T
-        error = np.linalg.norm(y - x @ inverse.T, axis=1) / level
-        scale = outliers.scale(error[plain]) / 2.0
-        weight = odds * outliers(error, error[plain])
+        if plain.sum() >= LEAST_COLOURS and hue_spread(linear[plain]) >= LEAST_HUE_SPREAD:
+            return plain, beta
+    raise CalibrationError(
+        f'white balance "{name}": {int(plain.sum())} unsaturated colours, and {LEAST_COLOURS} of several hues are '
+        "needed: shoot a colour chart with both cameras"
+    )
+
+
+def level_of(raw: Array) -> Array:
+    """The brightness (n,) of RAW (n, 3), at least a share of the bright ones: darker colours hold noise."""
+    level = np.linalg.norm(raw, axis=1)
+    return np.asarray(np.maximum(level, DARK * np.percentile(level, 95)))
+
+
+def check_inverse(inverse: Array, scale: float, name: str) -> None:
+    """Raise CalibrationError where Tz⁻¹ (3, 3) of a white balance is of no two cameras. scale: its relative error."""
     if scale > 0.5 or np.linalg.cond(inverse) > LARGEST_CONDITION or np.any(inverse.sum(axis=1) <= 0):
         raise CalibrationError(
             f'white balance "{name}": no matrix takes the reference camera\'s RAW to these JPEGs (they differ by '
             f"{100 * scale:.0f} %): were both taken of the same scene, in the same order, in manual mode?"
         )
-    weighted = x * root[:, None] / scale
-    return inverse, weighted.T @ weighted
 
 
-def _jointly_diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array, dict[str, Array]]:
+def jointly_diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array, dict[str, Array]]:
     """Split the matrices of several white balances, Tz_i = Ts Tw_i Tc with diagonal Tw_i, into one Ts and one Tc.
 
     The way is that of a joint diagonalization: B. N. Flury & W. Gautschi (1986), https://doi.org/10.1137/0907013.

@@ -1,287 +1,20 @@
 """The camera response f from exposure pairs (thesis 4.2.1): EMoR in the log domain (4.3, 4.4), or another basis.
 
-Linear least squares under the inequalities that make f⁻¹ rise. The "thesis" preset trusts all colours below a
-saturation β and no others; the "lutforge" preset starts there and then trusts each pair by its residual.
-
-An exposure pair is the same surface under the same light in two shots of different exposure (thesis 3.2).
+Linear least squares under the inequalities that make f⁻¹ rise: plain, or robust.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import combinations
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import CurveBasis, log_emor_basis
-from lutforge.calibration.matrix_and_response import BETA, check_tones, saturation, starting_beta
-from lutforge.calibration.options import Preset
+from lutforge.calibration.exposure_pairs import ExposurePairs
+from lutforge.calibration.matrix_and_response import check_tones, starting_beta
+from lutforge.calibration.options import BETA
 from lutforge.calibration.robust_fit import Light, robust_fit
-from lutforge.errors import CalibrationError
 from lutforge.model.response import Response, log_inverse_emor
-from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
-
-CLIPPED = 1.5 / 255
-"""JPEG values this near 0 or 1 in any channel are clipped."""
-END_GUARD = 4 / 255
-"""So are cells of a bracket this near its black or white, which compression and noise move."""
-LEAST_STOPS, MOST_STOPS = 0.15, 3.5
-"""Between two shots; those further apart share too few unclipped surfaces, and their shifts are larger (thesis 3.2)."""
-LEAST_PAIRS = 6
-"""Pairs of colours that two shots must share to be compared."""
-TIME_SPREAD, RAW_SPREAD = 0.03, 0.003
-"""Expected error of the logarithm of an exposure time, and of a ratio that RAW values tell."""
-FLAT = (0.01, 0.03)
-"""A cell is flat whose standard deviation is below the first and this share of its mean."""
-SAME_SCENE = 0.12
-"""All surfaces of one scene have the same RAW ratio; a wider spread of its logarithm means another scene."""
-DARK_RAW, CLIPPED_RAW = 0.004, 0.999
-
-
-@dataclass(frozen=True, eq=False)
-class ExposurePairs:
-    """Colours of the same surfaces at two exposures.
-
-    first, second: JPEG values (n, 3); log_ratio: log k' (n,) of second over first.
-
-    raw_first, raw_second: (n, 3), NaN where there is no RAW. first_row, second_row: (n,) rows of the sample table, or
-    cells of the images. shots: names; first_shot, second_shot: (n,) indices into it; shot_exposure: (shots,) log
-    exposure as stated, with mean 0 over each group of shots that pairs connect; spread: its expected error.
-    black, white: (3,) the JPEG values that were scaled to 0 and 1: not every camera's are, and film has a fog.
-    """
-
-    first: Array
-    second: Array
-    raw_first: Array
-    raw_second: Array
-    first_row: NDArray[np.intp]
-    second_row: NDArray[np.intp]
-    log_ratio: Array
-    shots: tuple[str, ...]
-    first_shot: NDArray[np.intp]
-    second_shot: NDArray[np.intp]
-    shot_exposure: Array
-    spread: float
-    black: Array = field(default_factory=lambda: np.zeros(3))
-    white: Array = field(default_factory=lambda: np.ones(3))
-
-    def __len__(self) -> int:
-        return len(self.log_ratio)
-
-    @property
-    def of_shots(self) -> NDArray[np.intp]:
-        """(n,): which two shots a pair is of, first_shot · number of shots + second_shot."""
-        return self.first_shot * len(self.shots) + self.second_shot
-
-    def departure(self, response: Response) -> Array:
-        """I' − τ(I) (n, 3), where τ is what a response makes of each pair's own ratio (3.1)."""
-        ratio = np.exp(self.log_ratio)[:, None]
-        return self.second - response.encode(ratio * response.linearize(self.first))
-
-    def corrected(self, shot_error: Mapping[str, float]) -> "ExposurePairs":
-        """The pairs with exposure errors taken out: the log of true over stated exposure, by shot."""
-        logs = np.array([shot_error[name] for name in self.shots])
-        return replace(self, log_ratio=self.log_ratio + logs[self.second_shot] - logs[self.first_shot])
-
-    def select(self, rows: Mask) -> "ExposurePairs":
-        """The pairs of a mask (n,), of the same shots."""
-        by_pair = (
-            "first", "second", "raw_first", "raw_second", "first_row", "second_row", "log_ratio", "first_shot",
-            "second_shot",
-        )  # fmt: skip
-        return replace(self, **{name: getattr(self, name)[rows] for name in by_pair})
-
-    def without(self, names: Iterable[tuple[str, str]]) -> "ExposurePairs":
-        """Return the pairs without those between two shots that `names` lists together, in either order."""
-        index = {name: place for place, name in enumerate(self.shots)}
-        keep = np.ones(len(self), dtype=np.bool_)
-        for one, other in names:
-            ends = {index.get(one, -1), index.get(other, -1)}
-            keep &= ~(np.isin(self.first_shot, list(ends)) & np.isin(self.second_shot, list(ends)))
-        return self.select(keep)
-
-
-@dataclass(frozen=True, eq=False)
-class _Exposure:
-    """One shot's surfaces, unclipped or not, in the same order as the other shots of its group."""
-
-    name: str
-    log_time: float
-    encoded: Array
-    raw: Array
-    usable: Mask
-    row: NDArray[np.intp]
-
-
-def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
-    """All exposure pairs of a sample table: same style and white balance, same patch, other shot.
-
-    With RAW the ratio is that of the RAW values, which are linear, and pairs of shots whose surfaces have no common
-    ratio are other scenes and left out; without, it is that of the exposure times.
-    Raises CalibrationError where no two shots are a pair.
-    """
-    parts: list[tuple[_Exposure, _Exposure, Mask, float]] = []
-    from_raw = bool(np.all(samples.raw_camera == samples.camera)) and bool(np.any(samples.raw > 0))
-    for group in _groups(samples):
-        for one, other in combinations(sorted(group, key=lambda shot: shot.log_time), 2):
-            both = one.usable & other.usable
-            ratio = _log_ratio(one, other, both, from_raw)
-            if ratio is not None and LEAST_STOPS <= abs(ratio) / np.log(2) <= MOST_STOPS:
-                parts.append((one, other, both, ratio) if ratio > 0 else (other, one, both, -ratio))
-    if not parts:
-        raise CalibrationError(
-            "no two shots show the same surfaces at different exposures: "
-            "shoot the same chart at several shutter speeds, with all other settings the same"
-        )
-    return _join(parts, RAW_SPREAD if from_raw else TIME_SPREAD)
-
-
-def pairs_of_bracket(names: Sequence[str], encoded: Iterable[Array], exposure_s: Sequence[float]) -> ExposurePairs:
-    """Exposure pairs of registered JPEGs of one scene: flat cells of 8 × 8 pixels.
-
-    encoded: images (h, w, 3) in [0, 1], all of one size, taken one at a time; exposure_s: relative times, with all
-    other settings the same. Black and white are found from the outermost shots.
-    Raises CalibrationError below two exposures, on sizes that differ, or where nothing is flat and unclipped.
-    """
-    if len(set(exposure_s)) < 2:
-        raise CalibrationError(
-            "one exposure only: the response needs a bracket; shoot the same scene at several shutter speeds"
-        )
-    shapes, measured = set(), []
-    for image in encoded:  # one at a time: large photographs do not all fit into memory
-        shapes.add(image.shape)
-        measured.append(_cells(np.asarray(image, dtype=np.float64), 8))
-    if len(shapes) != 1 or len(names) != len(measured) or len(names) != len(exposure_s):
-        raise CalibrationError("the shots of a bracket must have one size, and each its name and exposure time")
-    order = np.argsort(exposure_s)
-    cells = [measured[place] for place in order]
-    stops = np.log2(np.asarray(exposure_s)[order])
-    within = np.flatnonzero(stops - stops[0] <= MOST_STOPS)[-1]  # nearer, dark tones would pass for black, too
-    black, low = _insensitive(cells[0][0], cells[within][0], CLIPPED, dark=True)
-    white, high = _insensitive(cells[-1][0], cells[-2][0], CLIPPED, dark=False)
-    shots = []
-    for place, (mean, spread) in zip(order, cells, strict=True):
-        flat = spread.max(axis=1) < FLAT[0] + FLAT[1] * mean.max(axis=1)
-        usable = flat & np.all((mean > low + END_GUARD) & (mean < high - END_GUARD), axis=1)
-        log_time = float(np.log(exposure_s[place]))
-        inside = (mean - black) / (white - black)
-        nothing = np.full_like(mean, np.nan)
-        shots.append(_Exposure(names[place], log_time, inside, nothing, usable, np.arange(len(mean))))
-    parts = []
-    for one, other in combinations(shots, 2):
-        both = one.usable & other.usable
-        ratio = other.log_time - one.log_time
-        if both.sum() >= LEAST_PAIRS and LEAST_STOPS <= ratio / np.log(2) <= MOST_STOPS:
-            parts.append((one, other, _over_tones(one.encoded, both), ratio))
-    if not parts:
-        raise CalibrationError("no two shots of the bracket share flat, unclipped surfaces: shoot smaller steps")
-    return replace(_join(parts, TIME_SPREAD), black=black, white=white)
-
-
-def _insensitive(outer: Array, inner: Array, noise_of_code: float, *, dark: bool) -> tuple[Array, Array]:
-    """Find the JPEG values (3,) where a channel no longer follows the exposure, and where the noise there ends.
-
-    They are of the cells (n, 3) of two shots: the black of two dark shots of a bracket, or the white of its brightest
-    two. noise_of_code: cells that differ by no more do not follow the exposure.
-    """
-    ends = np.zeros(3) if dark else np.ones(3)
-    noise = ends.copy()
-    for channel in range(3):
-        one, other = outer[:, channel], inner[:, channel]
-        side = 4 * other < 1 if dark else 4 * other > 3
-        same = one[side & (np.abs(one - other) <= noise_of_code)]
-        # A thousandth of the cells must not follow the exposure for their value to be the black or white
-        if 1000 * len(same) >= one.size:
-            ends[channel] = np.median(same)
-            spread = 3 * np.median(np.abs(same - ends[channel]))
-            noise[channel] = ends[channel] + (spread if dark else -spread)
-    return ends, noise
-
-
-def _over_tones(encoded: Array, usable: Mask) -> Mask:
-    """Choose at most 400 of the usable cells (n,), evenly over the tones: a dark wall must not outweigh all else."""
-    rows = np.random.default_rng(0).permutation(np.flatnonzero(usable))
-    tone = np.minimum((encoded[rows].mean(axis=1) * 16).astype(np.intp), 15)
-    order = np.argsort(tone, kind="stable")
-    rank = np.empty(len(rows), dtype=np.intp)
-    rank[order] = np.arange(len(rows)) - np.searchsorted(tone[order], tone[order])
-    chosen = np.zeros_like(usable)
-    chosen[rows[np.argsort(rank, kind="stable")[:400]]] = True
-    return chosen
-
-
-def _cells(image: Array, cell: int) -> tuple[Array, Array]:
-    """Mean and standard deviation (cells, 3) of non-overlapping cells; the grid is the same for every image."""
-    height, width = image.shape[0] // cell, image.shape[1] // cell
-    cells = image[: height * cell, : width * cell].reshape(height, cell, width, cell, 3)
-    return cells.mean(axis=(1, 3)).reshape(-1, 3), cells.std(axis=(1, 3)).reshape(-1, 3)
-
-
-def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:
-    """Per style and white balance, the shots over the patches of the group (rows that a shot lacks are unusable)."""
-    for style in np.unique(samples.style):
-        for balance in np.unique(samples.white_balance[samples.style == style]):
-            inside = np.flatnonzero((samples.style == style) & (samples.white_balance == balance))
-            patches = np.unique(samples.patch[inside])
-            group = []
-            for name in np.unique(samples.shot[inside]):
-                rows = inside[samples.shot[inside] == name]
-                shot = samples.select(rows)
-                place = np.searchsorted(patches, shot.patch)
-                encoded, raw = np.full((len(patches), 3), np.nan), np.full((len(patches), 3), np.nan)
-                encoded[place], raw[place] = shot.srgb, shot.raw
-                row = np.full(len(patches), -1)
-                row[place] = rows
-                with np.errstate(invalid="ignore"):
-                    usable = np.all((encoded > CLIPPED) & (encoded < 1 - CLIPPED), axis=1)
-                    usable &= ~np.any(raw >= CLIPPED_RAW, axis=1)
-                time = shot.exposure_s[np.isfinite(shot.exposure_s)]
-                log_time = float(np.log(np.median(time))) if len(time) else np.nan
-                group.append(_Exposure(str(name), log_time, encoded, raw, usable, row))
-            yield group
-
-
-def _log_ratio(one: _Exposure, other: _Exposure, both: Mask, from_raw: bool) -> float | None:
-    """log k' of other over one; None where they are no pair."""
-    if both.sum() < LEAST_PAIRS:
-        return None
-    if not from_raw:
-        ratio = other.log_time - one.log_time
-        return float(ratio) if np.isfinite(ratio) else None
-    bright = both & np.all((one.raw > DARK_RAW) & (other.raw > DARK_RAW), axis=1)
-    if bright.sum() < LEAST_PAIRS:
-        return None
-    logs = np.log(other.raw[bright] / one.raw[bright])
-    middle = float(np.median(logs))
-    return middle if float(np.median(np.abs(logs - middle))) < SAME_SCENE else None
-
-
-def _join(parts: list[tuple[_Exposure, _Exposure, Mask, float]], spread: float) -> ExposurePairs:
-    names = sorted({shot.name for one, other, _, _ in parts for shot in (one, other)})
-    index = {name: place for place, name in enumerate(names)}
-    counts = [int(both.sum()) for _, _, both, _ in parts]
-    ratios = np.array([ratio for *_, ratio in parts])
-    ends = np.array([(index[one.name], index[other.name]) for one, other, _, _ in parts])
-    incidence = np.zeros((len(parts), len(names)))
-    incidence[np.arange(len(parts)), ends[:, 0]] = -1.0
-    incidence[np.arange(len(parts)), ends[:, 1]] = 1.0
-    return ExposurePairs(
-        first=np.concatenate([one.encoded[both] for one, _, both, _ in parts]),
-        second=np.concatenate([other.encoded[both] for _, other, both, _ in parts]),
-        raw_first=np.concatenate([one.raw[both] for one, _, both, _ in parts]),
-        raw_second=np.concatenate([other.raw[both] for _, other, both, _ in parts]),
-        first_row=np.concatenate([one.row[both] for one, _, both, _ in parts]),
-        second_row=np.concatenate([other.row[both] for _, other, both, _ in parts]),
-        log_ratio=np.repeat(ratios, counts),
-        shots=tuple(names),
-        first_shot=np.repeat(ends[:, 0], counts),
-        second_shot=np.repeat(ends[:, 1], counts),
-        shot_exposure=np.linalg.lstsq(incidence, ratios, rcond=None)[0],  # of least norm: mean 0 in each group
-        spread=spread,
-    )
-
 
 WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
 ROUNDING = 0.4 / 255
@@ -299,19 +32,40 @@ class ExposureResponseFit:
 
 
 def fit_response_to_exposures(
-    pairs: ExposurePairs, preset: Preset = "lutforge", beta: float = BETA, basis: CurveBasis | None = None
+    pairs: ExposurePairs, beta: float = BETA, basis: CurveBasis | None = None
 ) -> ExposureResponseFit:
     """Fit f to JPEG values of the same surfaces in differently exposed shots, and each shot's exposure error.
 
-    basis: the curves that log f⁻¹ is one of; EMoR's 15 unless given. With the preset "thesis" and a β of infinity no
-    outlier is removed: the conventional way that the thesis compares with (Fig. 4.2, [24]).
-    Raises CalibrationError where there are no pairs of unsaturated colours, or they span too few tones.
+    The fit starts from the colours below a saturation β, and then weighs each pair by its residual. basis: the curves
+    that log f⁻¹ is one of; EMoR's 15 unless given. Raises CalibrationError where there are no pairs of unsaturated
+    colours, or they span too few tones.
     """
-    chroma = np.maximum(saturation(pairs.first), saturation(pairs.second))
-    low = chroma < starting_beta(chroma, preset, beta)
+    chroma = pairs.saturation
+    low = chroma < starting_beta(chroma, beta)
     check_tones(np.concatenate([pairs.first, pairs.second]), np.tile(low, 2))
-    problem = _Exposures(pairs, low, robust=preset == "lutforge")
-    robust_fit(problem, basis or log_emor_basis(), 12 if preset == "lutforge" else 1)
+    problem = _RobustExposures(pairs, low)
+    robust_fit(problem, basis or log_emor_basis(), 12)
+    return _response_of(problem)
+
+
+def fit_response_by_least_squares(
+    pairs: ExposurePairs, beta: float = BETA, basis: CurveBasis | None = None
+) -> ExposureResponseFit:
+    """Fit f by plain least squares to the pairs below a saturation β, which all count alike (thesis 4.2.1, 4.4).
+
+    With a β of infinity no outlier is removed: the conventional way that the thesis compares with (Fig. 4.2, [24]).
+    basis, errors: as of `fit_response_to_exposures`.
+    """
+    low = pairs.saturation < beta
+    check_tones(np.concatenate([pairs.first, pairs.second]), np.tile(low, 2))
+    problem = _Exposures(pairs, low)
+    robust_fit(problem, basis or log_emor_basis(), 1)
+    return _response_of(problem)
+
+
+def _response_of(problem: "_Exposures") -> ExposureResponseFit:
+    """The response and the exposure errors of a solved problem."""
+    pairs = problem.pairs
     logs = _held_at_white(problem.logs, pairs, problem.weight)
     table = np.exp(logs - logs[-1])
     table[0] = 0.0
@@ -322,17 +76,17 @@ def fit_response_to_exposures(
 class _Exposures:
     """The problem g(I') − g(I) = log k' + the exposure error of the second shot − that of the first.
 
-    After the rounds: logs: g (k, 3); errors: (shots,); weight: (n,).
+    low: (n,) the pairs that count. After the rounds: logs: g (k, 3); errors: (shots,); weight: (n,).
     """
 
-    def __init__(self, pairs: ExposurePairs, low: Mask, *, robust: bool) -> None:
-        self.pairs, self.low, self.robust = pairs, low, robust
+    def __init__(self, pairs: ExposurePairs, low: Mask) -> None:
+        self.pairs = pairs
         self.encoded: Array = pairs.second
         self.before: Array | None = pairs.first
-        self.weight, self.noise = low.astype(np.float64), np.full(pairs.first.shape, SAME_SCALE)
+        self.weight = low.astype(np.float64)
+        self.noise = np.full(pairs.first.shape, SAME_SCALE)
         shots = np.arange(len(pairs.shots))
         self.ends = (pairs.second_shot[:, None] == shots) * 1.0 - (pairs.first_shot[:, None] == shots)
-        self.rounds = 0
 
     def light(self) -> Light:
         """The ratio as stated is known; errors of the shots are shared by the channels."""
@@ -347,19 +101,37 @@ class _Exposures:
         """Stated exposures are right within their spread, and do not err by a power.
 
         A common power of f⁻¹ and of all exposures explains the data as well: errors that grow with the exposure are
-        ruled out, so that the exposures as stated fix the power. Pairs leave the scale of f⁻¹ to what lies beyond the
-        brightest sample, so the channels of the robust fit share one at middle grey, within 2 %.
+        ruled out, so that the exposures as stated fix the power.
         """
-        middle = basis.at(np.array([0.5]))[1] / SAME_SCALE
-        ties = np.kron(np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])[: 2 if self.robust else 0], middle)
         exposure = self.pairs.shot_exposure
-        return ties, np.eye(len(exposure)) / self.pairs.spread**2 + 10**8 * np.outer(exposure, exposure)
+        ruled_out = 1e8 * np.outer(exposure, exposure)
+        return np.zeros((0, 3 * basis.design.shape[1])), np.eye(len(exposure)) / self.pairs.spread**2 + ruled_out
+
+    def update(self, curves: Array, own: Array, shared: Array) -> float:
+        """Take the curves and the errors; the weights stay."""
+        self.logs = curves
+        self.errors = shared
+        return 0.0
+
+
+class _RobustExposures(_Exposures):
+    """The same problem, with pairs weighed by their residuals and by the noise of their codes."""
+
+    def __init__(self, pairs: ExposurePairs, low: Mask) -> None:
+        super().__init__(pairs, low)
+        self.low = low
+        self.rounds = 0
+
+    def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
+        """The channels share one scale of f⁻¹ at middle grey, within 2 %: pairs leave it to what lies beyond them."""
+        middle = basis.at(np.array([0.5]))[1] / SAME_SCALE
+        ties = np.kron(np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]]), middle)
+        return ties, super().prior(basis)[1]
 
     def update(self, curves: Array, own: Array, shared: Array) -> float:
         """Take the curves and the errors of a round; the weights follow the residuals from the third on."""
-        self.logs, self.errors, self.rounds = curves, shared, self.rounds + 1
-        if not self.robust:
-            return 0.0
+        super().update(curves, own, shared)
+        self.rounds += 1
         codes = np.linspace(0.0, 1.0, len(curves))
         slopes = np.gradient(curves, codes, axis=0)
 

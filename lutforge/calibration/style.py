@@ -1,11 +1,10 @@
-"""One style: the samples that it is fitted to, and its lattices.
+"""One picture style: the samples that it is fitted to, its camera model, and the lattices that the model is baked to.
 
-The samples are unclipped, and balanced by the multipliers of their setting. The lattices are baked from the fitted
-model, or regressed as the thesis has it.
+The samples are unclipped, and balanced by the multipliers of their setting.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,21 +12,15 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.gamut_map import fit_camera_model
-from lutforge.calibration.lattice.fit import bake_lattice, likely_light, squares
+from lutforge.calibration.lattice.fit import bake_lattice, likely_light
 from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochrome
-from lutforge.calibration.lattice.node_levels import error_histogram, fit_thesis
 from lutforge.calibration.lattice.output_curve import output_curve
-from lutforge.calibration.matrix_and_response import (
-    MatrixAndResponse,
-    fit_matrix_and_response,
-    with_matrix_of_all,
-)
-from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
-from lutforge.calibration.physical_model import fit_gamut_maps, fit_stages
+from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response, with_matrix_of_all
+from lutforge.calibration.options import BETA, CURVES, MOST_CENTRES, CalibrationOptions
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import Both, Direction, PhysicalModel
+from lutforge.model.profile_data import Both, CameraModel
 from lutforge.model.response import smooth_response
 from lutforge.samples.sample_set import SampleSet, unclipped_colours
 from lutforge.solvers.cross_validation import leave_groups_out
@@ -42,9 +35,9 @@ REFIT_CENTRES = 2_500
 class StyleData:
     """The fitting samples of one style. balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,); samples: their rows.
 
-    monochrome: the style is black and white. given: matrix and response that the gamut map is fitted around, None where
-    they are fitted to the samples. clipped: samples of the style with a JPEG channel at an end and RAW that is whole.
-    physical: how matrix, response and gamut map are fitted.
+    monochrome: the style is black and white. given: matrix and response that hold whatever the samples are; fitted: the
+    same as fitted to just these samples; None where they are still to be fitted. clipped: samples of the style with a
+    JPEG channel at an end and RAW that is whole. beta, curves, centres: as of `CalibrationOptions`.
     """
 
     balanced: Array
@@ -53,8 +46,11 @@ class StyleData:
     samples: SampleSet
     monochrome: bool = False
     given: MatrixAndResponse | None = None
+    fitted: MatrixAndResponse | None = None
     clipped: "ClippedColours | None" = None
-    physical: PhysicalOptions = field(default_factory=PhysicalOptions)
+    beta: float = BETA
+    curves: int = CURVES
+    centres: int = MOST_CENTRES
 
     @cached_property
     def unsaturated(self) -> MatrixAndResponse:
@@ -62,8 +58,12 @@ class StyleData:
 
         This is the camera's own matrix: the one that suits all colours takes up a part of the gamut map.
         """
-        return self.given or fit_matrix_and_response(
-            self.balanced, self.encoded, self.physical, saturates=self.samples.is_own_raw
+        return (
+            self.given
+            or self.fitted
+            or fit_matrix_and_response(
+                self.balanced, self.encoded, self.beta, self.curves, saturates=self.samples.is_own_raw
+            )
         )
 
     @cached_property
@@ -81,11 +81,11 @@ class StyleData:
         return with_matrix_of_all(smooth, self.balanced, self.encoded)
 
     @cached_property
-    def model(self) -> PhysicalModel:
+    def model(self) -> CameraModel:
         """The camera model of chapter 4, its gamut map by kriging. Raises CalibrationError."""
         balances = tuple(str(name) for name in np.unique(self.samples.white_balance))
         clipped = None if self.clipped is None else (self.clipped.balanced, self.clipped.encoded)
-        return fit_camera_model(self.base, self.balanced, self.encoded, balances, clipped, self.physical.centres)
+        return fit_camera_model(self.base, self.balanced, self.encoded, balances, clipped, self.centres)
 
     @property
     def both(self) -> Both[tuple[Array, Array]]:
@@ -101,8 +101,9 @@ class StyleData:
         """The rows of a mask, and the clipped samples of the shots that have any."""
         parts = (self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows))
         clipped = None if self.clipped is None else self.clipped.of_shots(self.shot[rows])
-        physical = replace(self.physical, centres=min(self.physical.centres, REFIT_CENTRES))
-        return StyleData(*parts, self.monochrome, self.given, clipped, physical)
+        return StyleData(
+            *parts, self.monochrome, self.given, None, clipped, self.beta, self.curves, min(self.centres, REFIT_CENTRES)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +142,7 @@ def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[Mask, tu
 
 
 def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleData], int]:
-    """Return the StyleData of each style with enough unclipped samples, and how many samples take no part in any."""
+    """The samples of each style with enough unclipped ones, and how many samples take no part in any."""
     enough, _ = styles_with_enough(samples, multipliers)
     balanced = samples.raw * multipliers
     usable = unclipped(samples, multipliers) & enough
@@ -173,22 +174,15 @@ def fit_lattices(
     alone will be asked for, where levels are given. A black-and-white style is linearized by the inverse of the greys
     of its rendering.
     """
-    x, y = data.balanced, data.encoded
-    if options.preset == "thesis":
-        directions: tuple[Callable[[], Lattice], ...] = (
-            lambda: fit_thesis(x, y, options, clips=True),
-            lambda: fit_thesis(y, x, options, clips=False),
-        )
-    else:
-        directions = _bakes(data.model, x, options, levels or Both(None, None), asked or Both(None, None))
+    bakes = _bakes(data.model, data.balanced, options, levels or Both(None, None), asked or Both(None, None))
     if data.monochrome:
-        render = directions[0]()
+        render = bakes[0]()
         return Both(render, inverse_of_greys(render, options))
-    return Both(*each(lambda fit: fit(), directions))
+    return Both(*each(lambda bake: bake(), bakes))
 
 
 def _bakes(
-    model: PhysicalModel,
+    model: CameraModel,
     samples: Array,
     options: CalibrationOptions,
     levels: Both[Levels] | Both[None],
@@ -215,26 +209,3 @@ def _bakes(
             model.linearize, codes[whole], light[whole], weight[whole], options, None, levels.linearize, asked.linearize
         ),
     )
-
-
-def fit_physical(data: StyleData, options: CalibrationOptions) -> PhysicalModel:
-    """The model of chapter 4 of one style, of its samples alone. Raises CalibrationError."""
-    if options.preset != "thesis":
-        return data.model
-    if data.given is not None:
-        matrix, response = data.given.matrix, data.given.response
-    else:
-        known = np.ones(len(data.shot), dtype=np.bool_)
-        stages = fit_stages(data.samples, data.balanced / data.samples.raw, known, options.preset, options.physical)
-        matrix, response = stages.matrix, next(iter(stages.responses.values()))
-    balances = tuple(str(name) for name in np.unique(data.samples.white_balance))
-    return fit_gamut_maps(data.balanced, data.encoded, data.shot, matrix, response, balances, options.physical)
-
-
-def uniform_lattice_errors(
-    data: StyleData, options: CalibrationOptions, direction: Direction
-) -> tuple[Array, Array, Array]:
-    """Per axis the histogram, which node levels follow, of the squared error that a uniform lattice makes (5.6)."""
-    lattice = fit_lattices(data, replace(options, nonuniform=False))[direction]
-    x, y = data.both[direction]
-    return error_histogram(x, squares(lattice(x) - y))

@@ -101,7 +101,7 @@ def _departures(samples: SampleSet, balanced_by: Array, usable: Mask, names: lis
         fit = fit_matrix_and_response(x, encoded)
         linear, predicted = fit.response.linearize(encoded), np.maximum(x @ fit.matrix.T, 100 * TINY)
         ratio[rows] = np.log(np.maximum(linear.sum(axis=1), TINY) / predicted.sum(axis=1))
-        weight[rows] = fit.trust * (encoded.max(axis=1) > ROUNDED)
+        weight[rows] = fit.in_gamut * (encoded.max(axis=1) > ROUNDED)
     logs, doubt = np.zeros(len(names)), np.full(len(names), np.inf)
     for place, name in enumerate(names):
         mine = (samples.white_balance == name) & (10 * weight > 1)

@@ -12,7 +12,7 @@ from lutforge.cli.console import note, option, print_tables, progress_bar, say
 from lutforge.reports.tables import Table, held_out_table
 
 if TYPE_CHECKING:
-    from lutforge.evaluation.methods import ErrorFigures
+    from lutforge.evaluation.figures import ErrorFigures
     from lutforge.simulate.photograph import DemoShots
 
 
@@ -84,7 +84,7 @@ def demo(
 
 
 def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
-    from lutforge.evaluation.methods import error_figures
+    from lutforge.evaluation.figures import error_figures
     from lutforge.images.read import read_image
     from lutforge.reports.matplotlib_figure import refinish_sheet
 
@@ -108,7 +108,7 @@ def _cells(what: str, figures: "ErrorFigures") -> tuple[str, ...]:
 
 def _truth(profile: "lf.CameraProfile", shots: "DemoShots") -> Iterator[tuple[str, ...]]:
     """Render, linearize and refinish on the colours of the held-out shot, against the camera's own functions."""
-    from lutforge.evaluation.methods import error_figures
+    from lutforge.evaluation.figures import error_figures
 
     raw, camera, ev = lf.sample(shots.held_out.dng).raw, shots.camera, shots.ev
     (style, balance), (wanted_style, wanted_balance) = shots.source.split("/"), shots.target.split("/")

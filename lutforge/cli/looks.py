@@ -63,7 +63,7 @@ def bake(
     size: Annotated[int | None, option("Nodes per axis of the cube.")] = None,
     tolerance: Annotated[float | None, option("Instead of a size: the ΔE00 that 99 % of colours keep within.")] = None,
     interpolation: Annotated[str | None, option("trilinear or tetrahedral: how the reader interpolates.")] = None,
-    model: Annotated[str | None, option("lattice or rbf, where the profile holds both.")] = None,
+    model: Annotated[str | None, option("lattice or model, where the profile holds both.")] = None,
     transfer: Annotated[Path | None, option("For match: RAW to RAW, from `lutforge transfer`.")] = None,
     colours: Annotated[
         bool, option(".icc: without the camera's tone curve, scene-linear, for one's own tone mapper.", "--colours")

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import lutforge as lf
 from lutforge.boundary import require_file
@@ -114,9 +114,6 @@ def calibrate(
         list[Path] | None, argument("Sample tables (.csv, .npz), RAW files, folders of RAW files.")
     ] = None,
     output: ProfileOutput = None,
-    model: Annotated[
-        str, option("lattice; or rbf: fits response, matrix and gamut map as stages of their own, too.")
-    ] = "lattice",
     preset: Annotated[str, option("lutforge; or thesis: the published method as written.")] = "lutforge",
     size: Annotated[int, option("Nodes per axis of the lattices, 3 to 65.")] = 33,
     interpolation: Annotated[str, option("trilinear or tetrahedral: what will read the LUT.")] = "trilinear",
@@ -131,10 +128,10 @@ def calibrate(
     """Calibrate a camera, and print the error on shots that were held out."""
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output, named_or_new
     from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs
+    from lutforge.thesis.options import options_of_preset
 
     output = check_output(named_or_new(output, "camera.npz"), PROFILE_SUFFIXES, sources or ())
-    words: Any = (model, preset, size, interpolation, not uniform)  # which are checked
-    options = lf.CalibrationOptions(*words)
+    options = options_of_preset(preset, size=size, interpolation=interpolation, nonuniform=not uniform)
     if pairs is not None and sources:
         raise SettingsError("give --pairs or shots, not both")
     with progress_bar("sampling") as progress:
@@ -328,7 +325,7 @@ def import_nus(
     output = check_output(named_or_new(output, "camera.npz"), PROFILE_SUFFIXES)
     profile = lf.import_published(folders, camera, style.lower())
     profile.save(output)
-    centres = sum(len(model.gamut_map.centres) for model in profile.styles[style.lower()].physical)
+    centres = sum(len(model.gamut_map.centres) for model in profile.styles[style.lower()].models)
     say(f"{output}: {profile.camera}, style {style.lower()}, {centres} control points")
     say(f"white balances: {', '.join(profile.white_balances)}")
 
@@ -338,7 +335,7 @@ def export_nus(
     output: Annotated[Path, option("The folder to write.", "-o", "--output")],
     style: Annotated[str | None, option("The picture style, where there are several.")] = None,
 ) -> None:
-    """Write a profile's physical models as the thesis authors' text files, a folder each, which import-nus reads."""
+    """Write a profile's camera models as the thesis authors' text files, a folder each, which import-nus reads."""
     from lutforge.model.published_model import export_published
 
     camera = lf.load_profile(profile)

@@ -17,10 +17,10 @@ The result is records, and one JSON document with stable keys.
                   clear (which of them are beyond chance)
     notes         sentences
 
-Directions are "render" (RAW → JPEG) and "linearize" (JPEG → white-balanced RAW). Methods are "rbf" (the full model of
-chapter 4), "f and T, no h", "lattice" (the profile's own), "matrix and response", "polynomial per channel", "polynomial
-of all channels", "uniform lattice N", "nonuniform lattice N", "lattice by (5.3) N" (the lattice regression that the
-thesis compares itself with), and under refinish "unchanged".
+Directions are "render" (RAW → JPEG) and "linearize" (JPEG → white-balanced RAW). Methods are "camera model" and
+"lattice" (the profile's own), "f and T, no h", "matrix and response", "polynomial per channel", "polynomial of all
+channels"; in the thesis's tables also "thesis's camera model" (chapter 4), "uniform lattice N", "nonuniform lattice N"
+and "lattice by (5.3) N" (what the thesis compares itself with); and under refinish "unchanged".
 """
 
 import time
@@ -35,18 +35,20 @@ import numpy as np
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.departures import Departure, find_departures
 from lutforge.calibration.lattice.monochrome import is_monochrome, monochrome_note
-from lutforge.calibration.options import options_from_json
 from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.calibration.vignetting import at_the_centre
 from lutforge.calibration.white_balance import complete_multipliers, with_gains
 from lutforge.errors import CalibrationError
 from lutforge.evaluation import further_errors as further
-from lutforge.evaluation.methods import LATTICE, RBF, ErrorFigures, Predictions, error_figures, predict
+from lutforge.evaluation.figures import ErrorFigures, error_figures
+from lutforge.evaluation.methods import LATTICE, MODEL
+from lutforge.evaluation.predictions import Predictions, predict
 from lutforge.model.camera_profile import CameraProfile, is_response_alone
 from lutforge.model.profile_data import Direction
 from lutforge.model.reference_raw import with_own_raw
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.sample_set import SampleSet
+from lutforge.thesis.options import stated_options
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ def error_rows(style: str, predictions: Predictions) -> Iterator[EvaluationRow]:
             values = np.clip(predicted[method], 0.0, 1.0)
             known = np.all(np.isfinite(values), axis=1)
             parts = {"all": known}
-            if method in (LATTICE, RBF):
+            if method in (LATTICE, MODEL):
                 parts |= {str(shot): known & (data.shot == shot) for shot in np.unique(data.shot[known])}
             for shot, rows in parts.items():
                 figures = error_figures(values[rows], measured[rows], display=display)
@@ -175,7 +177,7 @@ def evaluate(
         )
     if tables and not np.isin(samples.shot, profile.shots).any():
         notes.append("no shot of the calibration is among these: add them for the baselines and the lattice sizes")
-    options, sizes, predictions = options_from_json(profile.options), sizes if tables else (), dict[str, Predictions]()
+    options, sizes, predictions = stated_options(profile.options), sizes if tables else (), dict[str, Predictions]()
     for index, (name, style) in enumerate(data.items()):
         within = partial(part(progress, index / len(data), (index + 1) / len(data), name), "leaving shots out")
         made = predict(profile.styles[name], name, style, profile.shots, options, sizes=sizes, progress=within)

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.matrix_and_response import BETA, saturation
-from lutforge.calibration.response_from_exposures import (
-    ExposurePairs,
-    fit_response_to_exposures,
-    pairs_of_samples,
-)
+from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.calibration.matrix_and_response import saturation
+from lutforge.calibration.options import BETA
+from lutforge.calibration.response_from_exposures import fit_response_by_least_squares, fit_response_to_exposures
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.methods import LATTICE, NO_GAMUT_MAP, RBF, ErrorFigures, Predictions, error_figures
+from lutforge.evaluation.figures import ErrorFigures, error_figures
+from lutforge.evaluation.methods import LATTICE, MODEL, NO_GAMUT_MAP
+from lutforge.evaluation.predictions import Predictions
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def response_deltas(pairs: ExposurePairs, light: Array | None = None) -> dict[st
     try:
         fits = {
             "outliers removed": fit_response_to_exposures(pairs),
-            "all colours": fit_response_to_exposures(pairs, "thesis", np.inf),
+            "all colours": fit_response_by_least_squares(pairs, np.inf),
         }
     except CalibrationError:
         return {}
@@ -131,7 +131,7 @@ EDITS = {
 
 def edited_errors(style: str, predictions: Predictions) -> Iterator[MethodError]:
     """The mean ΔE00 of each of EDITS over a style's samples, by method; none where no model of the profile renders."""
-    model = next((name for name in (LATTICE, RBF) if name in predictions.methods), None)
+    model = next((name for name in (MODEL, LATTICE) if name in predictions.methods), None)
     if model is None:
         return
     data, light = predictions.data, predictions.predicted.linearize
@@ -209,7 +209,7 @@ def refinish_errors(styles: Mapping[str, Predictions]) -> tuple[RefinishError, .
         gain_before = before.data.balanced[a] / before.data.samples.raw[a]
         gain_after = after.data.balanced[b] / after.data.samples.raw[b]
         refinished = {UNCHANGED: before.data.encoded[a]}
-        for method in (RBF, NO_GAMUT_MAP, LATTICE):
+        for method in (MODEL, NO_GAMUT_MAP, LATTICE):
             if method in before.methods and method in after.methods:
                 # (6.1); the camera clips RAW after white balance
                 balanced = before.predicted.linearize[method][a] / gain_before * k * gain_after

@@ -10,22 +10,25 @@ from scipy.optimize import nnls
 from lutforge.arrays import Array
 from lutforge.calibration.gamut_map import OFFSET, posterior_deviation
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, encoding_slope
-from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, Predictions, Predictor, error_figures, predict
+from lutforge.evaluation.figures import error_figures
+from lutforge.evaluation.methods import BASELINES, LATTICE, MODEL
+from lutforge.evaluation.polynomials import Predictor
+from lutforge.evaluation.predictions import Predictions, predict
 from lutforge.interpolation import interpolate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import even_slope
 from lutforge.model.lattice import grid
 from lutforge.model.profile_data import Both, Direction, PictureStyle
 from lutforge.progress import Progress, part
+from lutforge.thesis.options import Options
 from lutforge.threads import one_blas_thread
 
 
 @one_blas_thread
 def measured(
-    profile: CameraProfile, data: Mapping[str, StyleData], options: CalibrationOptions, progress: Progress
+    profile: CameraProfile, data: Mapping[str, StyleData], options: Options, progress: Progress
 ) -> CameraProfile:
     """Return a profile with its errors on shots of its data, by style, left out, and notes on what makes them weak."""
     styles, notes = dict(profile.styles), list(profile.notes)
@@ -38,7 +41,7 @@ def measured(
 
 
 def _measured(
-    name: str, model: PictureStyle, data: StyleData, options: CalibrationOptions, progress: Progress
+    name: str, model: PictureStyle, data: StyleData, options: Options, progress: Progress
 ) -> tuple[PictureStyle, list[str]]:
     """One style with its errors, and what makes its calibration weak."""
     weak = []
@@ -51,11 +54,11 @@ def _measured(
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
         return model, weak
     try:
-        predictions = predict(model, name, data, shots, options, own_only=True, progress=refitted)
+        predictions = predict(model, name, data, shots, options, progress=refitted)
     except CalibrationError:
         weak.append("too few samples to leave a shot out: the error is not known")
         return model, weak
-    method = RBF if options.model == "rbf" else LATTICE
+    method = LATTICE if LATTICE in predictions.methods else MODEL
     errors = _errors(predictions, method)
     if not errors:
         reasons = f" ({'; '.join(predictions.notes)})" if predictions.notes else ""

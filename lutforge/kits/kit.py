@@ -34,7 +34,7 @@ class Look:
     @property
     def to_srgb(self) -> Array:
         """(3, 3): white-balanced input → linear sRGB, by the matrix of all colours of the style if it has one."""
-        models = self.profile.styles[self.style].physical
+        models = self.profile.styles[self.style].models
         return models[0].matrix if models else self.profile.matrix
 
     @property

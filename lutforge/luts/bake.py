@@ -227,7 +227,7 @@ def _smallest(
 
 
 # --- A transform as a gain, an input curve, a response and a matrix, and the rest, which the cube holds --------------
-# A physical model keeps its two responses as curves: the cube then holds the smooth colour mapping between them, on
+# A camera model keeps its two responses as curves: the cube then holds the smooth colour mapping between them, on
 # linear axes, and what the camera clips is clipped by the response, not rounded off by the cube.
 
 
@@ -414,7 +414,7 @@ def _shaper(axes: Axes, high: float = 1.0) -> tuple[Op, ...]:
 
 # --- The steps of a transform in one sequence: what a process list (CLF, CTF) can hold whole -------------------------
 # A refinish between two lattices of a profile is lattice → matrix → lattice: written so, the file is the model, while
-# one cube of both can only come near. A refinish of a physical model becomes two cubes with the camera's clipping
+# one cube of both can only come near. A refinish of a camera model becomes two cubes with the camera's clipping
 # between.
 
 

@@ -15,7 +15,7 @@ from lutforge.errors import ProfileError, SettingsError, alternatives
 from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.highlights import neutral_highlights as highlights_between
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.model.profile_data import PhysicalModel, PictureStyle, ProfileData
+from lutforge.model.profile_data import CameraModel, PictureStyle, ProfileData
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response import Response
 from lutforge.model.transform import (
@@ -31,7 +31,7 @@ from lutforge.model.transform import (
 from lutforge.model.white_balance import WhiteBalance, resolve, shifted, temperature_of
 from lutforge.settings import Kelvin, Multipliers, Selector, Shift, parse_selector, require_exposure, split_shift
 
-ModelName = Literal["lattice", "rbf"]
+ModelName = Literal["lattice", "model"]
 MODELS: tuple[ModelName, ...] = get_args(ModelName)
 
 
@@ -102,19 +102,19 @@ class CameraProfile(ProfileData):
 
     def _render(self, to: str | Selector, model: ModelName | None) -> Transform:
         selector = self.selector(to)
-        gain, style, physical = self.multipliers(selector), self.styles[selector.style], self._physical(selector, model)
-        if physical is None:
+        gain, style, fitted = self.multipliers(selector), self.styles[selector.style], self._model(selector, model)
+        if fitted is None:
             if style.render is None:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for rendering")
             return Transform((Gain(gain), Clip(), style.render))
-        forward, response = physical.gamut_map, Encode(physical.response)
+        forward, response = fitted.gamut_map, Encode(fitted.response)
         if not self.raw_camera:
-            return Transform((Gain(gain), Clip(), MatrixStage(physical.matrix), forward, response))
+            return Transform((Gain(gain), Clip(), MatrixStage(fitted.matrix), forward, response))
         # Another camera's RAW stands in. Its sensor saturates at 1, but this camera may expose brighter.
-        brightest = physical.linearize(grid(uniform_levels(5))).max(axis=(0, 1, 2))
+        brightest = fitted.linearize(grid(uniform_levels(5))).max(axis=(0, 1, 2))
         reach = np.maximum(brightest, 1.0)
         within = MatrixStage(np.diag(1 / reach))
-        return Transform((Gain(gain), within, Clip(), MatrixStage(physical.matrix * reach), forward, response))
+        return Transform((Gain(gain), within, Clip(), MatrixStage(fitted.matrix * reach), forward, response))
 
     def linearize(self, source: str | Selector, space: str = "raw", model: ModelName | None = None) -> Transform:
         """Take the camera's JPEG, encoded [0, 1], to RAW before white balance, or to light in another colour space.
@@ -140,14 +140,14 @@ class CameraProfile(ProfileData):
 
     def _linearize(self, source: str | Selector, space: str, model: ModelName | None) -> Transform:
         selector = self.selector(source)
-        gain, style, physical = self.multipliers(selector), self.styles[selector.style], self._physical(selector, model)
+        gain, style, fitted = self.multipliers(selector), self.styles[selector.style], self._model(selector, model)
         scene = np.diag(1 / gain) if space == "raw" else from_linear_srgb(space) @ self.matrix
-        if physical is None:
+        if fitted is None:
             if style.linearize is None:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for linearizing")
             return Transform((Clip(), style.linearize, MatrixStage(scene)))
-        scene = scene @ np.linalg.inv(physical.matrix)
-        return Transform((Clip(), Decode(physical.response), physical.inverse_gamut_map, MatrixStage(scene)))
+        scene = scene @ np.linalg.inv(fitted.matrix)
+        return Transform((Clip(), Decode(fitted.response), fitted.inverse_gamut_map, MatrixStage(scene)))
 
     def refinish(
         self,
@@ -167,18 +167,14 @@ class CameraProfile(ProfileData):
         """(3, 3): Ts Tw for a setting; of a reference camera's RAW Ts Tw Tc."""
         return (self.matrix * self.multipliers(selector)) @ _from_reference(self)
 
-    def _physical(self, selector: Selector, model: ModelName | None) -> PhysicalModel | None:
-        """The physical model fitted for this white balance, else the style's first; None where a lattice takes part."""
+    def _model(self, selector: Selector, model: ModelName | None) -> CameraModel | None:
+        """The camera model fitted for this white balance, else the style's first; None where a lattice takes part."""
         style = self.styles[selector.style]
-        if model is None and style.render is not None:
-            model = "rbf" if style.physical and self.options.get("model") == "rbf" else "lattice"
-        if model == "lattice":
+        if model == "lattice" or (model is None and style.render is not None):
             return None
-        if not style.physical:
-            raise ProfileError(f"{self.camera}: style {selector.style} holds no physical model; use --model lattice")
-        return next(
-            (each for each in style.physical if selector.white_balance in each.white_balances), style.physical[0]
-        )
+        if not style.models:
+            raise ProfileError(f"{self.camera}: style {selector.style} holds no camera model; take its lattice")
+        return next((each for each in style.models if selector.white_balance in each.white_balances), style.models[0])
 
 
 def load_profile(path: str | Path) -> CameraProfile:
@@ -230,7 +226,7 @@ def match(
     kind = "match" if other else "refinish"
     purpose = _purpose(kind, title, (source_camera, words[0]), (target_camera, words[1]), ev=ev)
     if ev == 0 and source_camera is target_camera and source.style == target.style:
-        own_models = len(source_camera.styles[source.style].physical) > 1  # one for each white balance
+        own_models = len(source_camera.styles[source.style].models) > 1  # one for each white balance
         multipliers = source_camera.multipliers(source), source_camera.multipliers(target)
         if source == target or (not own_models and np.array_equal(*multipliers)):
             return Transform((), purpose)
@@ -356,14 +352,14 @@ def profile_of_response(
 ) -> CameraProfile:
     """A profile with f alone: no matrix, no gamut map; linear light has the primaries of the JPEG."""
     nothing = identity_gamut_map()
-    model = PhysicalModel((white_balance,), np.eye(3), response, nothing, nothing)
+    model = CameraModel((white_balance,), np.eye(3), response, nothing, nothing)
     return CameraProfile(
         camera=camera,
         matrix=np.eye(3),
         white_balances={white_balance: WhiteBalance((1.0, 1.0, 1.0))},
-        styles={style: PictureStyle(physical=(model,))},
+        styles={style: PictureStyle(models=(model,))},
         shots=shots,
-        options={"source": SOURCE, "model": "rbf"},
+        options={"source": SOURCE},
         notes=("only the response is known: linear light is that of the JPEG, in its own primaries and white balance",),
     )
 

@@ -27,7 +27,7 @@ def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHES
 
 def _distance(style: PictureStyle, encoded: Array, most: float) -> Array:
     """The distance (…,) of encoded colours (…, 3) to the style's nearest sample, infinite beyond `most`."""
-    parts = [model.response.encode(model.inverse_gamut_map.centres) for model in style.physical]
+    parts = [model.response.encode(model.inverse_gamut_map.centres) for model in style.models]
     if not parts and style.linearize is not None and "linearize" in style.coverage:
         touched = np.nonzero(style.coverage["linearize"] > 0)
         parts.append(np.stack([axis[at] for axis, at in zip(style.linearize.levels, touched, strict=True)], axis=1))

@@ -80,7 +80,7 @@ def is_invertible(matrix: Array) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class PhysicalModel:
+class CameraModel:
     """I = f(h(Ts Tw E)) for some white balances of a style (4.1). matrix: Ts (3, 3), for multipliers with green = 1.
 
     Raises ProfileError where the matrix cannot be inverted.
@@ -94,7 +94,7 @@ class PhysicalModel:
 
     def __post_init__(self) -> None:
         if not is_invertible(self.matrix):
-            raise ProfileError("a physical model's matrix is not 3 × 3 numbers that can be inverted")
+            raise ProfileError("a camera model's matrix is not 3 × 3 numbers that can be inverted")
 
     def render(self, balanced: Array) -> Array:
         """Tw E (…, 3) → I (…, 3) in [0, 1]."""
@@ -119,7 +119,7 @@ class PictureStyle:
 
     render: Lattice | None = None
     linearize: Lattice | None = None
-    physical: tuple[PhysicalModel, ...] = ()
+    models: tuple[CameraModel, ...] = ()
     errors: Mapping[str, float] = field(default_factory=dict)
     coverage: Mapping[Direction, Array] = field(default_factory=dict)
     expected: Mapping[Direction, Array] = field(default_factory=dict)
@@ -144,12 +144,12 @@ class PictureStyle:
     def tones(self, linear: Array) -> Array:
         """f at linear values (n,), per channel (n, 3).
 
-        A style without a physical model has the grey axis of its lattice, which is f where h leaves grey alone; one
+        A style without a camera model has the grey axis of its lattice, which is f where h leaves grey alone; one
         without either has NaN.
         """
         grey = np.repeat(linear[:, None], 3, axis=1)
-        if self.physical:
-            return self.physical[0].response.encode(grey)
+        if self.models:
+            return self.models[0].response.encode(grey)
         return np.full_like(grey, np.nan) if self.render is None else self.render(grey)
 
 
@@ -299,7 +299,7 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
         arrays[f"{prefix}_{name}"] = array
         return f"{prefix}_{name}"
 
-    result: dict[str, Any] = {"errors": {name: float(value) for name, value in style.errors.items()}, "physical": []}
+    result: dict[str, Any] = {"errors": {name: float(value) for name, value in style.errors.items()}, "models": []}
     for direction, lattice in style.lattices.items():
         result[direction] = {
             "values": stored(f"{direction}_values", lattice.values),
@@ -315,14 +315,14 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
         ):
             if array is not None:
                 result[direction][part] = stored(f"{direction}_{part}", array)
-    for index, model in enumerate(style.physical):
+    for index, model in enumerate(style.models):
         base = f"physical{index}"
         maps = {"gamut_map": model.gamut_map, "inverse_gamut_map": model.inverse_gamut_map}
         stored(f"{base}_response", model.response.inverse)
         for side, gamut_map in maps.items():
             for part in MAP_ARRAYS:
                 stored(f"{base}_{side}_{part}", getattr(gamut_map, part))
-        result["physical"].append(
+        result["models"].append(
             {
                 "white_balances": list(model.white_balances),
                 "matrix": model.matrix.tolist(),
@@ -352,7 +352,7 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
         curve = beside["response"].get(direction)
         lattices[direction] = Lattice((r, g, b), array(stored["values"]), stored["interpolation"], curve)
     physical = []
-    for model in entry["physical"]:
+    for model in entry["models"]:
         base, maps = model["arrays"], []
         sides = ("gamut_map", "inverse_gamut_map")
         for side, offset, kernel in zip(sides, model["offsets"], model["kernels"], strict=True):
@@ -360,7 +360,7 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
             maps.append(GamutMap(centres, weights, trend, float(offset), kernel))
         matrix = np.array(model["matrix"], dtype=np.float64)
         response = Response(array(f"{base}_response"))
-        physical.append(PhysicalModel(tuple(map(str, model["white_balances"])), matrix, response, *maps))
+        physical.append(CameraModel(tuple(map(str, model["white_balances"])), matrix, response, *maps))
     errors = {str(name): float(value) for name, value in entry["errors"].items()}
     both = lattices.get("render"), lattices.get("linearize")
     return PictureStyle(*both, tuple(physical), errors, beside["coverage"], beside["expected"])

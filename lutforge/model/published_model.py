@@ -18,7 +18,7 @@ from lutforge.boundary import path_of
 from lutforge.errors import ProfileError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.profile_data import PhysicalModel, PictureStyle
+from lutforge.model.profile_data import CameraModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import LIGHT_SOURCES, NAMED_KELVIN, WhiteBalance
 
@@ -34,7 +34,7 @@ class PublishedModel:
     linear: Ts Tw E (n, 3); mapped: f⁻¹(I) (n, 3), from the forward direction.
     """
 
-    model: PhysicalModel
+    model: CameraModel
     white_balances: dict[str, WhiteBalance]
     linear: Array
     mapped: Array
@@ -71,7 +71,7 @@ def read_published_model(folder: str | Path) -> PublishedModel:
     if len(mapped) != len(linear):
         raise ProfileError(f"{folder}: {len(linear)} control points but {len(mapped)} destination points")
     codes = _read_points(folder / "raw2jpg_respFcns.txt", counted=False)[:256]
-    model = PhysicalModel(tuple(balances), matrix, Response(np.maximum.accumulate(codes, axis=0)), *maps)
+    model = CameraModel(tuple(balances), matrix, Response(np.maximum.accumulate(codes, axis=0)), *maps)
     return PublishedModel(model, balances, linear, mapped)
 
 
@@ -106,19 +106,19 @@ def import_published(folders: Sequence[str | Path], camera: str = "", style: str
         camera=camera,
         matrix=largest.matrix / rows,
         white_balances=balances,
-        styles={style: PictureStyle(physical=tuple(model.model for model in models))},
+        styles={style: PictureStyle(models=tuple(model.model for model in models))},
         options={"source": "published model of the thesis's authors"},
     )
 
 
 def export_published(profile: CameraProfile, style: str, folder: str | Path) -> list[Path]:
-    """Write the physical models of a style as the authors' text files, a folder each; return the folders.
+    """Write the camera model of a style as the authors' text files, a folder each; return the folders.
 
     Centres, coefficients, matrix and white balances with their gains are written to nine digits, f⁻¹ at the 256 JPEG
     values. White balances that EXIF has no code for become 255, "other". Raises ProfileError where the files cannot
     hold the style, or two of its white balances are "other".
     """
-    models = profile.styles[style].physical
+    models = profile.styles[style].models
     if profile.raw_camera:
         raise ProfileError(
             f"{profile.camera} has no RAW: the authors' files start from a camera's own, and hold no matrix from that "
@@ -126,12 +126,12 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
         )
     if not models:
         raise ProfileError(
-            f"{profile.camera}, {style}: no physical model of its own RAW to write; calibrate with --model rbf"
+            f"{profile.camera}, {style}: no camera model of its own RAW to write; calibrate with --preset thesis"
         )
     if any(part.offset for model in models for part in (model.gamut_map, model.inverse_gamut_map)):
         raise ProfileError(
             f"{profile.camera}, {style}: its gamut map works on an even scale, which the authors' files cannot hold; "
-            "calibrate with --model rbf --preset thesis"
+            "calibrate with --preset thesis"
         )
     folders = [Path(folder) / (style if len(models) == 1 else f"{style}_{n}") for n in range(1, len(models) + 1)]
     for model, place in zip(models, folders, strict=True):

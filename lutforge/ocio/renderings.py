@@ -82,15 +82,15 @@ def renderings(cameras: Iterable[Camera], taken: Iterable[str] = ()) -> tuple[Re
         for name, style in profile.styles.items():
             groups = [everywhere] if style.render or style.linearize else []
             if not groups:
-                groups = [tuple(b for b in everywhere if b in model.white_balances) for model in style.physical]
+                groups = [tuple(b for b in everywhere if b in model.white_balances) for model in style.models]
             if not any(groups):
                 raise ConfigError(f"{profile.camera}: style {name} holds no model; calibrate it first")
             for balances in filter(None, groups):
                 selector = Selector(name, balances[0])
                 render = linearize = None
-                if style.render or style.physical:
+                if style.render or style.models:
                     render = profile.render_balanced(selector)
-                if style.linearize or style.physical:
+                if style.linearize or style.models:
                     balance = Gain(profile.multipliers(selector))
                     linearize = Transform((*profile.linearize_to_own_raw(selector).stages, balance))
                 stem = files(file_stem(camera.name, camera.styles[name]))

@@ -86,7 +86,7 @@ def transform(
         target: STYLE/WB of the JPEG that comes out.
         ev: exposure change in stops.
         space: what render takes and linearize gives: "raw", or a colour space such as "acescg" or "vlog".
-        model: "lattice" or "rbf", where the profile holds both.
+        model: "lattice", or "model" for the camera model itself, where the profile holds both.
         look: for match, the profile whose look is wanted.
         transfer: for match, the transfer from RAW to RAW, or its file.
 

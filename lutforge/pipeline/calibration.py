@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lutforge.calibration.calibrate import calibrate as fit_profile
-from lutforge.calibration.calibrate import calibrate_stages as fit_stages
+from lutforge.calibration.calibrate import calibrate_base as fit_base
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.raw_transfer import fit_raw_transfer, pair_samples
 from lutforge.colour.rgb_spaces import matrix_between
@@ -19,23 +19,27 @@ from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples, origin_of
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
+from lutforge.thesis.calibrate import calibrate as fit_thesis_profile
+from lutforge.thesis.calibrate import calibrate_base as fit_thesis_base
+from lutforge.thesis.options import Options, ThesisOptions
 
 
 def calibrate(
     samples: SampleSet | Paths,
-    options: CalibrationOptions | None = None,
+    options: Options | None = None,
     progress: Progress = silent,
     *,
-    stages: CameraProfile | str | Path | None = None,
+    given: CameraProfile | str | Path | None = None,
 ) -> CameraProfile:
     """Calibrate a camera: fit its matrix, white balances and picture styles to samples, with held-out errors.
 
     Args:
         samples: a SampleSet, or what `sample` takes: tables, RAW files, folders. RAW is linear before white balance,
             JPEG values are encoded, both in [0, 1].
-        options: model, preset, size of the lattices.
+        options: CalibrationOptions, such as the size of the lattices; or lutforge.thesis.options.ThesisOptions, for
+            the thesis's method as it was published.
         progress: called with what is being done, and the share that is done.
-        stages: a profile whose responses, matrix and white balances are taken as they are.
+        given: a profile whose responses, matrix and white balances are taken as they are.
 
     Returns:
         The profile, with its notes and held-out errors; `profile.save(path)` writes it.
@@ -44,14 +48,18 @@ def calibrate(
         CalibrationError: the samples do not determine the model.
         SampleError, ShotError: the samples cannot be read.
     """
-    if options is not None and not isinstance(options, CalibrationOptions):
+    if options is not None and not isinstance(options, CalibrationOptions | ThesisOptions):
         raise CalibrationError(f"{options!r:.80} are no options: give CalibrationOptions(size=33), or none")
     options = options or CalibrationOptions()
     samples = with_setting_names(as_samples(samples))
     origin = origin_of(samples)
     with telling_of_compilation(progress) as telling:
-        given = None if stages is None else as_profile(stages)
-        fitted, data = fit_profile(samples, options, part(telling, 0.0, 0.5), given)
+        base = None if given is None else as_profile(given)
+        within = part(telling, 0.0, 0.5)
+        if isinstance(options, ThesisOptions):
+            fitted, data = fit_thesis_profile(samples, options, within, base)
+        else:
+            fitted, data = fit_profile(samples, options, within, base)
         profile = measured(fitted, data, options, part(telling, 0.5, 1.0))
     if not origin:
         return profile
@@ -59,13 +67,15 @@ def calibrate(
     return replace(profile, matrix=exact, options={**profile.options, **origin})
 
 
-def calibrate_stages(
-    samples: SampleSet | Paths, options: CalibrationOptions | None = None, progress: Progress = silent
+def calibrate_base(
+    samples: SampleSet | Paths, options: Options | None = None, progress: Progress = silent
 ) -> CameraProfile:
-    """Fit responses, matrix and white balances alone, for `calibrate` to build on; the gamut maps change nothing."""
+    """Fit responses, matrices and white balances alone, for `calibrate` to build on; the gamut maps change nothing."""
     samples = with_setting_names(as_samples(samples))
     with telling_of_compilation(progress) as telling:
-        return fit_stages(samples, options, telling)
+        if isinstance(options, ThesisOptions):
+            return fit_thesis_base(samples, options, telling)
+        return fit_base(samples, options, telling)
 
 
 def write_transfer(

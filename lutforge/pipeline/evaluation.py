@@ -110,7 +110,7 @@ def predict(profile: CameraProfile, samples: SampleSet) -> Predicted:
         if style not in profile.styles:
             continue
         if known is not None and (profile.raw_camera or np.allclose(known.multipliers, gains, rtol=1e-6)):
-            # The setting has its gain, and its own physical model where there are several.
+            # The setting has its gain, and its own camera model where there are several.
             selector, gain = Selector(style, name), 1.0
         elif profile.raw_camera or not np.all(np.isfinite(gains)):
             continue

@@ -135,7 +135,7 @@ def _profile(profile: "CameraProfile") -> Rows:
     for name, style in profile.styles.items():
         sizes = {direction: " × ".join(map(str, lattice.size)) for direction, lattice in style.lattices.items()}
         parts = [f"{direction} lattice {size}" for direction, size in sizes.items()]
-        parts += [f"physical model for {', '.join(model.white_balances)}" for model in style.physical]
+        parts += [f"camera model for {', '.join(model.white_balances)}" for model in style.models]
         yield "style", f"{name}: {'; '.join(parts)}"
     for vignetting in profile.vignettings:
         yield "vignetting", f"{vignetting.setting}: {vignetting.corner_ev:.2f} EV in the corners"

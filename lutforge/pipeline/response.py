@@ -16,13 +16,8 @@ import numpy as np
 
 from lutforge.arrays import Array, Pixels
 from lutforge.calibration.bracket import BracketFit, fit_bracket
-from lutforge.calibration.matrix_and_response import BETA
-from lutforge.calibration.response_from_exposures import (
-    CLIPPED,
-    ExposurePairs,
-    pairs_of_bracket,
-    pairs_of_samples,
-)
+from lutforge.calibration.exposure_pairs import CLIPPED, ExposurePairs, pairs_of_bracket, pairs_of_samples
+from lutforge.calibration.options import BETA
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError

@@ -201,7 +201,7 @@ def response_figure(style: PictureStyle) -> Drawing:
     linear = np.concatenate([np.linspace(0, 1, 513)[1:], 2.0 ** np.linspace(-8, 0, 257)])
     linear.sort()
     curves, mean = style.tones(linear), mean_response(linear)
-    what = "The response f" if style.physical else "The grey axis of the lattice"
+    what = "The response f" if style.models else "The grey axis of the lattice"
     panels = []
     for x, label, reach in (
         (linear, "linear value, 1 = saturation", (0.0, 1.0)),

@@ -19,15 +19,16 @@ from scipy.optimize import brentq
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.calibration.brightness_transfer import judge, transfer_functions
-from lutforge.calibration.options import options_from_json
-from lutforge.calibration.response_from_exposures import pairs_of_samples
-from lutforge.calibration.style import StyleData, uniform_lattice_errors
+from lutforge.calibration.exposure_pairs import pairs_of_samples
+from lutforge.calibration.lattice.fit import squares
+from lutforge.calibration.style import StyleData
 from lutforge.colour.srgb import delta_e_2000, srgb_encode, srgb_to_lab
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, evaluate
 from lutforge.evaluation.further_errors import response_deltas
-from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, Predictions, lattice_name, with_compared
+from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, MODEL, compared_fits, lattice_name
 from lutforge.evaluation.next_shots import colour_gaps
+from lutforge.evaluation.predictions import Predictions, with_compared
 from lutforge.model.camera_profile import CameraProfile, is_response_alone, through_camera
 from lutforge.model.coverage import linearizing_error
 from lutforge.model.profile_data import PictureStyle
@@ -50,6 +51,8 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.tiles import clipping
 from lutforge.settings import setting_name
 from lutforge.shots.read import TURNS, read_shot
+from lutforge.thesis.lattice import error_histogram
+from lutforge.thesis.options import ThesisOptions, stated_options
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,15 +111,15 @@ def build_report(
     accounts: of the shots that the samples are from; files: the RAW file of each shot by name, for error maps.
     Raises CalibrationError where the samples hold none of the profile's styles.
     """
-    options, lens = options_from_json(profile.options), list(vignetting_blocks(profile.vignettings))
+    options, lens = stated_options(profile.options), list(vignetting_blocks(profile.vignettings))
     evaluation, own = None, LATTICE  # the method that is the profile's own model
     sections: dict[str, tuple[Block, ...]] = {"Notes": (profile.notes,) if profile.notes else ()}
     data: dict[str, StyleData] = {}
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
         methods = {row.method for row in evaluation.rows}
-        if RBF in methods and (options.model == "rbf" or LATTICE not in methods):
-            own = RBF
+        if MODEL in methods and not isinstance(options, ThesisOptions):
+            own = MODEL
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*profile.notes, *evaluation.notes)))
         progress("error maps", 0.8)
@@ -136,11 +139,11 @@ def build_report(
         sections["Samples"] = tuple(sample_blocks(samples, accounts))
         sections["Exposures"] = tuple(exposure_blocks(data))
     progress("done", 1.0)
-    model = {"lattice": f"lattices of {options.size}³ nodes", "rbf": "the physical model and lattices"}[options.model]
+    method = "by the thesis's method" if isinstance(options, ThesisOptions) else "by LutForge's own method"
     return Report(
         f"{profile.camera}: calibration report",
         f"Picture styles: {', '.join(profile.styles)}. White balances: {', '.join(profile.white_balances)}. "
-        f"Shots: {len(profile.shots)}. Model: {model}, preset {options.preset}.",
+        f"Shots: {len(profile.shots)}. Calibrated {method}, with lattices of {options.size}³ nodes.",
         sections={title: blocks for title, blocks in sections.items() if blocks},
         answers=answers(profile, own, evaluation, data),
     )
@@ -254,7 +257,7 @@ def judged(de00: float) -> tuple[str, str]:
 
 MAPS_TEXT = (
     "Each shot's JPEG predicted from its RAW, and its white-balanced RAW from its JPEG: by the profile's own model, a "
-    "lattice of evenly spaced nodes, the physical model with its gamut map by RBFs, and a polynomial. Each direction "
+    "lattice of evenly spaced nodes, the camera model with its gamut map, and a polynomial. Each direction "
     "has one scale in all maps; grey: clipped, or outside the RAW. Above each map is its mean over the picture, edges "
     "and textures included; the tables count the shot's even areas only."
 )
@@ -306,12 +309,12 @@ def error_map(
     balanced and stretched, before the maps of what predicts it; grey where it is clipped or outside the RAW. The RAW is
     brightened away from the middle by the profile's vignettings, as that of the samples was.
     """
-    name, options = row.shot, options_from_json(profile.options)
-    predictions = with_compared(predictions, name, profile.styles[row.style], profile.shots, options)
+    name, options = row.shot, stated_options(profile.options)
+    predictions = with_compared(predictions, name, profile.shots, options)
     of_shot = np.flatnonzero(predictions.data.shot == name)
     fits = predictions.fits[predictions.fold[of_shot[0]]]
     uniform = lattice_name(options.size, nonuniform=False)
-    methods = [each for each in dict.fromkeys((own, LATTICE, uniform, RBF, COLOUR_POLYNOMIAL)) if each in fits]
+    methods = [each for each in dict.fromkeys((own, LATTICE, uniform, MODEL, COLOUR_POLYNOMIAL)) if each in fits]
 
     # Averages over cells take some noise and compression away
     shot, samples = read_shot(raw_file), predictions.data.samples
@@ -406,23 +409,25 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
 
 def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data: StyleData | None) -> Iterator[Block]:
     """Draw the models of a style."""
-    what = "the tone response" if style.physical else "the grey axis of the lattice"
+    what = "the tone response" if style.models else "the grey axis of the lattice"
     yield Picture(f"response_{name}", figures.response_figure(style), f"{name}: {what}, per channel.")
-    maps = {f"{name}, rendering": model.gamut_map for model in style.physical[:1]}
+    maps = {f"{name}, rendering": model.gamut_map for model in style.models[:1]}
     if maps:
-        maps[f"{name}, linearizing"] = style.physical[0].inverse_gamut_map
+        maps[f"{name}, linearizing"] = style.models[0].inverse_gamut_map
         text = (
             "The gamut map at constant luminance Y in linear sRGB: arrows lead from the colour before it to the colour "
             "after; dots are control points."
         )
         yield Picture(f"gamut_map_{name}", figures.gamut_figure(maps), text)
+    options = stated_options(profile.options)
+    even = None if data is None else compared_fits(data, options)[lattice_name(options.size, nonuniform=False)]
     for direction, lattice in style.lattices.items():
         source, target = figures.ENDS[direction]
         caption = f"{direction}: nodes lie densely where the function bends; those without samples continue the model."
         yield Picture(f"lattice_{direction}_{name}", figures.lattice_figure(style, [direction]), caption)
-        if data is not None:
-            options = options_from_json(profile.options)
-            histograms = uniform_lattice_errors(data, options, direction)
+        if data is not None and even is not None:
+            x, y = data.both[direction]
+            histograms = error_histogram(x, squares(even[direction](x) - y))
             caption = f"{direction}: node levels (ticks) follow the error that a uniform lattice makes."
             yield Picture(f"levels_{direction}_{name}", figures.levels_on_errors(lattice, histograms, source), caption)
         planes = figures.plane_figure(lattice, target, dict.fromkeys(range(3), 0.4))

@@ -81,7 +81,7 @@ def response_table(fit: BracketFit) -> Table:
 
 def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> Table:
     """Tabulate errors of one direction, with times where these were measured; own: the method that is set bold."""
-    from lutforge.evaluation.methods import FIGURES
+    from lutforge.evaluation.figures import FIGURES
 
     timed = any(row.fit_seconds is not None for row in rows)
     cells = []
@@ -95,7 +95,7 @@ def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> T
 
 def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
     """Tabulate an evaluation's errors of RAW, over exposure pairs and of refinishing, where there are such."""
-    from lutforge.evaluation.methods import FIGURES
+    from lutforge.evaluation.figures import FIGURES
 
     tables = (
         ("JPEG → RAW before white balance: RMSE (1 = saturation)", "n", evaluation.raw, 4),

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from lutforge.atomic_write import require_writable
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import LatticeOptions
 from lutforge.colour.rgb_spaces import SPACES
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import export_published
@@ -25,6 +26,7 @@ from lutforge.studio import ui
 from lutforge.studio.model_page import held_out_error
 from lutforge.studio.session import Session, Written
 from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
+from lutforge.thesis.options import PRESET, ThesisOptions
 
 LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vlt", ".png")
 
@@ -207,14 +209,20 @@ def command(words: Iterable[object], options: Mapping[str, object], output: Path
 def calibration_command(task: FitTask, table: Path, profile: Path) -> str:
     """Return the command that makes a profile of the samples in a table, "" where none does.
 
-    No command fits the stages alone, takes stages that were fitted before, or options of the physical model.
+    No command fits the stages alone, takes stages that were fitted before, or options of the camera model.
     """
-    options, usual = task.options, CalibrationOptions()
-    if task.kind == "matrix" or task.stages is not None or options.physical != usual.physical:
+    options = task.options
+    usual = type(options)()
+    of_lattices = {field.name for field in fields(LatticeOptions)}
+    of_model = [field.name for field in fields(options) if field.name not in of_lattices]
+    if task.kind == "matrix" or task.stages is not None:
         return ""
-    names = ("model", "preset", "size", "interpolation")
+    if any(getattr(options, name) != getattr(usual, name) for name in of_model):
+        return ""
+    preset = PRESET if isinstance(options, ThesisOptions) else ""
+    names = ("size", "interpolation")
     moved = {name: getattr(options, name) for name in names if getattr(options, name) != getattr(usual, name)}
-    return command(("calibrate", table), {**moved, "uniform": not options.nonuniform}, profile)
+    return command(("calibrate", table), {"preset": preset, **moved, "uniform": not options.nonuniform}, profile)
 
 
 def export(kind: str, profile: Path, output: Path, given: Any, progress: Progress) -> tuple[str, ...]:

@@ -1,14 +1,14 @@
 """Model: response, matrix, gamut map and lattice, with their options, the exposure pairs, and what was found."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
-from lutforge.calibration.options import LARGEST, PRESETS, SMALLEST
+from lutforge.calibration.options import LARGEST_LATTICE, SMALLEST_LATTICE, CalibrationOptions
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
@@ -18,10 +18,16 @@ from lutforge.reports.tables import TITLES, Table, balance_table, matrix_table
 from lutforge.studio import ui
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import MODELS, Workspace
+from lutforge.thesis.options import ThesisOptions
 
 WAYS = {title: direction for direction, title in TITLES.items()}
-SMOOTHNESS = {"by held-out shots": None, **{f"{rho:g}": rho for rho in (1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5)}}
 NO_PROFILE = "Compute a model, or open a profile."
+
+
+def with_preset(now: Workspace, preset: type[CalibrationOptions] | type[ThesisOptions]) -> Workspace:
+    """The workspace with the options of another calibration, which keep the numbers that both have."""
+    both = {field.name for field in fields(CalibrationOptions)}
+    return replace(now, options=preset(**{name: getattr(now.options, name) for name in both}))
 
 
 class ModelPage:
@@ -34,36 +40,35 @@ class ModelPage:
         self.own_stages = ui.checkbox("Build on the fitted response and matrix", True)
         self.used, self.takes = ui.select("Model in use", ui.NOTHING), ui.text()
         compute = session.button("Compute", self._compute, variant="contained", **ui.WIDE)
-        self.options = {  # by their names in CalibrationOptions
-            "preset": ui.select("Preset", list(PRESETS)),
-            "size": ui.slider("Nodes per axis", 33, SMALLEST, LARGEST, 1),
+        self.preset = ui.select("Preset", {"LutForge": CalibrationOptions, "the thesis": ThesisOptions})
+        self.options = {  # by their names in the options of the calibration
+            "size": ui.slider("Nodes per axis", 33, SMALLEST_LATTICE, LARGEST_LATTICE, 1),
             "nonuniform": ui.select("Node levels", {"follow the error": True, "evenly spaced": False}),
             "interpolation": ui.select("Interpolation", list(INTERPOLATIONS)),
         }
-        self.physical = {  # by their names in PhysicalOptions
+        self.numbers = {  # the same, of the camera model
             "beta": ui.slider("β, saturation of inliers", 0.3, 0.05, 1.0, 0.05),
             "curves": ui.slider("Number of curves", 15, 1, 15, 1),
-            "weighting": ui.slider("Data weighting: samples 0, tones 1", 0.5, 0.0, 1.0, 0.05),
             "centres": ui.slider("Centres, at most", 4000, 50, 5000, 50),
-            "rho": ui.select("ρ, smoothness", SMOOTHNESS),
         }
         self.pairs = pmui.CheckBoxGroup(label="Brightness-transfer pairs, with their ratios", options=[], **ui.WIDE)
         self.bound = [
             session.bind(self.used, lambda now: now.model, lambda now, name: replace(now, model=name)),
+            session.bind(self.preset, lambda now: type(now.options), with_preset),
             session.bind(self.own_stages, lambda now: now.own_stages, lambda now, on: replace(now, own_stages=on)),
             session.bind(
                 self.pairs, lambda now: [names for names in pairs_listed(now).values() if names not in now.unticked],
                 lambda now, ticked: replace(now, unticked=frozenset(pairs_listed(now).values()).difference(ticked)),
             ),
-            *(self._bind_option(name, widget) for name, widget in {**self.options, **self.physical}.items()),
+            *(self._bind_option(name, widget) for name, widget in {**self.options, **self.numbers}.items()),
         ]  # fmt: skip
         all_or_none = pn.Row(
             session.button("Tick all", lambda: self.pairs.param.update(value=list(self.pairs.options.values()))),
             session.button("None", lambda: self.pairs.param.update(value=[])), **ui.WIDE,
         )  # fmt: skip
         folds = {
-            "Options": self.options.values(),
-            "Response and gamut map": self.physical.values(),
+            "Options": (self.preset, *self.options.values()),
+            "Response and gamut map": self.numbers.values(),
             "Exposure pairs": (all_or_none, self.pairs),
         }
         columns = [(title, pn.Column(*widgets, **ui.TOGETHER)) for title, widgets in folds.items()]
@@ -80,15 +85,12 @@ class ModelPage:
 
     def _bind_option(self, name: str, widget: Any) -> Callable[[Workspace], None]:
         """Let a control show and change one option of the fit; a whole number stays one."""
-        is_physical = name in self.physical
 
         def given(now: Workspace) -> Any:
-            return getattr(now.options.physical if is_physical else now.options, name)
+            return getattr(now.options, name)
 
         def put(now: Workspace, value: Any) -> Workspace:
             change: dict[str, Any] = {name: int(value) if name in ("size", "curves", "centres") else value}
-            if is_physical:
-                change = {"physical": replace(now.options.physical, **change)}
             return replace(now, options=replace(now.options, **change))
 
         return self.session.bind(widget, given, put)
@@ -226,17 +228,17 @@ class GamutView(View):
         """Everything, from the session's profile, or the last one with a gamut map."""
         profile, workspace = self.session.profile, self.session.workspace
         maps, level = dict[str, GamutMap](), self.luminance.value
-        if workspace is not None and "rbf" in workspace.models:
-            profile = workspace.models["rbf"].profile
+        if workspace is not None and "lattice" in workspace.models:
+            profile = workspace.models["lattice"].profile
         for name, style in () if profile is None else profile.styles.items():
-            for model in style.physical[:1]:
+            for model in style.models[:1]:
                 one = model.gamut_map if self.direction.value == "render" else model.inverse_gamut_map
                 if len(one.centres) > 1:  # one centre: it changes nothing
                     maps[name] = one
         self.layout[1] = self.space.layout if maps else self.figures.layout
         ui.offer(self.style, maps)
         if not maps:
-            self.figures.show(None, "No gamut map: compute the model “Gamut map”.")
+            self.figures.show(None, "No gamut map: compute the model “Camera model and lattices”.")
             return
 
         # Where h takes the slice, its outline, and the control points near it, in the cube of linear sRGB

@@ -18,19 +18,20 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.boundary import reading
+from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.calibration.matrix_and_response import saturation
-from lutforge.calibration.options import CalibrationOptions, options_from_json
-from lutforge.calibration.response_from_exposures import ExposurePairs, pairs_of_samples
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import CalibrationError, LutForgeError
-from lutforge.model.camera_profile import CameraProfile, ModelName, load_profile
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.response import Response
-from lutforge.pipeline.calibration import calibrate, calibrate_stages
+from lutforge.pipeline.calibration import calibrate, calibrate_base
 from lutforge.pipeline.evaluation import Predicted, predict
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples, write_samples
+from lutforge.thesis.options import Options, ThesisOptions, stated_options
 
-MODELS = {"matrix": "Response, matrix and white balance", "rbf": "Gamut map", "lattice": "Lattice"}
+MODELS = {"matrix": "Response, matrix and white balance", "lattice": "Camera model and lattices"}
 """In the order of the calibration; each is kept as a camera profile."""
 MOST_GROUPS = 100
 SUFFIX = ".workspace"
@@ -74,7 +75,7 @@ class FitTask:
 
     kind: str
     rows: Mask
-    options: CalibrationOptions
+    options: Options
     stages: "FittedModel | None" = None
 
 
@@ -109,7 +110,7 @@ class Workspace:
     idle: frozenset[str] = frozenset()
     models: Mapping[str, FittedModel] = field(default_factory=dict)
     model: str = ""
-    options: CalibrationOptions = field(default_factory=CalibrationOptions)
+    options: Options = field(default_factory=CalibrationOptions)
     out: frozenset[str] = frozenset()
     unticked: frozenset[tuple[str, str]] = frozenset()
     own_stages: bool = True
@@ -142,7 +143,7 @@ class Workspace:
         if self.fitted is None or self.model == "lattice":
             return None
         styles = self.fitted.profile.styles.values()
-        return next((style.physical[0].response for style in styles if style.physical), None)
+        return next((style.models[0].response for style in styles if style.models), None)
 
     @cached_property
     def residual(self) -> Array:
@@ -197,17 +198,18 @@ class Workspace:
             return ~self.outliers
         rows = self.removed
         for name, limits in self.limits.items():
-            counts = name != "residual" or self.model in ("rbf", "lattice")
+            counts = name != "residual" or self.model == "lattice"
             if counts and limits != COLUMNS[name].usual and not COLUMNS[name].stage:
                 rows = rows | self.filtered[name]
         return np.asarray(~rows | ((self.hand < 0) & ~self.removed))
 
     def task(self, kind: str) -> FitTask:
         """What a fit of this kind would take now."""
-        physical = replace(self.options.physical, without_pairs=tuple(sorted(self.unticked)))
-        model: ModelName = "lattice" if kind == "lattice" else "rbf"
+        options = self.options
+        if isinstance(options, ThesisOptions):
+            options = replace(options, without_pairs=tuple(sorted(self.unticked)))
         stages = self.models.get("matrix") if self.own_stages and kind != "matrix" else None
-        return FitTask(kind, self.fitting_rows(kind), replace(self.options, model=model, physical=physical), stages)
+        return FitTask(kind, self.fitting_rows(kind), options, stages)
 
     def is_stale(self, kind: str) -> bool:
         """Whether a model was fitted to other samples, options or stages than would be taken now."""
@@ -274,10 +276,10 @@ def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedMo
         raise CalibrationError(f"{int(task.rows.sum())} samples are left to fit; at least 10 are needed: filter less")
     chosen = samples.select(task.rows)
     if task.kind == "matrix":
-        profile = calibrate_stages(chosen, task.options, progress)
+        profile = calibrate_base(chosen, task.options, progress)
     else:
         stages = None if task.stages is None else task.stages.profile
-        profile = calibrate(chosen, task.options, progress, stages=stages)
+        profile = calibrate(chosen, task.options, progress, given=stages)
     progress("predicting all samples", 0.9)
     return FittedModel(profile, predict(profile, samples))
 
@@ -334,13 +336,13 @@ def open_workspace(path: str | Path) -> Workspace:
         models: dict[str, FittedModel] = {}
         for index, (name, profile) in enumerate(profiles.items(), start=1 + len(names)):
             stages = models.get("matrix") if document["own_stages"] and name != "matrix" else None
-            task = FitTask(name, marks[:, index] != 0, options_from_json(profile.options), stages)
+            task = FitTask(name, marks[:, index] != 0, stated_options(profile.options), stages)
             models[name] = FittedModel(profile, predict(profile, samples), task=task)
         return Workspace(
             samples, limits={str(name): (float(low), float(high)) for name, (low, high) in document["limits"].items()},
             hand=marks[:, 0], groups={name: marks[:, index] != 0 for index, name in enumerate(names, start=1)},
             idle=frozenset(name for name, entry in zip(names, entries, strict=True) if not entry["active"]),
-            models=models, model=str(document["model"]), options=options_from_json(document["options"]),
+            models=models, model=str(document["model"]), options=stated_options(document["options"]),
             out=frozenset(map(str, document["out"])), own_stages=bool(document["own_stages"]),
             unticked=frozenset((str(one), str(other)) for one, other in document["unticked"]),
         )  # fmt: skip
@@ -358,7 +360,7 @@ def _extract(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
 def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:
     """Add a profile as the fitted model, under the name of the model that it holds."""
     has_lattice = any(style.render is not None for style in profile.styles.values())
-    kind = "lattice" if has_lattice and profile.options.get("model") != "rbf" else "rbf"
+    kind = "lattice" if has_lattice else "matrix"
     return workspace.with_model(kind, FittedModel(profile, predict(profile, workspace.samples)))
 
 

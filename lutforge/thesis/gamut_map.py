@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.options import PhysicalOptions
+from lutforge.calibration.options import MOST_CENTRES
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap
 
@@ -31,7 +31,7 @@ def fit_gamut_map(
     target: Array,
     *,
     groups: NDArray[np.str_] | None = None,
-    most: int = PhysicalOptions.centres,
+    most: int = MOST_CENTRES,
     rho: float | None = None,
     tolerance: float = TOLERANCE,
 ) -> GamutMap:

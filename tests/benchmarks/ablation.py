@@ -29,7 +29,7 @@ from lutforge.arrays import Array
 from lutforge.calibration import gamut_map as kriging
 from lutforge.calibration.curve_basis import CurveBasis
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import ClippedColours, StyleData, fit_lattices, unclipped
 from lutforge.colour.spectra import light
 from lutforge.colour.srgb import delta_e_2000
@@ -183,7 +183,7 @@ def without(module: object, **values: float | Callable[..., object]) -> Fit:
 PARTS: dict[str, Fit] = {
     "lattices of 33 nodes (default)": lattices(33),
     "lattices of 17 nodes": lattices(17),
-    "the model itself (`--model rbf`)": model,
+    "the camera model itself": model,
     "baseline of sixty lines": baseline,
     "matrix of unsaturated colours": around_unsaturated,
     "without white at saturation": without(CurveBasis, with_white_by_one=lambda basis: basis),
@@ -191,7 +191,7 @@ PARTS: dict[str, Fit] = {
     "without clipped samples": partial(model, clipped=None),
     "without likely scenes": without(kriging, SCENES=8),
     "distances along grey count fully": without(gamut_map, ALONG_GREY=1.0),
-    "at most 1,000 centres": partial(model, physical=PhysicalOptions(centres=1_000)),
+    "at most 1,000 centres": partial(model, centres=1_000),
     "noise × 10": without(kriging, NOISE=10 * kriging.NOISE),
     "noise / 10": without(kriging, NOISE=kriging.NOISE / 10),
 }

@@ -49,6 +49,7 @@ from lutforge.model.transform import through_stages
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import HELD_OUT, CameraSettings, DemoShots, Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, palette
+from lutforge.thesis.options import Options, ThesisOptions
 from tests.benchmarks import common, lattices
 from tests.benchmarks.common import ROOT, Figure, Figures, Parts
 from tests.cases import input_transforms
@@ -57,8 +58,8 @@ from tests.cases.real_data import CHARTS
 
 def d40(sizes: tuple[int, ...]) -> Figures:
     """Published pairs of the Nikon D40, 70 % fitted, 30 % predicted: medians of five splits."""
-    default, thesis = lf.CalibrationOptions(), lf.CalibrationOptions(preset="thesis")
-    presets = {"": default, ", thesis": thesis, ", uniform": replace(thesis, nonuniform=False)}
+    default, thesis = lf.CalibrationOptions(), ThesisOptions()
+    presets: dict[str, Options] = {"": default, ", thesis": thesis, ", uniform": replace(thesis, nonuniform=False)}
     for size in sizes:
         for preset, options in presets.items():
             if preset and size not in (13, 17, 24):

@@ -147,7 +147,7 @@ def s40(data: Path, keep: Path) -> lf.SampleSet:
 
 
 def nikon_d40(data: Path) -> lf.CameraProfile:
-    """The published physical model of the Nikon D40."""
+    """The published camera model of the Nikon D40."""
     folder = data / "nus_nikon_d40"
     return lf.import_published([folder / "other_white_balances", folder / "fluorescent"], "Nikon D40")
 

@@ -25,6 +25,8 @@ from lutforge.calibration.style import fit_lattices
 from lutforge.luts.ops import lattice_ops
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut, evaluate
+from lutforge.thesis.calibrate import fit_lattices as fit_thesis
+from lutforge.thesis.options import Options, ThesisOptions
 from tests.benchmarks.common import heading, row
 from tests.cases.real_data import radial_basis_functions, read_published_pairs, split
 from tests.cases.samples import style_of
@@ -38,11 +40,13 @@ REPEATS, LONG = 7, 1.0
 """Of a fit that is timed, the least counts: so many, but no more once they took so many seconds."""
 
 
-def lattice(options: CalibrationOptions) -> Fit:
+def lattice(options: Options) -> Fit:
     """LutForge's fit, matrix and response included, through a CLF file."""
 
     def fit(x: Array, y: Array) -> Predictor:
-        fitted = fit_lattices(style_of(x, y), options).render
+        style = style_of(x, y)
+        both = fit_thesis(style, options) if isinstance(options, ThesisOptions) else fit_lattices(style, options)
+        fitted = both.render
 
         def predict(points: Array) -> Array:
             with tempfile.TemporaryDirectory() as folder:
@@ -97,7 +101,7 @@ def main() -> int:
 
     measured("", "radial basis functions", of_rbf)
     for size in SIZES:
-        options, thesis = CalibrationOptions(size=size), CalibrationOptions(size=size, preset="thesis")
+        options, thesis = CalibrationOptions(size=size), ThesisOptions(size=size)
         ours = measured(f"{size}³", "LutForge", held_out(lattice(options)))
         measured(f"{size}³", "thesis preset", held_out(lattice(thesis)))
         measured(f"{size}³", "uniform", held_out(lattice(replace(thesis, nonuniform=False))))

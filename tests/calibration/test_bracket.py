@@ -8,7 +8,7 @@ import pytest
 
 from lutforge.calibration.bracket import BracketFit, fit_bracket
 from lutforge.calibration.brightness_transfer import TransferFunction, judge, transfer_functions
-from lutforge.calibration.response_from_exposures import pairs_of_bracket, pairs_of_samples
+from lutforge.calibration.exposure_pairs import pairs_of_bracket, pairs_of_samples
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.pipeline.response import response

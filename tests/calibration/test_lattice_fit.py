@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # i
 from lutforge import threads as shared
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.fit import node_coverage
-from lutforge.calibration.lattice.node_levels import BINS, EVEN, blended_levels, equidistributed_levels, error_histogram
+from lutforge.calibration.lattice.node_levels import BINS, EVEN, equidistributed_levels
 from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
@@ -21,6 +21,7 @@ from lutforge.model.profile_data import Both
 from lutforge.model.response import Response
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.solvers import normal_equations
+from lutforge.thesis.lattice import blended_levels, error_histogram
 from tests.cases.samples import style_of
 
 CAMERA = nikon_d5100()

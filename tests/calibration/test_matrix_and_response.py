@@ -1,4 +1,4 @@
-"""Matrix, response and multipliers: of a made camera that clips, with noise and strays, and of the simulated one."""
+"""Matrix and response: of a made camera that clips, with noise and strays, and of the simulated one."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,20 +9,14 @@ import numpy as np
 import pytest
 
 from lutforge.arrays import Array
+from lutforge.calibration.exposure_pairs import pairs_of_bracket, pairs_of_samples
 from lutforge.calibration.matrix_and_response import (
-    BETA,
     check_tones,
     fit_matrix_and_response,
     saturation,
-    untouched,
 )
-from lutforge.calibration.options import CalibrationOptions, Preset
-from lutforge.calibration.physical_model import KNOWN, fit_matrix
-from lutforge.calibration.response_from_exposures import (
-    fit_response_to_exposures,
-    pairs_of_bracket,
-    pairs_of_samples,
-)
+from lutforge.calibration.options import BETA, CalibrationOptions
+from lutforge.calibration.response_from_exposures import fit_response_by_least_squares, fit_response_to_exposures
 from lutforge.calibration.style import fit_lattices, style_data, unclipped
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.colour.spectra import chart_reflectances
@@ -33,7 +27,7 @@ from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.solvers.solution import Status
 from tests.cases.real_data import CHARTS, S40, middlebury_table, read_published_pairs
-from tests.cases.samples import BALANCES, chart_140, photograph_patches, style_of, surfaces
+from tests.cases.samples import chart_140, photograph_patches, style_of, surfaces
 
 MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.6, 1.6]])
 
@@ -92,47 +86,9 @@ def test_white_that_is_no_saturation_stays_as_the_samples_have_it() -> None:
     np.testing.assert_allclose(255 * rendered, 255 * scan(top), atol=1)
 
 
-# --- Ts and Tw of the simulated camera, with multipliers known, partly known, and unknown -----------------------------
-
-
 CAMERA = nikon_d5100()
 SAMPLES = photograph_patches(CAMERA, chart_140())
 SAMPLES = SAMPLES.select(unclipped(SAMPLES, SAMPLES.wb))
-LINEAR = CAMERA.styles["standard"][1].inverse(SAMPLES.srgb)
-TRUSTED = untouched(SAMPLES.srgb).astype(np.float64)
-BALANCED, ALL_KNOWN = SAMPLES.raw * SAMPLES.wb, np.full(len(SAMPLES), KNOWN)
-
-
-@pytest.mark.parametrize("known", [BALANCES, ("daylight",), ()])
-@pytest.mark.parametrize("preset", ["lutforge", "thesis"])
-def test_matrix_and_multipliers_are_the_cameras(known: tuple[str, ...], preset: Preset) -> None:
-    is_known = np.isin(SAMPLES.white_balance, known)
-    raw = np.where(is_known[:, None], SAMPLES.raw * SAMPLES.wb, SAMPLES.raw)
-    setting = np.where(is_known, KNOWN, SAMPLES.white_balance)
-    matrix, multipliers = fit_matrix(LINEAR, raw, setting, trusted=TRUSTED, preset=preset)
-    assert np.linalg.norm(matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
-    for name in np.unique(SAMPLES.white_balance[~is_known]):
-        np.testing.assert_allclose(multipliers[name], CAMERA.multipliers(name), rtol=0.005)
-        assert multipliers[name][1] == 1.0
-
-
-def test_colours_near_white_are_what_turns_the_plain_fit() -> None:
-    """The thesis's threshold β alone lets them in; the robust fit tells them by their residual."""
-    every = (saturation(SAMPLES.srgb) < BETA).astype(np.float64)
-    error = {}
-    for name, trusted in (("β", every), ("not near white", TRUSTED)):
-        matrix, _ = fit_matrix(LINEAR, BALANCED, ALL_KNOWN, trusted=trusted, preset="thesis")
-        error[name] = np.linalg.norm(matrix - CAMERA.matrix) / np.linalg.norm(CAMERA.matrix)
-    assert error["not near white"] < 0.005 < 0.02 < error["β"]
-
-
-def test_strays_do_not_turn_the_robust_fit() -> None:
-    rng = np.random.default_rng(0)
-    raw = BALANCED.copy()
-    strays = rng.permutation(len(raw))[: len(raw) // 20]
-    raw[strays] *= rng.uniform(0.5, 2.0, (len(strays), 3))
-    matrix, _ = fit_matrix(LINEAR, raw, ALL_KNOWN, trusted=TRUSTED)
-    assert np.linalg.norm(matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
 
 
 # --- The response against the simulated camera's known one, and against plain curves ----------------------------------
@@ -177,8 +133,8 @@ def test_f_from_exposure_times_that_are_off_by_three_percent() -> None:
 
 def test_f_from_exposure_pairs_whose_ratio_raw_tells() -> None:
     samples = _samples("standard")
-    for preset in ("lutforge", "thesis"):
-        fit = fit_response_to_exposures(pairs_of_samples(samples), preset)
+    for fitted in (fit_response_to_exposures, fit_response_by_least_squares):
+        fit = fitted(pairs_of_samples(samples))
         assert _worst(fit.response, "standard", np.clip(samples.srgb, 0.03, 0.97), scaled=True) < 0.005
 
 
@@ -309,7 +265,7 @@ def test_a_response_of_exposures_does_not_run_away_above_the_brightest(camera: s
     samples = of_chart(camera)
     of_raw = fit_matrix_and_response(samples.raw * complete_multipliers(samples)[0], samples.srgb).response
     dark = samples.select(samples.srgb.max(axis=1) < 0.5)
-    of_pairs = fit_response_to_exposures(pairs_of_samples(dark), "thesis").response
+    of_pairs = fit_response_by_least_squares(pairs_of_samples(dark)).response
     white, grey = np.stack([each.linearize([[0.3] * 3, [1.0] * 3]) for each in (of_pairs, of_raw)], axis=1)[::-1]
     ratio = (white / grey)[0] / (white / grey)[1]
     assert np.all((ratio > 0.65) & (ratio < 1.35)), ratio

@@ -7,11 +7,11 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import style_data
-from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
+from lutforge.thesis.options import ThesisOptions
 from tests.cases.samples import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
@@ -74,15 +74,14 @@ def test_colour_and_greys_alone_are_no_monochrome_style() -> None:
     assert not _monochrome(_without_colour(greys))
 
 
-def test_the_physical_model_and_the_matrix_are_those_of_the_colourful_styles() -> None:
-    physical = CalibrationOptions(model="rbf", size=5, nonuniform=False)
+def test_the_camera_model_and_the_matrix_are_those_of_the_colourful_styles() -> None:
+    options = CalibrationOptions(size=5, nonuniform=False)
     colourful = photograph_patches(CAMERA, chart_140()[:60], balances=("daylight",), stops=(0,))  # one shot: no refits
     grey = _without_colour(photograph_patches(CAMERA, chart_140(), balances=("daylight",), stops=(0,)))
     grey = replace(grey, style=np.full(len(grey), "monochrome"))
-    for options in (physical, replace(physical, model="lattice")):
-        both, alone = calibrate(concatenate([colourful, grey]), options), calibrate(colourful, options)
-        np.testing.assert_array_equal(both.matrix, alone.matrix)
-        assert both.styles["standard"].physical
-        assert not both.styles["monochrome"].physical
-    with pytest.raises(CalibrationError, match=r'"monochrome" is black and white: .* use the "lattice" model'):
-        calibrate(grey, physical)
+    both, alone = calibrate(concatenate([colourful, grey]), options), calibrate(colourful, options)
+    np.testing.assert_array_equal(both.matrix, alone.matrix)
+    assert both.styles["standard"].models
+    assert not both.styles["monochrome"].models
+    by_thesis = calibrate(grey, ThesisOptions(size=5, nonuniform=False))
+    assert any('"monochrome" is black and white' in note for note in by_thesis.notes)

@@ -21,6 +21,8 @@ from lutforge.calibration.style import fit_lattices
 from lutforge.model.lattice import Lattice
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
+from lutforge.thesis.calibrate import fit_lattices as fit_thesis_lattices
+from lutforge.thesis.options import Options, ThesisOptions
 from tests.cases.real_data import PublishedPairs, middlebury_table, radial_basis_functions, split
 from tests.cases.samples import style_of
 
@@ -33,12 +35,14 @@ def errors(pairs: PublishedPairs, fit: Callable[[Array, Array], Callable[[Array]
     return np.asarray(np.linalg.norm(np.clip(fit(x[fitted], y[fitted])(x[held]), 0.0, 1.0) - y[held], axis=1))
 
 
-def lattice(options: CalibrationOptions) -> Callable[[Array, Array], Lattice]:
+def lattice(options: Options) -> Callable[[Array, Array], Lattice]:
     """A fit from ten shots of mixed colours each."""
+    if isinstance(options, ThesisOptions):
+        return lambda x, y: fit_thesis_lattices(style_of(x, y), options).render
     return lambda x, y: fit_lattices(style_of(x, y), options).render
 
 
-def median_of_means(d40_pairs: PublishedPairs, options: CalibrationOptions, seeds: tuple[int, ...]) -> float:
+def median_of_means(d40_pairs: PublishedPairs, options: Options, seeds: tuple[int, ...]) -> float:
     return float(np.median([errors(d40_pairs, lattice(options), seed).mean() for seed in seeds]))
 
 
@@ -47,9 +51,9 @@ def median_of_means(d40_pairs: PublishedPairs, options: CalibrationOptions, seed
     ("size", "uniform", "nonuniform"), [(13, 0.0162, 0.0076), (17, 0.0103, 0.0056), (24, 0.0079, 0.0046)]
 )
 def test_thesis(d40_pairs: PublishedPairs, size: int, uniform: float, nonuniform: float) -> None:
-    plain = median_of_means(d40_pairs, CalibrationOptions(preset="thesis", size=size, nonuniform=False), (1, 2, 3))
+    plain = median_of_means(d40_pairs, ThesisOptions(size=size, nonuniform=False), (1, 2, 3))
     assert plain == pytest.approx(uniform, rel=0.06)
-    assert median_of_means(d40_pairs, CalibrationOptions(preset="thesis", size=size), (1, 2, 3)) <= nonuniform
+    assert median_of_means(d40_pairs, ThesisOptions(size=size), (1, 2, 3)) <= nonuniform
 
 
 @pytest.fixture(scope="module")

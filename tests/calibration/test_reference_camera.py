@@ -15,13 +15,15 @@ from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.colour.srgb import srgb_to_lab
 from lutforge.errors import CalibrationError, ProfileError
 from lutforge.evaluation.evaluation import evaluate
-from lutforge.evaluation.methods import RBF
+from lutforge.evaluation.methods import MODEL
 from lutforge.model.camera_profile import match, profile_of_response
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate, unclipped_colours
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
+from lutforge.thesis.options import ThesisOptions
+from lutforge.thesis.reference_camera import own_raw as own_raw_of_thesis
 from tests.cases.samples import chart_140, photograph_patches, surfaces
 
 OWN, REFERENCE = sigma_sd_merrill(), nikon_d5100()
@@ -38,7 +40,7 @@ def samples() -> SampleSet:
 
 @pytest.mark.slow
 def test_refinishing_works_and_the_own_raw_is_refused(samples: SampleSet) -> None:
-    profile = calibrate(samples, CalibrationOptions(model="rbf"))
+    profile = calibrate(samples, CalibrationOptions())
     assert profile.raw_camera == REFERENCE.name
     with pytest.raises(ProfileError, match="has no RAW"):
         profile.linearize("standard/daylight")
@@ -50,7 +52,7 @@ def test_refinishing_works_and_the_own_raw_is_refused(samples: SampleSet) -> Non
     error = np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2))
     assert error < 0.04  # the thesis reaches 0.02 with the camera's own RAW; the sensors differ by more than a matrix
     assert error < 0.3 * plain
-    rows = [row for row in evaluate(profile, samples).rows if row.method == RBF and row.shot == "all"]
+    rows = [row for row in evaluate(profile, samples).rows if row.method == MODEL and row.shot == "all"]
     assert {row.direction for row in rows} == {"render", "linearize"}
     assert all(row.figures.mean < 0.03 for row in rows)
 
@@ -104,16 +106,16 @@ def test_shots_that_are_too_dark_do_not_bend_the_response(samples: SampleSet) ->
         assert found == pytest.approx(1 / 0.8, abs=0.015)
 
 
-def test_the_thesis_preset_trusts_unsaturated_colours_alike_and_the_exposures(samples: SampleSet) -> None:
+def test_the_thesis_trusts_unsaturated_colours_alike_and_the_exposures(samples: SampleSet) -> None:
     """As (4.10) has it: no shot gets a gain, and colours above the saturation β tell nothing."""
     dark = np.char.endswith(samples.shot, "-1")
     spoilt = replace(samples, raw=np.where(dark[:, None], 0.8 * samples.raw, samples.raw))
-    carried, transfer = own_raw(spoilt, "thesis")
+    carried, transfer = own_raw_of_thesis(spoilt, ThesisOptions())
     inside = spoilt.select(unclipped_colours(spoilt.srgb, spoilt.raw))
     np.testing.assert_allclose(carried.raw, inside.raw @ transfer.T)
     low = saturation(spoilt.srgb) < 0.7  # where greys are all that lies below β = 0.3, the limit is raised to that
     recoloured = replace(spoilt, raw=np.where(low[:, None], spoilt.raw, 0.9 * spoilt.raw[:, ::-1]))
-    scale = own_raw(recoloured, "thesis")[1] / transfer
+    scale = own_raw_of_thesis(recoloured, ThesisOptions())[1] / transfer
     np.testing.assert_allclose(scale, scale[0, 0], rtol=1e-6)
 
 
@@ -133,7 +135,7 @@ def test_bright_greys_are_not_cut_at_the_references_saturation(samples: SampleSe
     """A camera that exposes brighter than its reference reaches its white beyond the reference's 1."""
     rows = samples.raw.max(axis=1) > 0  # a reference that is four times as sensitive clips most bright colours
     sensitive = replace(samples, raw=np.minimum(4.0 * samples.raw, 1.0)).select(rows)
-    profile = calibrate(sensitive, CalibrationOptions(model="rbf"))
+    profile = calibrate(sensitive, CalibrationOptions())
     greys = np.repeat(np.array([[180.0], [210.0], [230.0], [245.0]]) / 255.0, 3, axis=1)
     back = profile.refinish("standard/daylight", "standard/daylight", ev=1e-6)(greys)  # else it is the identity
     assert np.all(np.diff(back, axis=0) > 0.02)
@@ -143,7 +145,7 @@ def test_shots_that_do_not_belong_together_are_refused(samples: SampleSet) -> No
     rng = np.random.default_rng(0)
     mixed = replace(samples, raw=samples.raw[rng.permutation(len(samples))])
     with pytest.raises(CalibrationError, match="same scene"):
-        calibrate(mixed, CalibrationOptions(model="rbf"))
+        calibrate(mixed, CalibrationOptions())
 
 
 # --- RAW to RAW between two cameras of known sensitivities ------------------------------------------------------------

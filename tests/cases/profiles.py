@@ -7,7 +7,7 @@ import numpy as np
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.profile_data import DIRECTIONS, PhysicalModel, PictureStyle
+from lutforge.model.profile_data import DIRECTIONS, CameraModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 
@@ -26,14 +26,14 @@ def identity_map() -> GamutMap:
 
 
 def small_profile(camera: str = "Test One") -> CameraProfile:
-    """Two styles: "standard" with lattices and a physical model, "vivid" with lattices only."""
+    """Two styles: "standard" with lattices and a camera model, "vivid" with lattices only."""
     levels = uniform_levels(5)
     render = Lattice(levels, np.clip(grid(levels) @ MATRIX.T, 0.0, 1.0) ** (1 / GAMMA))
     linearize = Lattice(levels, (grid(levels) ** GAMMA) @ np.linalg.inv(MATRIX).T, "tetrahedral")
     rng = np.random.default_rng(5)
     wavy = GamutMap(rng.uniform(size=(7, 3)), rng.normal(size=(7, 3)) / 50, identity_map().polynomial)
     even = replace(identity_map(), offset=0.01)
-    physical = PhysicalModel(("daylight", "tungsten"), MATRIX, gamma_response(), even, wavy)
+    physical = CameraModel(("daylight", "tungsten"), MATRIX, gamma_response(), even, wavy)
     coverage = {direction: rng.uniform(size=(5, 5, 5)) for direction in DIRECTIONS}
     balances = {
         "daylight": WhiteBalance((2.0, 1.0, 1.5), 5200.0),

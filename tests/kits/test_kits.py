@@ -70,8 +70,8 @@ def test_a_dng_profile_shows_the_look(profile: CameraProfile, s40_samples: Sampl
 def test_white_stays_white_in_a_dng_profile(profile: CameraProfile) -> None:
     """Of a matrix whose rows do not sum to 1, too: developers scale a forward matrix so that it does."""
     style = profile.styles["standard"]
-    models = tuple(replace(model, matrix=np.diag([0.87, 0.86, 0.91]) @ model.matrix) for model in style.physical)
-    darker = replace(profile, styles={"standard": replace(style, physical=models)})
+    models = tuple(replace(model, matrix=np.diag([0.87, 0.86, 0.91]) @ model.matrix) for model in style.models)
+    darker = replace(profile, styles={"standard": replace(style, models=models)})
     forward = fit_dng_profile(look_of(darker, "standard")).forward_matrix
     assert np.allclose(forward.sum(axis=1), [0.9642, 1.0, 0.8251], atol=2e-3)  # D50
 

@@ -1,4 +1,4 @@
-"""The stages of the physical model: the response and its EMoR basis, gamut maps, the colours that they know."""
+"""The stages of the camera model: the response and its EMoR basis, gamut maps, the colours that they know."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, indexe
 from lutforge.model.coverage import FARTHEST, confidence, uncovered
 from lutforge.model.gamut_map import REACH, GamutMap, even_slope, flattened, from_even, identity_gamut_map, to_even
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.profile_data import PhysicalModel, PictureStyle
+from lutforge.model.profile_data import CameraModel, PictureStyle
 from lutforge.model.response import Response, inverse_emor, log_inverse_emor
 from tests.cases.profiles import gamma_response, identity_map, small_profile
 
@@ -112,9 +112,9 @@ def test_bad_parts_are_refused() -> None:
 def test_distance_to_the_nearest_centre_in_encoded_values() -> None:
     known = np.array([[0.2, 0.3, 0.4], [0.8, 0.7, 0.6]])
     back = GamutMap(known**2.2, np.zeros((2, 3)), identity_map().polynomial)
-    model = PhysicalModel(("daylight",), np.eye(3), gamma_response(), identity_map(), back)
+    model = CameraModel(("daylight",), np.eye(3), gamma_response(), identity_map(), back)
     x = np.array([[[0.2, 0.3, 0.45], [0.5, 0.5, 0.5]], [[0.8, 0.7, 0.6], [0.2, 0.3, 0.61]]])
-    style = PictureStyle(physical=(model,))
+    style = PictureStyle(models=(model,))
     np.testing.assert_array_equal(uncovered(style, x, 0.1), [[False, True], [False, True]])
     np.testing.assert_array_equal(uncovered(style, x, 0.4), [[False, False], [False, False]])
 
@@ -134,7 +134,7 @@ def test_confidence_is_the_mask_as_a_lattice() -> None:
     rng = np.random.default_rng(3)
     known = rng.uniform(0.1, 0.9, (60, 3))
     back = GamutMap(known**2.2, np.zeros((60, 3)), identity_map().polynomial)
-    style = PictureStyle(physical=(PhysicalModel(("daylight",), np.eye(3), gamma_response(), identity_map(), back),))
+    style = PictureStyle(models=(CameraModel(("daylight",), np.eye(3), gamma_response(), identity_map(), back),))
     trust = confidence(style)
     near = np.clip(known + rng.normal(size=(60, 3)) * 0.2 * FARTHEST / np.sqrt(3), 0.02, 0.98)
     assert trust(near)[:, 0].min() > 0.7

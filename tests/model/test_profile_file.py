@@ -95,7 +95,7 @@ def test_everything_comes_back(saved: Path) -> None:
             np.testing.assert_array_equal(again.lattices[direction](x), lattice(x))
         for direction, coverage in style.coverage.items():
             np.testing.assert_array_equal(again.coverage[direction], coverage)
-        for one, other in zip(style.physical, again.physical, strict=True):
+        for one, other in zip(style.models, again.models, strict=True):
             np.testing.assert_array_equal(other.render(x), one.render(x))
             np.testing.assert_array_equal(other.linearize(x), one.linearize(x))
             assert other.white_balances == one.white_balances
@@ -233,13 +233,13 @@ def test_a_zip_bomb_is_refused(saved: Path) -> None:
 def test_a_physical_model_is_judged_and_its_names_are_text(saved: Path) -> None:
     with zipfile.ZipFile(saved) as archive:
         styles = json.loads(archive.read("profile.json"))["styles"]
-    model = styles["standard"]["physical"][0]
+    model = styles["standard"]["models"][0]
     model["matrix"] = [[1.0, 0.0], [0.0, 1.0]]
     _edit(saved, styles=styles)
     assert "matrix" in _refused(saved)
     model["matrix"], model["white_balances"] = np.eye(3).tolist(), [["daylight"], 3]
     _edit(saved, styles=styles)
-    assert all(isinstance(name, str) for name in load_profile(saved).styles["standard"].physical[0].white_balances)
+    assert all(isinstance(name, str) for name in load_profile(saved).styles["standard"].models[0].white_balances)
 
 
 # --- The camera model that the thesis's authors published (Nikon D40, normal style): gold values and a refit ----------
@@ -297,11 +297,11 @@ def test_exports_are_imported_again(models: list[PublishedModel], profile: Camer
 
 
 def test_what_the_files_cannot_hold_is_refused(profile: CameraProfile, tmp_path: Path) -> None:
-    model = profile.styles["standard"].physical[0]
+    model = profile.styles["standard"].models[0]
     even = replace(model, gamut_map=replace(model.gamut_map, offset=0.1))
     with pytest.raises(ProfileError, match="--preset thesis"):
-        export_published(replace(profile, styles={"standard": PictureStyle(physical=(even,))}), "standard", tmp_path)
-    with pytest.raises(ProfileError, match="no physical model"):
+        export_published(replace(profile, styles={"standard": PictureStyle(models=(even,))}), "standard", tmp_path)
+    with pytest.raises(ProfileError, match="no camera model"):
         export_published(replace(profile, styles={"standard": PictureStyle()}), "standard", tmp_path)
     with pytest.raises(ProfileError, match="no matrix from that of Reference"):
         export_published(replace(profile, raw_camera="Reference", raw_transfer=np.eye(3)), "standard", tmp_path)

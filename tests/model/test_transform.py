@@ -11,7 +11,7 @@ from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, ModelName, match
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import PhysicalModel, PictureStyle
+from lutforge.model.profile_data import CameraModel, PictureStyle
 from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Encode
 from lutforge.model.white_balance import WhiteBalance
@@ -25,9 +25,9 @@ def _physical_profile(
     tungsten: tuple[float, float, float] = (1.3, 1.0, 2.6),
     raw_transfer: np.ndarray | None = None,
 ) -> CameraProfile:
-    physical = PhysicalModel(("daylight",), matrix, gamma_response(), identity_map(), identity_map())
+    physical = CameraModel(("daylight",), matrix, gamma_response(), identity_map(), identity_map())
     balances = {"daylight": WhiteBalance(daylight, 5200.0), "tungsten": WhiteBalance(tungsten, 3200.0)}
-    styles, reference = {"standard": PictureStyle(physical=(physical,))}, "" if raw_transfer is None else "Reference"
+    styles, reference = {"standard": PictureStyle(models=(physical,))}, "" if raw_transfer is None else "Reference"
     return CameraProfile(camera, matrix, balances, styles, raw_camera=reference, raw_transfer=raw_transfer)
 
 
@@ -61,7 +61,7 @@ def test_refinish_changes_white_balance_and_exposure() -> None:
     np.testing.assert_allclose(after, PROFILE.render("standard/daylight")(RAW * 2**-0.5), atol=1e-6)
 
 
-@pytest.mark.parametrize("model", ["lattice", "rbf"])
+@pytest.mark.parametrize("model", ["lattice", "camera model"])
 def test_the_same_settings_change_nothing(model: ModelName) -> None:
     profile = small_profile()
     x = np.random.default_rng(0).random((100, 3))
@@ -86,9 +86,9 @@ def test_match_goes_through_the_scene() -> None:
 def test_a_style_answers_with_the_model_asked_for() -> None:
     profile = small_profile()
     assert isinstance(profile.render("standard/daylight").stages[-1], Lattice)
-    assert isinstance(profile.render("standard/daylight", model="rbf").stages[-1], Encode)
-    with pytest.raises(ProfileError, match="no physical model"):
-        profile.render("vivid/daylight", model="rbf")
+    assert isinstance(profile.render("standard/daylight", model="model").stages[-1], Encode)
+    with pytest.raises(ProfileError, match="no camera model"):
+        profile.render("vivid/daylight", model="model")
 
 
 def test_unknown_settings_list_the_known_ones() -> None:

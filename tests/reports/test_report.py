@@ -91,7 +91,7 @@ def answered(report: Report, question: int) -> str:
 @pytest.fixture(scope="module")
 def hostile() -> tuple[CameraProfile, SampleSet]:
     samples = shots(("a", "b", HOSTILE))
-    return calibrate(samples, CalibrationOptions(size=9, model="rbf")), samples
+    return calibrate(samples, CalibrationOptions(size=9)), samples
 
 
 def test_tables_are_those_of_evaluate(hostile: tuple[CameraProfile, SampleSet]) -> None:
@@ -103,10 +103,12 @@ def test_tables_are_those_of_evaluate(hostile: tuple[CameraProfile, SampleSet]) 
     assert [row[2] for row in shown.rows] == [row.method for row in rows]
     mean = shown.header.index("mean")
     assert [row[mean] for row in shown.rows] == [f"{row.figures.mean:.4f}" for row in rows]
-    own = next(row for row in rows if row.method == "rbf")
+    own = next(row for row in rows if row.method == "camera model")
     assert f"{own.figures.mean:.4f}" in answered(report, 0)
     assert f"ΔE00 {own.figures.de00_mean:.2f}" in answered(report, 1)
-    back = next(row for row in evaluate(profile, samples).rows if (row.direction, row.method) == ("linearize", "rbf"))
+    back = next(
+        row for row in evaluate(profile, samples).rows if (row.direction, row.method) == ("linearize", "camera model")
+    )
     assert f"{back.figures.mean:.4f}" in answered(report, 0)
 
 
@@ -174,7 +176,7 @@ def test_error_maps_of_real_files(demo: tuple[Path, str]) -> None:
         means = [float(title.rsplit(" ", 1)[1]) for title in titles if title.startswith(direction)]
         assert len(means) == 4 and means[0] < means[3], titles  # LutForge below the polynomial
         methods = [title.split("\n")[1].split(":")[0] for title in titles if title.startswith(direction)]
-        assert methods == ["lattice", "uniform lattice 17", "rbf", "polynomial of all channels"]
+        assert methods == ["lattice", "uniform lattice 17", "camera model", "polynomial of all channels"]
 
 
 def test_gaps_are_named_where_colours_are_missing() -> None:
@@ -272,9 +274,9 @@ def test_a_page_shows_chart_and_differences(profile_path: Path, tmp_path: Path) 
 
 def test_the_same_setting_differs_by_nothing_and_an_exposure_is_levelled(profile_path: Path) -> None:
     profile = as_profile(profile_path)
-    models = profile.styles["standard"].physical
+    models = profile.styles["standard"].models
     darker = tuple(replace(model, matrix=model.matrix * 0.7) for model in models)  # half a stop less sensitive
-    style = replace(profile.styles["standard"], physical=darker)
+    style = replace(profile.styles["standard"], models=darker)
     page = build_comparison(profile, "standard/daylight", profile, "standard/daylight")
     assert "ΔE00 0.0 in the mean" in page.lead[0]
     other = replace(profile, styles={"standard": style})

@@ -35,7 +35,7 @@ from bokeh.events import SelectionGeometry
 from panel.io.state import set_curdoc
 from tornado.httputil import HTTPHeaders, HTTPServerRequest, RequestStartLine
 
-from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.grading.batch import apply_batch
 from lutforge.grading.profile_recipe import ProfileRecipe
 from lutforge.images.read import read_image
@@ -348,7 +348,7 @@ def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
 def test_a_profile_without_raw_works_in_every_step(tmp_path: Path) -> None:
     samples = chart_samples(patches=45)
     reference = replace(samples, raw_camera=np.full(len(samples), "Reference"), wb=np.full((len(samples), 3), np.nan))
-    page = opened(tmp_path, calibrate(reference, CalibrationOptions(physical=PhysicalOptions(centres=60))))
+    page = opened(tmp_path, calibrate(reference, CalibrationOptions(centres=60)))
     for workspace in (None, with_profile(Workspace(reference), page.session.require_profile())):
         page.session.begin(workspace)
         page.session.on_change()

@@ -12,14 +12,15 @@ import pytest
 from lutforge.colour.srgb import chromaticities, srgb_decode
 from lutforge.progress import silent
 from lutforge.samples.sample_set import SampleSet
+from lutforge.thesis.options import ThesisOptions
 from tests.studio.shots_for_the_studio import chart_samples
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from bokeh.events import SelectionGeometry, Tap
 
 from lutforge.calibration.matrix_and_response import saturation
-from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
-from lutforge.pipeline.calibration import calibrate, calibrate_stages
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.pipeline.calibration import calibrate, calibrate_base
 from lutforge.pipeline.evaluation import predict
 from lutforge.studio.opening import Folders
 from lutforge.studio.samples_page import COLOURS, PLOTS, BrushedPlot, colours, find_rows, points, tristimulus
@@ -73,7 +74,7 @@ def test_saturated_colours_are_kept_from_the_response_alone(samples: SampleSet) 
     workspace = Workspace(samples, limits={"saturation": (0.0, 0.3)}).mark(np.arange(len(samples)) == 5, 1)
     assert workspace.fitting_rows("matrix").sum() == (~workspace.outliers).sum()
     assert workspace.fitting_rows("lattice").sum() == len(samples) - 1
-    assert not workspace.fitting_rows("rbf")[5]
+    assert not workspace.fitting_rows("lattice")[5]
     moved = replace(workspace, limits={"saturation": (0.0, 0.3), "brightest": (0, 200)})
     bright = moved.filtered["brightest"]
     assert bright.any()
@@ -88,16 +89,16 @@ def test_gamut_map_and_lattice_stand_on_the_stages_that_were_fitted(samples: Sam
     stages = workspace.models["matrix"].profile
     assert workspace.models["matrix"].task is not None
     assert workspace.models["matrix"].task.rows.sum() < len(samples)
-    mapped = fitted(workspace, "rbf")
-    np.testing.assert_array_equal(mapped.models["rbf"].profile.matrix, stages.matrix)
+    mapped = fitted(workspace, "lattice")
+    np.testing.assert_array_equal(mapped.models["lattice"].profile.matrix, stages.matrix)
     for name, style in stages.styles.items():
-        kept = mapped.models["rbf"].profile.styles[name].physical[0]
-        np.testing.assert_array_equal(kept.response.inverse, style.physical[0].response.inverse)
+        kept = mapped.models["lattice"].profile.styles[name].models[0]
+        np.testing.assert_array_equal(kept.response.inverse, style.models[0].response.inverse)
         assert len(kept.gamut_map.centres) > 8
     saturated = workspace.columns["saturation"] > 0.5
     before, after = (
         np.linalg.norm(model.predicted.rendered - samples.srgb, axis=1)[saturated].mean()
-        for model in (workspace.models["matrix"], mapped.models["rbf"])
+        for model in (workspace.models["matrix"], mapped.models["lattice"])
     )
     assert after < 0.5 * before
     lattice, alone = fitted(workspace, "lattice"), fitted(replace(workspace, own_stages=False), "lattice")
@@ -134,7 +135,8 @@ def test_samples_of_no_ticked_pair_do_not_tell_the_response(samples: SampleSet) 
     assert unticked.outliers[mine].all() and not unticked.removed.any()
     assert np.array_equal(unticked.fitting_rows("lattice"), workspace.fitting_rows("lattice"))
     one = replace(workspace, unticked=frozenset({(shots[0], shots[1])}))
-    assert one.task("matrix").options.physical == PhysicalOptions(without_pairs=((shots[0], shots[1]),))
+    assert isinstance(options := one.task("matrix").options, ThesisOptions)
+    assert options.without_pairs == ((shots[0], shots[1]),)
 
 
 @pytest.mark.slow
@@ -151,7 +153,7 @@ def test_figures_of_a_camera_without_raw_are_those_of_the_profile_itself() -> No
 
 def test_samples_of_a_setting_are_rendered_with_its_gain(samples: SampleSet) -> None:
     """By the name of the setting where the file tells its multipliers, and with the gain where a shot has its own."""
-    profile = calibrate_stages(samples, CalibrationOptions(size=5))
+    profile = calibrate_base(samples, CalibrationOptions(size=5))
     balance = replace(profile.white_balances["tungsten"], gain=1.2)
     profile = replace(profile, white_balances={**profile.white_balances, "tungsten": balance})
     rows = (samples.white_balance == "tungsten") & (samples.style == "standard")
@@ -181,7 +183,7 @@ def test_the_profile_is_the_one_of_the_command_line(samples: SampleSet, tmp_path
 
 
 def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> None:
-    options = CalibrationOptions(size=5, physical=PhysicalOptions(beta=0.25))
+    options = CalibrationOptions(size=5, beta=0.25)
     workspace = Workspace(samples, limits={"saturation": (0.0, 0.4), "residual": (0.0, 12.0)}, options=options)
     workspace = workspace.mark(np.arange(len(samples)) < 3, 1).mark(np.arange(len(samples)) == 7, -1)
     workspace = workspace.with_group("<b>odd</b>", np.arange(len(samples)) % 50 == 0)

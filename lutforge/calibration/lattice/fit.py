@@ -16,7 +16,7 @@ from lutforge.arrays import Array, Index, Mask
 from lutforge.calibration.gamut_map import OFFSET, neutral_scenes
 from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_levels, even_to_the_eye
 from lutforge.calibration.lattice.output_curve import OutputCurve
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import LatticeOptions
 from lutforge.interpolation import Levels, apply_curve, interpolate
 from lutforge.model.gamut_map import from_even
 from lutforge.model.lattice import Lattice, grid, resized_levels, snapped, uniform_levels
@@ -37,7 +37,7 @@ def bake_lattice(
     points: Array,
     values: Array,
     weight: Array,
-    options: CalibrationOptions,
+    options: LatticeOptions,
     curve: OutputCurve | None = None,
     levels: Levels | None = None,
     asked: Array | None = None,
@@ -98,7 +98,7 @@ def _levels(
     points: Array,
     values: Array,
     weight: Array,
-    options: CalibrationOptions,
+    options: LatticeOptions,
     curve: OutputCurve | None,
 ) -> Levels:
     """Node levels in rounds, each from the errors between the nodes of the one before; those of least error are kept.
@@ -125,7 +125,7 @@ def _fitted(
     values: Array,
     weight: Array,
     levels: Levels,
-    options: CalibrationOptions,
+    options: LatticeOptions,
     curve: OutputCurve | None,
     cells: Mask | None = None,
 ) -> tuple[Lattice, Array]:

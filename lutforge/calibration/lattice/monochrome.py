@@ -7,7 +7,7 @@ with render(t, t, t) = g; off the grey axis, where no such JPEG lies, the same c
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import LatticeOptions
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, grid, snapped, uniform_levels
 
@@ -33,7 +33,7 @@ def monochrome_note(style: str) -> str:
     )
 
 
-def inverse_of_greys(render: Lattice, options: CalibrationOptions) -> Lattice:
+def inverse_of_greys(render: Lattice, options: LatticeOptions) -> Lattice:
     """The lattice that takes each channel's code to the neutral light which `render` (Tw E → I) gives that code.
 
     Rising; 0 stays 0, and the code of white becomes the least light that renders so.

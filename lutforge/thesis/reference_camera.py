@@ -1,0 +1,65 @@
+"""Cameras without RAW by the thesis (4.2.4): f from exposure pairs, then (4.10) over colours that all count alike."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.arrays import Array, Mask
+from lutforge.calibration.matrix_and_response import saturation
+from lutforge.calibration.reference_camera import (
+    StyleFit,
+    check_inverse,
+    gains_and_scale,
+    jointly_diagonal,
+    level_of,
+    linear_values,
+    transformed,
+    unclipped_pairs,
+    unsaturated_of_several_hues,
+)
+from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
+from lutforge.thesis.camera_model import response_of_exposures
+from lutforge.thesis.options import ThesisOptions
+
+
+def own_raw(samples: SampleSet, options: ThesisOptions) -> tuple[SampleSet, Array]:
+    """Transform a reference camera's RAW to that of the camera that was sampled with it: the samples, and Tc (3, 3).
+
+    Shots have no gains of their own. Arguments and errors are else those of
+    `lutforge.calibration.reference_camera.own_raw`.
+    """
+    inside = unclipped_pairs(samples)
+    setting = inside.settings
+    values = linear_values(inside, setting, lambda style, of: _fit_style(style, of, options))
+    inverses = {str(name): _inverse(values.linear, inside, setting == name, str(name)) for name in np.unique(setting)}
+    transfer, matrix, balances = jointly_diagonal(inverses)
+    multipliers = np.array([balances[str(name)] / balances[str(name)][1] for name in setting])
+    _, scale = gains_and_scale(inside, setting, values, transfer, matrix, multipliers)
+    return transformed(inside, values, transfer, multipliers, values.gain, scale)
+
+
+def _fit_style(samples: SampleSet, setting: NDArray[np.str_], options: ThesisOptions) -> StyleFit:
+    """Fit f to the exposure pairs (4.2.1), and Tz to the colours below β by plain least squares."""
+    response = response_of_exposures(samples, options)
+    plain = saturation(samples.srgb) < options.beta
+    linear = response.linearize(samples.srgb)
+    matrices = {}
+    for name in np.unique(setting):
+        rows = plain & (setting == name)
+        matrices[str(name)] = np.linalg.lstsq(samples.raw[rows], linear[rows])[0].T
+    return StyleFit(response, matrices, np.ones(len(samples)), plain.astype(np.float64))
+
+
+def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[Array, Array]:
+    """Tz⁻¹ (3, 3) of one white balance, f⁻¹(I) → E' (4.10), and the precision (3, 3) of each of its rows.
+
+    Raises CalibrationError where the colours do not determine it, or contradict every matrix.
+    """
+    x, y = linear[rows], samples.raw[rows]
+    plain, _ = unsaturated_of_several_hues(x, saturation(samples.srgb[rows]), name)
+    inverse = np.asarray(np.linalg.lstsq(x[plain], y[plain])[0].T, dtype=np.float64)
+    error = np.linalg.norm(y - x @ inverse.T, axis=1) / level_of(y)
+    scale = RobustWeights(cauchy, multiple=2.0, least=2e-4).scale(error[plain]) / 2.0
+    check_inverse(inverse, scale, name)
+    weighted = x[plain] / scale
+    return inverse, weighted.T @ weighted
