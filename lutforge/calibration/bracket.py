@@ -17,7 +17,11 @@ from lutforge.calibration.curve_basis import gamma_response, log_emor_basis, log
 from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import BETA
-from lutforge.calibration.response_from_exposures import ExposureResponseFit, fit_response_by_least_squares, fit_response_to_exposures
+from lutforge.calibration.response_from_exposures import (
+    ExposureResponseFit,
+    fit_response_by_least_squares,
+    fit_response_to_exposures,
+)
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out

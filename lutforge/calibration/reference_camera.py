@@ -23,7 +23,17 @@ from scipy.linalg import null_space
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import emor_basis, spline_basis, srgb_response
-from lutforge.calibration.matrix_and_response import LEAST_HUE_SPREAD, LEAST_UNSATURATED, REACH, JointFit, hue_spread, in_gamut_weight, matrix_of_rows, neutral_rows, saturation
+from lutforge.calibration.matrix_and_response import (
+    LEAST_HUE_SPREAD,
+    LEAST_UNSATURATED,
+    REACH,
+    JointFit,
+    hue_spread,
+    in_gamut_weight,
+    matrix_of_rows,
+    neutral_rows,
+    saturation,
+)
 from lutforge.calibration.options import BETA
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
 from lutforge.calibration.white_balance import estimated_multipliers, neutral_weight

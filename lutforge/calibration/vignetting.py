@@ -26,9 +26,9 @@ from lutforge.arrays import Array, Mask
 from lutforge.model.gamut_map import kriging_covariance
 from lutforge.model.vignetting import DEGREE, Vignetting, vignetting_basis, vignetting_of
 from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.farthest_points import farthest_points
 from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
-from lutforge.thesis.gamut_map import farthest_points
 from lutforge.threads import one_blas_thread
 
 NOISE = 0.03

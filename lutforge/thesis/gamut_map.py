@@ -12,6 +12,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import MOST_CENTRES
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap
+from lutforge.solvers.farthest_points import farthest_points
 
 TOLERANCE = 0.1 / 255
 """Residual, in linear values, below which a pair is met."""
@@ -106,16 +107,6 @@ def merge_coincident(
         rows = order[starts[cell] : starts[cell] + counts[cell]]
         merged_source[cell], merged_target[cell] = np.median(source[rows], axis=0), np.median(target[rows], axis=0)
     return merged_source, merged_target, names[first]
-
-
-def farthest_points(points: Array, count: int) -> NDArray[np.intp]:
-    """Choose `count` of the points (n, 3): the darkest first, then always the one farthest from those chosen."""
-    chosen = [int(np.argmin(points.sum(axis=1)))]
-    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
-    while len(chosen) < count:
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return np.array(chosen)
 
 
 def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) -> NDArray[np.intp]:
