@@ -1,17 +1,10 @@
-"""The gamut map h, or h⁻¹, by kriging: the mean of a Gaussian process with the kernel of `model.gamut_map`.
+"""The gamut map h by kriging: the mean of a Gaussian process with the kernel of `model.gamut_map`.
 
-With z = e(X) on the even scale, h(X) = e⁻¹(z + r(z)), and the correction r is a Gaussian process of mean zero given the
-samples (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, equation 2.23). In the words of (4.7) and
-(4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity. The numbers of the kernel, its
-noise and the weight of distances along the grey axis were chosen on the Canon S40 and the published Nikon D40 among
-factors of two, within which errors change by 3 %; the table of parts in the guide has the other cameras.
-
-Near the edge of its gamut a camera takes wide ranges of scenes to few codes. There the rendering is a gentle function,
-which extrapolates well beyond the samples; its inverse is steep and does not. So h⁻¹ is fitted to the samples and to
-pairs of a likely scene and the code that the rendering gives it. The logarithms of the cone responses to natural scenes
-are nearly normally distributed (Ruderman, Cronin & Chiao 1998, https://doi.org/10.1364/JOSAA.15.002036): the density of
-likely scenes is a kernel density estimate in log RAW, the scenes of the calibration, each with a kernel whose shape is
-their covariance. Neutral light is always likely, up to where the camera clips, and samples rarely reach there.
+With z = e(X) on the perceptual scale, h(X) = e⁻¹(z + r(z)), and the correction r is a Gaussian process of mean zero
+given the samples (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, equation 2.23). In the words of
+(4.7) and (4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity. The numbers of the
+kernel, its noise and the weight of distances along the grey axis were chosen on the Canon S40 and the published Nikon
+D40 among factors of two, within which errors change by 3 %; the table of parts in the guide has the other cameras.
 """
 
 from collections.abc import Callable
@@ -22,39 +15,17 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
 from lutforge.errors import CalibrationError
-from lutforge.model.gamut_map import GamutMap, flattened, from_even, identity_gamut_map, kriging_covariance, to_even
-from lutforge.model.profile_data import CameraModel
-from lutforge.sobol import sobol
+from lutforge.model.gamut_map import (
+    OFFSET,
+    GamutMap,
+    flattened,
+    from_even,
+    identity_gamut_map,
+    kriging_covariance,
+    to_even,
+)
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
-
-def likely_scenes(balanced: Array, count: int) -> Array:
-    """Draw at most `count` scenes (m, 3) below 1 around those of the samples, Tw E (n, 3), the same ones every time.
-
-    The kernel is Student's t with three degrees of freedom, because a broad prior has wide tails. Its width, half the
-    samples' standard deviation, is about that of Silverman's rule for 150 samples, as many as a chart has.
-    """
-    rng, width, freedom, darkest = np.random.default_rng(0), 0.5, 3.0, 1e-4
-    seen = np.log(np.maximum(balanced, darkest))
-    shape = np.linalg.cholesky(np.cov(seen.T) + 1e-6 * np.eye(3))
-    normal = rng.standard_normal((2 * count, 3)) @ shape.T
-    step = width * normal / np.sqrt(rng.chisquare(freedom, (2 * count, 1)) / freedom)
-    drawn = np.exp(seen[rng.integers(0, len(seen), len(step))] + step)
-    return np.asarray(drawn[np.all(drawn < 1.0, axis=1)][:count])
-
-
-def neutral_scenes(count: int) -> Array:
-    """Return near-neutral light (count, 3) from black to saturation, at perceptually even steps.
-
-    Red and blue differ from green by up to a tenth.
-    """
-    level, red, blue = sobol(count, seed=0).T
-    light = 1.0 + 0.1 * np.stack([2.0 * red - 1.0, np.zeros(count), 2.0 * blue - 1.0], axis=1)
-    return np.asarray(from_even(level, 0.005)[:, None] * light / light.max(axis=1, keepdims=True))
-
-
-OFFSET = 0.005
-"""ε of the even scale."""
 NOISE = 3e-4
 """Variance of a sample's error, where a priori the correction's is 1."""
 MOST_CENTRES = 4_000
@@ -65,8 +36,6 @@ BEYOND_CENTRES = 1_000
 """Centres of the fit that tells how far beyond its end a clipped channel goes on."""
 DEVIATION_CENTRES = 500
 """Centres that the standard deviation of the process is computed from."""
-SCENES = 1_500
-"""Likely scenes whose rendering takes part in the fit of h⁻¹."""
 
 
 def krige(
@@ -104,18 +73,17 @@ def krige(
     return _solve(z, correction, weight, most_centres)
 
 
-def fit_camera_model(
+def fit_gamut_map(
     base: MatrixAndResponse,
     balanced: Array,
     encoded: Array,
-    white_balances: tuple[str, ...],
     clipped: tuple[Array, Array] | None = None,
     most_centres: int = MOST_CENTRES,
-) -> CameraModel:
-    """Fit h and h⁻¹ of one style around matrix and response, to unclipped samples Tw E → I, both (n, 3).
+) -> GamutMap:
+    """Fit h of one style after matrix and response, to unclipped samples Tw E → I, both (n, 3).
 
-    clipped: Tw E and I (m, 3) of samples with a JPEG channel at 0 or 1. They count in the rendering; what light they
-    are of is not known. Raises CalibrationError.
+    clipped: Tw E and I (m, 3) of censored observations, with a JPEG channel at 0 or 1, which state a bound only. Raises
+    CalibrationError.
     """
     matrix, response = base.matrix, base.response
     linear, mapped = balanced @ matrix.T, response.linearize(encoded)
@@ -125,19 +93,9 @@ def fit_camera_model(
     error_scale = np.maximum((steps / (high - low)).mean(axis=1), 1e-3)
     bounds = None
     if clipped is not None:
-        light, codes = clipped
-        bounds = (light @ matrix.T, response.linearize(codes), codes >= 1.0, codes <= 0.0)
-    forward = krige(linear, mapped, error_scale, most_centres, bounds)
-    scenes = np.concatenate([likely_scenes(balanced, SCENES), neutral_scenes(SCENES // 4)]) @ matrix.T
-    rendered = response.encode(forward(scenes))
-    whole = np.all((rendered > half_code) & (rendered < 1.0 - half_code), axis=1)
-    back = krige(
-        np.concatenate([mapped, response.linearize(rendered[whole])]),
-        np.concatenate([linear, scenes[whole]]),
-        np.concatenate([error_scale, np.full(int(whole.sum()), np.median(error_scale))]),
-        most_centres,
-    )
-    return CameraModel(white_balances, matrix, response, forward, back)
+        scene, codes = clipped
+        bounds = (scene @ matrix.T, response.linearize(codes), codes >= 1.0, codes <= 0.0)
+    return krige(linear, mapped, error_scale, most_centres, bounds)
 
 
 def posterior_deviation(source: Array) -> Callable[[Array], Array]:

@@ -3,7 +3,6 @@
 The samples are unclipped, and balanced by the multipliers of their setting.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.gamut_map import fit_camera_model
-from lutforge.calibration.lattice.fit import bake_lattice, likely_light
+from lutforge.calibration.gamut_map import fit_gamut_map
+from lutforge.calibration.inverse_gamut_map import fit_inverse
+from lutforge.calibration.lattice.fit import bake_linearize, bake_render
 from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochrome
-from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response, with_matrix_of_all
 from lutforge.calibration.options import BETA, CURVES, MOST_CENTRES, CalibrationOptions
+from lutforge.calibration.scenes import RenderedScenes, likely_scenes
 from lutforge.errors import CalibrationError
-from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import Both, CameraModel
 from lutforge.model.response import smooth_response
@@ -81,11 +80,26 @@ class StyleData:
         return with_matrix_of_all(smooth, self.balanced, self.encoded)
 
     @cached_property
-    def model(self) -> CameraModel:
-        """The camera model of chapter 4, its gamut map by kriging. Raises CalibrationError."""
-        balances = tuple(str(name) for name in np.unique(self.samples.white_balance))
+    def scenes(self) -> RenderedScenes:
+        """Likely scenes with the codes that the camera model renders them to. Raises CalibrationError."""
         clipped = None if self.clipped is None else (self.clipped.balanced, self.clipped.encoded)
-        return fit_camera_model(self.base, self.balanced, self.encoded, balances, clipped, self.centres)
+        gamut_map = fit_gamut_map(self.base, self.balanced, self.encoded, clipped, self.centres)
+        likely = likely_scenes(self.balanced)
+        linear = likely.balanced @ self.base.matrix.T
+        mapped = gamut_map(linear)
+        codes = self.base.response.encode(mapped)
+        whole = unclipped_colours(codes, likely.balanced)
+        return RenderedScenes(gamut_map, likely.balanced, likely.weight, linear, mapped, codes, whole)
+
+    @cached_property
+    def model(self) -> CameraModel:
+        """The camera model of chapter 4, its gamut map by kriging, and its inverse solved. Raises CalibrationError."""
+        balances = tuple(str(name) for name in np.unique(self.samples.white_balance))
+        scenes, base = self.scenes, self.base
+        inverse = fit_inverse(
+            scenes.gamut_map, base.response, scenes.linear, scenes.mapped, scenes.weight, scenes.whole
+        )
+        return CameraModel(balances, base.matrix, base.response, scenes.gamut_map, inverse)
 
     @property
     def both(self) -> Both[tuple[Array, Array]]:
@@ -165,47 +179,13 @@ def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleD
 
 
 @one_blas_thread
-def fit_lattices(
-    data: StyleData, options: CalibrationOptions, levels: Both[Levels] | None = None, asked: Both[Array] | None = None
-) -> Both[Lattice]:
-    """The lattices of both directions of a style. Raises CalibrationError.
+def fit_lattices(data: StyleData, options: CalibrationOptions) -> Both[Lattice]:
+    """The lattices of both directions of a style, baked from its camera model. Raises CalibrationError.
 
-    levels: of the nodes of baked lattices, which are else searched. asked: the colours (m, 3) of each direction that
-    alone will be asked for, where levels are given. A black-and-white style is linearized by the inverse of the greys
-    of its rendering.
+    A black-and-white style is linearized by the inverse of the greys of its rendering.
     """
-    bakes = _bakes(data.model, data.balanced, options, levels or Both(None, None), asked or Both(None, None))
     if data.monochrome:
-        render = bakes[0]()
+        render = bake_render(data.model, data.scenes, options)
         return Both(render, inverse_of_greys(render, options))
-    return Both(*each(lambda bake: bake(), bakes))
-
-
-def _bakes(
-    model: CameraModel,
-    samples: Array,
-    options: CalibrationOptions,
-    levels: Both[Levels] | Both[None],
-    asked: Both[Array] | Both[None],
-) -> tuple[Callable[[], Lattice], Callable[[], Lattice]]:
-    """Return what bakes each lattice of a model, of likely light and the codes that the model renders it to.
-
-    A camera takes wide ranges of light to few codes. So the lattice that linearizes is the least squares on likely
-    light, which comes near to its mean given the code. Where there is none, the lattice follows h⁻¹.
-    """
-    light, weight = likely_light(samples, options.size)
-    mapped = model.gamut_map(light @ model.matrix.T)
-    codes, curve = model.response.encode(mapped), output_curve(model.response)
-    whole = unclipped_colours(codes, light)
-
-    def in_front_of_the_curve(balanced: Array) -> Array:
-        return curve.continued(model.gamut_map(balanced @ model.matrix.T))
-
-    return (
-        lambda: bake_lattice(
-            in_front_of_the_curve, light, curve.continued(mapped), weight, options, curve, levels.render, asked.render
-        ),
-        lambda: bake_lattice(
-            model.linearize, codes[whole], light[whole], weight[whole], options, None, levels.linearize, asked.linearize
-        ),
-    )
+    bakes = (bake_render, bake_linearize)
+    return Both(*each(lambda bake: bake(data.model, data.scenes, options), bakes))

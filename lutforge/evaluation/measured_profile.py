@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from lutforge.arrays import Array
-from lutforge.calibration.gamut_map import OFFSET, posterior_deviation
+from lutforge.calibration.gamut_map import posterior_deviation
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, encoding_slope
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
@@ -18,7 +18,7 @@ from lutforge.evaluation.polynomials import Predictor
 from lutforge.evaluation.predictions import Predictions, predict
 from lutforge.interpolation import interpolate
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.gamut_map import even_slope
+from lutforge.model.gamut_map import OFFSET, even_slope
 from lutforge.model.lattice import grid
 from lutforge.model.profile_data import Both, Direction, PictureStyle
 from lutforge.progress import Progress, part

@@ -37,6 +37,7 @@ from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import MAX_SIZE, Form, Lut
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import NeutralHighlights
+from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.response import Response
 from lutforge.model.transform import (
@@ -484,7 +485,7 @@ def grading_steps(transform: Transform) -> tuple[Transform, tuple[Stage, ...], N
     highlights = None if at is None else stages[at]
     if at is None or not isinstance(highlights, NeutralHighlights):
         raise LutError("LUT: photographs are graded by a refinish that keeps clipped neutrals")
-    cut = 1 + next(at for at, stage in enumerate(stages) if isinstance(stage, Lattice | GamutMap))
+    cut = 1 + next(at for at, stage in enumerate(stages) if isinstance(stage, Lattice | GamutMap | SolvedInverse))
     return Transform(stages[:cut]), stages[cut:at], highlights, Transform(stages[at + 1 :])
 
 

@@ -19,15 +19,15 @@ FARTHEST = 24.0 / 255.0
 def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHEST) -> Mask:
     """Return the mask (…,) of encoded colours (…, 3) farther than `farthest` from every sample.
 
-    The samples are taken to be at the centres of h⁻¹, or at the nodes of a lattice that samples touched. Of a style
-    that has neither, no colour is covered.
+    The samples are taken to be at the rendered centres of h, or at the nodes of a lattice that samples touched. Of a
+    style that has neither, no colour is covered.
     """
     return ~np.isfinite(_distance(style, np.asarray(encoded, dtype=np.float64), farthest))
 
 
 def _distance(style: PictureStyle, encoded: Array, most: float) -> Array:
     """The distance (…,) of encoded colours (…, 3) to the style's nearest sample, infinite beyond `most`."""
-    parts = [model.response.encode(model.inverse_gamut_map.centres) for model in style.models]
+    parts = [model.response.encode(model.gamut_map(model.gamut_map.centres)) for model in style.models]
     if not parts and style.linearize is not None and "linearize" in style.coverage:
         touched = np.nonzero(style.coverage["linearize"] > 0)
         parts.append(np.stack([axis[at] for axis, at in zip(style.linearize.levels, touched, strict=True)], axis=1))

@@ -26,6 +26,8 @@ from lutforge.threads import run, shares
 BLOCK = 64
 """Centres per block of the evaluation."""
 POWER = 1 / 2.4
+OFFSET = 0.005
+"""ε of the perceptual scale, for kriging."""
 
 Kernel = Literal["linear", "kriging"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)

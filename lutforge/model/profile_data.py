@@ -23,12 +23,13 @@ from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.gamut_map import GamutMap
+from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 from lutforge.model.vignetting import Vignetting
 from lutforge.model.white_balance import WhiteBalance
 
-FORMAT_VERSION = 7
+FORMAT_VERSION = 8
 """The one version that is read: profiles are quickly calibrated again."""
 
 MOST_VALUES = {1: 1 << 16, 2: 3 << 16, 3: 129**3, 4: 3 * 129**3}
@@ -90,7 +91,7 @@ class CameraModel:
     matrix: Array
     response: Response
     gamut_map: GamutMap
-    inverse_gamut_map: GamutMap
+    inverse_gamut_map: GamutMap | SolvedInverse
 
     def __post_init__(self) -> None:
         if not is_invertible(self.matrix):
@@ -316,22 +317,36 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
             if array is not None:
                 result[direction][part] = stored(f"{direction}_{part}", array)
     for index, model in enumerate(style.models):
-        base = f"physical{index}"
-        maps = {"gamut_map": model.gamut_map, "inverse_gamut_map": model.inverse_gamut_map}
+        base = f"model{index}"
         stored(f"{base}_response", model.response.inverse)
-        for side, gamut_map in maps.items():
-            for part in MAP_ARRAYS:
-                stored(f"{base}_{side}_{part}", getattr(gamut_map, part))
+        inverse = model.inverse_gamut_map
+        if isinstance(inverse, SolvedInverse):
+            stored(f"{base}_likely", inverse.likely)
+            stored_inverse: dict[str, Any] = {"top": inverse.top}
+        else:
+            stored_inverse = _map_to_json(f"{base}_inverse_gamut_map", inverse, stored)
         result["models"].append(
             {
                 "white_balances": list(model.white_balances),
                 "matrix": model.matrix.tolist(),
                 "arrays": f"{prefix}_{base}",
-                "offsets": [gamut_map.offset for gamut_map in maps.values()],
-                "kernels": [gamut_map.kernel for gamut_map in maps.values()],
+                "gamut_map": _map_to_json(f"{base}_gamut_map", model.gamut_map, stored),
+                "inverse_gamut_map": stored_inverse,
             }
         )
     return result
+
+
+def _map_to_json(base: str, gamut_map: GamutMap, stored: Callable[[str, Array], str]) -> dict[str, Any]:
+    """Describe a gamut map; its arrays are stored under names that begin with `base`."""
+    for part in MAP_ARRAYS:
+        stored(f"{base}_{part}", getattr(gamut_map, part))
+    return {"offset": gamut_map.offset, "kernel": gamut_map.kernel}
+
+
+def _map_from_json(entry: Mapping[str, Any], base: str, array: Callable[[str], Array]) -> GamutMap:
+    centres, weights, trend = (array(f"{base}_{part}") for part in MAP_ARRAYS)
+    return GamutMap(centres, weights, trend, float(entry["offset"]), entry["kernel"])
 
 
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:
@@ -351,19 +366,23 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
                 arrays[direction] = array(stored[part])
         curve = beside["response"].get(direction)
         lattices[direction] = Lattice((r, g, b), array(stored["values"]), stored["interpolation"], curve)
-    physical = []
+    models = []
     for model in entry["models"]:
-        base, maps = model["arrays"], []
-        sides = ("gamut_map", "inverse_gamut_map")
-        for side, offset, kernel in zip(sides, model["offsets"], model["kernels"], strict=True):
-            centres, weights, trend = (array(f"{base}_{side}_{part}") for part in MAP_ARRAYS)
-            maps.append(GamutMap(centres, weights, trend, float(offset), kernel))
+        base = model["arrays"]
+        gamut_map = _map_from_json(model["gamut_map"], f"{base}_gamut_map", array)
+        described = model["inverse_gamut_map"]
+        inverse: GamutMap | SolvedInverse
+        if "top" in described:
+            inverse = SolvedInverse(gamut_map, array(f"{base}_likely"), float(described["top"]))
+        else:
+            inverse = _map_from_json(described, f"{base}_inverse_gamut_map", array)
         matrix = np.array(model["matrix"], dtype=np.float64)
         response = Response(array(f"{base}_response"))
-        physical.append(CameraModel(tuple(map(str, model["white_balances"])), matrix, response, *maps))
+        balances = tuple(map(str, model["white_balances"]))
+        models.append(CameraModel(balances, matrix, response, gamut_map, inverse))
     errors = {str(name): float(value) for name, value in entry["errors"].items()}
     both = lattices.get("render"), lattices.get("linearize")
-    return PictureStyle(*both, tuple(physical), errors, beside["coverage"], beside["expected"])
+    return PictureStyle(*both, tuple(models), errors, beside["coverage"], beside["expected"])
 
 
 def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:

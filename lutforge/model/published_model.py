@@ -128,13 +128,19 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
         raise ProfileError(
             f"{profile.camera}, {style}: no camera model of its own RAW to write; calibrate with --preset thesis"
         )
-    if any(part.offset for model in models for part in (model.gamut_map, model.inverse_gamut_map)):
+    measured = [(model, model.gamut_map, model.inverse_gamut_map) for model in models]
+    sides_of = [
+        (model, forward, back)
+        for model, forward, back in measured
+        if isinstance(back, GamutMap) and not forward.offset and not back.offset
+    ]
+    if len(sides_of) < len(models):
         raise ProfileError(
-            f"{profile.camera}, {style}: its gamut map works on an even scale, which the authors' files cannot hold; "
-            "calibrate with --preset thesis"
+            f"{profile.camera}, {style}: its gamut map works on a perceptual scale, which the authors' files cannot "
+            "hold; calibrate with --preset thesis"
         )
     folders = [Path(folder) / (style if len(models) == 1 else f"{style}_{n}") for n in range(1, len(models) + 1)]
-    for model, place in zip(models, folders, strict=True):
+    for (model, forward, back), place in zip(sides_of, folders, strict=True):
         known = {name: profile.white_balances[name] for name in model.white_balances}
         numbered = {name: re.fullmatch(r"light source (\d{1,5})", name) for name in known}
         lights = {name: LIGHTS.get(name, int(number[1]) if number else 255) for name, number in numbered.items()}
@@ -146,7 +152,7 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
             transform += [[lights[name]], *(model.matrix * balance.factors), balance.factors]
         codes = np.linspace(0.0, 1.0, 256)[:, None].repeat(3, axis=1)
         response = _text([[256, 0, 0, 0], *model.response.linearize(codes)])
-        sides = {"raw2jpg": model.gamut_map, "jpg2raw": model.inverse_gamut_map}
+        sides = {"raw2jpg": forward, "jpg2raw": back}
         for direction, side in sides.items():
             other = next(part for name, part in sides.items() if name != direction)
             images = other.centres if other.centres.shape == side.centres.shape else side(side.centres)

@@ -15,6 +15,7 @@ from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import NeutralHighlights
+from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 
@@ -75,7 +76,7 @@ class Decode:
         return self.curve.linearize(x)
 
 
-Stage = Gain | MatrixStage | Clip | Encode | Decode | Lattice | GamutMap | NeutralHighlights
+Stage = Gain | MatrixStage | Clip | Encode | Decode | Lattice | GamutMap | SolvedInverse | NeutralHighlights
 """Any stage: (…, 3) → (…, 3), float64. A lattice is h of the thesis, chapter 5; a gamut map h of chapter 4."""
 
 

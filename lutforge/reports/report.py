@@ -31,6 +31,7 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.evaluation.predictions import Predictions, with_compared
 from lutforge.model.camera_profile import CameraProfile, is_response_alone, through_camera
 from lutforge.model.coverage import linearizing_error
+from lutforge.model.gamut_map import GamutMap
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.vignetting import Vignetting, vignetting_of
 from lutforge.progress import Progress, part, silent
@@ -413,7 +414,8 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
     yield Picture(f"response_{name}", figures.response_figure(style), f"{name}: {what}, per channel.")
     maps = {f"{name}, rendering": model.gamut_map for model in style.models[:1]}
     if maps:
-        maps[f"{name}, linearizing"] = style.models[0].inverse_gamut_map
+        back = style.models[0].inverse_gamut_map
+        maps |= {f"{name}, linearizing": back} if isinstance(back, GamutMap) else {}
         text = (
             "The gamut map at constant luminance Y in linear sRGB: arrows lead from the colour before it to the colour "
             "after; dots are control points."

@@ -233,7 +233,7 @@ class GamutView(View):
         for name, style in () if profile is None else profile.styles.items():
             for model in style.models[:1]:
                 one = model.gamut_map if self.direction.value == "render" else model.inverse_gamut_map
-                if len(one.centres) > 1:  # one centre: it changes nothing
+                if isinstance(one, GamutMap) and len(one.centres) > 1:  # one centre: it changes nothing
                     maps[name] = one
         self.layout[1] = self.space.layout if maps else self.figures.layout
         ui.offer(self.style, maps)

@@ -27,6 +27,7 @@ from scipy.spatial.distance import cdist
 
 from lutforge.arrays import Array
 from lutforge.calibration import gamut_map as kriging
+from lutforge.calibration import inverse_gamut_map
 from lutforge.calibration.curve_basis import CurveBasis
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
@@ -189,7 +190,7 @@ PARTS: dict[str, Fit] = {
     "without white at saturation": without(CurveBasis, with_white_by_one=lambda basis: basis),
     "without outlier weights": without(kriging, cauchy=np.ones_like),
     "without clipped samples": partial(model, clipped=None),
-    "without likely scenes": without(kriging, SCENES=8),
+    "inverse without likely scenes": without(inverse_gamut_map, HOLD=1e9),
     "distances along grey count fully": without(gamut_map, ALONG_GREY=1.0),
     "at most 1,000 centres": partial(model, centres=1_000),
     "noise × 10": without(kriging, NOISE=10 * kriging.NOISE),

@@ -17,7 +17,6 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import apply_curve
 from lutforge.model.lattice import Lattice, equidistribute, snap_levels, uniform_levels
-from lutforge.model.profile_data import Both
 from lutforge.model.response import Response
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.solvers import normal_equations
@@ -54,18 +53,6 @@ def test_unseen_colours_of_the_simulated_camera() -> None:
     assert difference.mean() <= 0.35
     assert np.quantile(difference, 0.95) <= 0.8
     assert difference.max() <= 4.0
-
-
-def test_a_lattice_baked_for_some_colours_errs_on_them_as_the_whole_one() -> None:
-    """Within 3 %, by which a change of the estimator is judged: measured is the whole lattice's error."""
-    options, (x, y), unseen = CalibrationOptions(size=17), colours_in_gamut(2000, 5), Both(*colours_in_gamut(200, 6))
-    style = style_of(x, y)
-    whole = fit_lattices(style, options)
-    parts = fit_lattices(style, options, Both(whole.render.levels, whole.linearize.levels), unseen)
-    for one, part, at, wanted in zip(whole, parts, unseen, (unseen.linearize, unseen.render), strict=True):
-        error, measured = (np.linalg.norm(lattice(at) - wanted, axis=1).mean() for lattice in (one, part))
-        assert abs(measured / error - 1.0) < 0.03
-        assert np.count_nonzero(part.values) < np.count_nonzero(one.values)
 
 
 def test_there_and_back() -> None:
