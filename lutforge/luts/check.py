@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from lutforge.errors import one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.formats import SPI_PAIR
 from lutforge.luts.ops import Cube, Curve, Matrix, node_levels
-from lutforge.luts.reading import file_processor, read_lut
+from lutforge.luts.reading import file_processor, is_read_by_ocio, read_lut
 from lutforge.luts.sequence import InputAndOutput, Lut, evaluate, own_reader, read_input_and_output
+from lutforge.luts.text import TEXTS
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.sobol import sobol
 
@@ -24,7 +26,10 @@ FALL = 1e-5
 """A step of an output in the wrong direction that is more than rounding."""
 HALF_MAX = 65504.0
 """The largest half float."""
-_NO_DIALECTS = (".clf", ".ctf", "Hald image")
+TENTH_OF_A_CODE = 0.1 / 255
+"""A fault of a picture that is less is not alarming."""
+CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
+"""The highest code of integers, and their bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,26 +61,26 @@ def check_lut(path: str | Path) -> LutReport:
     lut = read_lut(path)
     cube, domain = lut.cube, _domain(lut)
     dialect = ""
-    if lut.metadata.get("format") not in _NO_DIALECTS:
+    if lut.metadata.get("format") in TEXTS:
         dialect = "1D" if cube is None else "3D" if lut.shaper is None else "1D shaper + 3D"
     outputs = np.array([[0.0] * 3, [1.0] * 3])  # then those of the last table, behind all that follows it
     for op in lut.ops:
-        outputs = op.outputs if isinstance(op, Curve) else op.values if isinstance(op, Cube) else op(outputs)
+        outputs = _outputs(op) if isinstance(op, Curve) else op.values if isinstance(op, Cube) else op(outputs)
     beyond = bool(outputs.min() < -1e-6 or outputs.max() > 1 + 1e-6)
     states = read_input_and_output(lut.comments)
     falling = 0.0
     if cube is not None:
         steps = [np.diff(cube.values[..., channel], axis=channel) for channel in range(3)]
-        falling = float(np.mean(np.concatenate([(step < -FALL).ravel() for step in steps])))
+        falling = float(np.mean([np.mean(step < -TENTH_OF_A_CODE) for step in steps]))
     readers = {"OpenColorIO, Nuke": "cannot read it"}
-    if own_reader(path) is None:
+    if is_read_by_ocio(path, lut):
         readers["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
     readers |= readers_of(lut, dialect, domain)
     if states is not None and states.takes_raw:
         readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
     black, white = (_triple(colour) for colour in lut(np.array(domain)))
     clipped = None if beyond else float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1)))
-    problems = tuple(_problems(lut, domain, falling, beyond, states))
+    problems = tuple(_problems(lut, domain, falling, outputs, clipped, states))
     lowest, highest = float(outputs.min()), float(outputs.max())
     return LutReport(path, lut, dialect, domain, lowest, highest, clipped, falling, black, white, problems, readers)
 
@@ -101,16 +106,28 @@ def report_lines(report: LutReport) -> list[str]:
     return lines
 
 
+def _outputs(curve: Curve) -> Array:
+    """The entries of a curve; of one over all half floats those between 0 and 1."""
+    if curve.inputs is None or curve.inputs.max() < HALF_MAX:
+        return curve.outputs
+    return curve.outputs[np.all((curve.inputs >= 0) & (curve.inputs <= 1), axis=1)]
+
+
 def _triple(colour: Real) -> Colour:
     r, g, b = (float(v) for v in colour)
     return r, g, b
 
 
 def _problems(
-    lut: Lut, domain: tuple[Colour, Colour], falling: float, beyond: bool, states: InputAndOutput | None
+    lut: Lut,
+    domain: tuple[Colour, Colour],
+    falling: float,
+    outputs: Array,
+    clipped: float | None,
+    states: InputAndOutput | None,
 ) -> list[str]:
-    """What is wrong with a LUT. falling, beyond: as `check_lut` has them; states: what its comments say."""
-    problems = []
+    """What is wrong with a LUT. falling, outputs, clipped: as `check_lut` has them; states: what its comments say."""
+    problems = [lut.metadata["problems"]] if "problems" in lut.metadata else []
     for number, op in enumerate(lut.ops, 1):
         if isinstance(op, Curve):
             name = "curve" if len(lut.ops) == 1 else f"curve (operation {number})"
@@ -127,7 +144,8 @@ def _problems(
         values, share = lut.cube.values, np.linspace(0.0, 1.0, 257)[:, None]
         grey = lut((1.0 - share) * max(domain[0]) + share * min(domain[1]) + np.zeros(3))
         takes_raw = states is not None and states.takes_raw  # equal numbers of RAW before white balance are no grey
-        if not takes_raw and np.any(np.diff(grey.mean(axis=1)) < -FALL):
+        mean = grey.mean(axis=1)
+        if not takes_raw and np.any(np.maximum.accumulate(mean) - mean > TENTH_OF_A_CODE):
             problems.append("grey becomes darker somewhere where the input becomes lighter")
         # Cameras press strong colours into their gamut, where one channel makes room for another.
         if falling > 0.1:
@@ -142,11 +160,32 @@ def _problems(
         if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
             pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
             problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
-    if beyond and not (states is not None and states.are_linear[1]):
-        problems.append("outputs leave [0, 1]: programs with integers clip them, others pass them on")
+    problems += _problems_of_range(domain, outputs, clipped, states)
     if lut.metadata.get("bits") == "8":
         problems.append("8 bits per channel: gradients will show bands; 16 are usual")
     return problems
+
+
+def _problems_of_range(
+    domain: tuple[Colour, Colour], outputs: Array, clipped: float | None, states: InputAndOutput | None
+) -> Iterator[str]:
+    """What is wrong with the range of a LUT's inputs and outputs, which most programs take for 0 to 1."""
+    highest = float(outputs.max())
+    if max(domain[1]) in CODES:
+        yield (
+            f"its inputs run to {max(domain[1]):g}, as codes of {CODES[max(domain[1])]} bits: pictures from 0 to 1 "
+            "fall on its first nodes; write a domain from 0 to 1"
+        )
+    if highest > 1 and (clipped is None) and np.all(outputs == np.rint(outputs)):
+        top = next((code for code in CODES if code >= highest), highest)
+        yield (
+            f"its numbers are whole and run to {highest:g}, as codes, where 0 to 1 are meant: all is white; divide "
+            f"them by {top:g}"
+        )
+    elif clipped is None and not (states is not None and states.are_linear[1]):
+        yield "outputs leave [0, 1]: programs with integers clip them, others pass them on"
+    if clipped is not None and clipped > 0.9995 and len(outputs.reshape(-1, 3)) > 8:
+        yield "100 % of the nodes are at a limit, 0 or 1: its numbers are cut, or are codes of other than 0 to 1"
 
 
 def _domain(lut: Lut) -> tuple[Colour, Colour]:
@@ -227,6 +266,12 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
             elif bits != "12":
                 ffmpeg = f"takes the numbers for 12 bits, not {bits}: wrong colours"
             return {"Flame, Lustre, darktable": "read it", "ffmpeg": ffmpeg}
+        case str(name), _ if name.startswith(("lookup", "strip", "column")):
+            return {
+                "GPUImage and other shaders, game engines": f"read such pictures: {name}",
+                "programs of Hald images": "take it for a Hald, if for anything: garbage",
+                "other programs": 'write a .cube for them: `lutforge.read_lut("a.png").write("a.cube")`',
+            }
         case "Hald image", _:
             return {"RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it", "video programs": "mostly do not"}
         case _:

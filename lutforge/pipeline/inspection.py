@@ -61,7 +61,7 @@ def inspect(path: str | Path) -> Inspection:
 
         profile = load_profile(path)
         return Inspection(tuple(_profile(profile)), profile)
-    if suffix in PICTURE_SUFFIXES:
+    if suffix in PICTURE_SUFFIXES and not _is_lut(path):
         return Inspection(tuple(_picture(path)))
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
@@ -72,6 +72,13 @@ def inspect(path: str | Path) -> Inspection:
         use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILES else "a LUT: apply, check"
         return Inspection(lines=(*check(path), f"  use       {use}"))
     return Inspection(tuple(_shot(path)))
+
+
+def _is_lut(path: Path) -> bool:
+    """True of a picture that is a LUT by its size and content."""
+    from lutforge.luts.picture import SUFFIXES, is_picture_of_lut
+
+    return path.suffix.lower() in SUFFIXES and is_picture_of_lut(path)
 
 
 def _shot(path: Path) -> Rows:

@@ -76,11 +76,11 @@ def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.cube", "LUT_3D_SIZE 2\n0 0 0\n0 0 zero\n", "At line (3): '0 0 zero'"),
+        ("a.cube", "LUT_3D_SIZE 2\n0 0 0\n0 0 zero\n" + "0 0 0\n" * 6, 'line 3: "zero" is no number'),
         ("a.cube", "LUT_3D_SIZE 2\n0 0 0\n", "ends after 1 of 8 colours"),
-        ("a.cube", "LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + "0 nan 0\n", "in its cube is not finite"),
-        ("a.csp", "CSPLUTV100\n3D\n2\n0 1\n", "OpenColorIO cannot read it"),
-        ("a.spi3d", "SPILUT 1.0\n3 3\n2 2 2\n" + "5 0 0 0 0 0\n" * 8, "OpenColorIO cannot read it"),
+        ("a.cube", "LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + "0 nan 0\n", 'line 9: "nan" is not finite'),
+        ("a.csp", "CSPLUTV100\n3D\n2\n0 1\n", "the prelut of red is not"),
+        ("a.spi3d", "SPILUT 1.0\n3 3\n2 2 2\n" + "5 0 0 0 0 0\n" * 8, "line 4: 5 0 0 is no node"),
         ("a.cube", 'TITLE "a"\nLUT_3D_SIZE 2\n0 0 0\n1 0 0\n0 1', "ends after 2 of 8 colours"),
         ("a.resolve.cube", "LUT_1D_SIZE 2\nLUT_3D_SIZE 2\n0 0 0\n1 1 1\n0 0 0\n", "ends after 3 of 10 colours"),
         ("a.clf", f"<ProcessList {CLF}><LUT1D {DEPTHS}><Array dim='2 1'>0\n", "ends before its last element"),
@@ -89,8 +89,6 @@ def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
         ("a.clf", f"<ProcessList {CLF}><LUT3D {DEPTHS}><Array dim='9999 2 2 3'/></LUT3D></ProcessList>", "9999 2 2 3"),
         ("a.clf", f"<ProcessList {CLF}><LUT1D {DEPTHS}><Array dim='2 1'>0</Array></LUT1D></ProcessList>", "found 1"),
         ("a.vlt", "LUT_3D_SIZE 17\n0 0 0.5\n", "4913 rows behind it"),
-        ("a.cube", "\ufeff" + "LUT_3D_SIZE 2\n" + "0 0 0\n" * 8, "mark, which OpenColorIO and ffmpeg refuse"),
-        ("a.cube", 'TITLE "x"\nLUT_1D_SIZE 2\nLUT_3D_SIZE 2\n' + "0 0 0\n" * 10, "neither TITLE nor DOMAIN lines"),
         # OpenColorIO 2.6 would look for the end of metadata for ever, and take memory with each line.
         ("a.csp", "CSPLUTV100\n3D\n\nBEGIN METADATA\nx\n", "no END METADATA"),
         ("a.png", "\x89PNG", "neither a PNG"),
