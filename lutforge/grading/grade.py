@@ -15,7 +15,7 @@ from lutforge import __version__
 from lutforge.arrays import Single
 from lutforge.child_processes import guarded
 from lutforge.errors import ConfigError, LutError, LutForgeError, alternatives
-from lutforge.luts.check import check_lut
+from lutforge.luts.check import check_lut, other_half
 from lutforge.luts.reading import NoFiguresError, is_read_by_ocio, processor_of_stranger
 from lutforge.luts.sequence import ENCODED, MAX_SIZE, OCIO_ERRORS, Lut, of_codes, read_input_and_output
 
@@ -104,11 +104,11 @@ class LutRecipe(Recipe):
 
     @cached_property
     def _grade(self) -> Grade:
-        pair = {".spi1d": ".spi3d", ".spi3d": ".spi1d"}.get(self.path.suffix.lower())
-        if pair is not None and self.path.with_suffix(pair).is_file():
+        other = other_half(self.path)
+        if other is not None:
             raise LutError(
-                f"{self.path}: half of a LUT, {self.path.with_suffix(pair).name} is the other; bake a .clf or .cube to "
-                "apply, or use the two in an OpenColorIO config"
+                f"{self.path}: half of a LUT, {other.name} is the other; bake a .clf or .cube to apply, or use the two "
+                "in an OpenColorIO config"
             )
         try:
             report = check_lut(self.path)

@@ -26,8 +26,10 @@ FALL = 1e-5
 """A step of an output in the wrong direction that is more than rounding."""
 HALF_MAX = 65504.0
 """The largest half float."""
-TENTH_OF_A_CODE = 0.1 / 255
-"""A fault of a picture that is less is not alarming."""
+ALARM = 0.1
+"""A fall is alarming from a tenth of what the input rises: a tenth of a code for each code."""
+FLOATS = (".clf", ".ctf", ".spi1d", ".spi3d", ".spimtx", ".cc", ".ccc", ".cdl")
+"""Formats that only programs with floats read, which clip nothing."""
 CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
 """The highest code of integers, and their bits."""
 
@@ -55,10 +57,18 @@ class LutReport:
     readers: dict[str, str]
 
 
+def _is_half(lut: Lut) -> bool:
+    """True of one file of a .spi1d and a .spi3d, of which the other lies beside it."""
+    return "pair" in lut.metadata
+
+
 def check_lut(path: str | Path) -> LutReport:
     """Read any LUT file and say what is in it. Raises LutError, one line, where it cannot be read."""
     path = Path(path)
     lut = read_lut(path)
+    other = other_half(path)
+    if other is not None:
+        lut = replace(lut, metadata={**lut.metadata, "pair": other.name})
     cube, domain = lut.cube, _domain(lut)
     dialect = ""
     if lut.metadata.get("format") in TEXTS:
@@ -71,10 +81,14 @@ def check_lut(path: str | Path) -> LutReport:
     falling = 0.0
     if cube is not None:
         steps = [np.diff(cube.values[..., channel], axis=channel) for channel in range(3)]
-        falling = float(np.mean([np.mean(step < -TENTH_OF_A_CODE) for step in steps]))
+        falling = float(np.mean([np.mean(step < -ALARM / max(step.shape)) for step in steps]))
     readers = {"OpenColorIO, Nuke": "cannot read it"}
     if is_read_by_ocio(path, lut):
         readers["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
+    if other is not None:
+        order = " and then ".join(path.with_suffix(end).name for end in SPI_PAIR)
+        readers = {"one half of a pair": f"{order} are the LUT, the shaper and its cube, in an OpenColorIO config"}
+        readers["OpenColorIO, Nuke"] = "reads it"
     readers |= readers_of(lut, dialect, domain)
     if states is not None and states.takes_raw:
         readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
@@ -83,6 +97,15 @@ def check_lut(path: str | Path) -> LutReport:
     problems = tuple(_problems(lut, domain, falling, outputs, clipped, states))
     lowest, highest = float(outputs.min()), float(outputs.max())
     return LutReport(path, lut, dialect, domain, lowest, highest, clipped, falling, black, white, problems, readers)
+
+
+def other_half(path: Path) -> Path | None:
+    """The cube of a shaper, or the shaper of a cube, that lies beside it as .spi3d or .spi1d; else none."""
+    suffix = path.suffix.lower()
+    if suffix not in SPI_PAIR:
+        return None
+    other = path.with_suffix(SPI_PAIR[1 - SPI_PAIR.index(suffix)])
+    return other if other.is_file() else None
 
 
 def report_lines(report: LutReport) -> list[str]:
@@ -145,7 +168,8 @@ def _problems(
         grey = lut((1.0 - share) * max(domain[0]) + share * min(domain[1]) + np.zeros(3))
         takes_raw = states is not None and states.takes_raw  # equal numbers of RAW before white balance are no grey
         mean = grey.mean(axis=1)
-        if not takes_raw and np.any(np.maximum.accumulate(mean) - mean > TENTH_OF_A_CODE):
+        falls = np.min(np.diff(mean)) < -ALARM / 256 or np.max(np.maximum.accumulate(mean) - mean) > 1 / 255
+        if falls and not takes_raw and not _is_half(lut):
             problems.append("grey becomes darker somewhere where the input becomes lighter")
         # Cameras press strong colours into their gamut, where one channel makes room for another.
         if falling > 0.1:
@@ -160,16 +184,23 @@ def _problems(
         if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
             pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
             problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
-    problems += _problems_of_range(domain, outputs, clipped, states)
+    problems += _problems_of_range(domain, outputs, clipped, states, lut.metadata.get("format") in FLOATS)
     if lut.metadata.get("bits") == "8":
         problems.append("8 bits per channel: gradients will show bands; 16 are usual")
     return problems
 
 
 def _problems_of_range(
-    domain: tuple[Colour, Colour], outputs: Array, clipped: float | None, states: InputAndOutput | None
+    domain: tuple[Colour, Colour],
+    outputs: Array,
+    clipped: float | None,
+    states: InputAndOutput | None,
+    in_floats: bool,
 ) -> Iterator[str]:
-    """What is wrong with the range of a LUT's inputs and outputs, which most programs take for 0 to 1."""
+    """What is wrong with the range of a LUT's inputs and outputs, which most programs take for 0 to 1.
+
+    in_floats: all programs that read the file work in floats.
+    """
     highest = float(outputs.max())
     if max(domain[1]) in CODES:
         yield (
@@ -182,7 +213,7 @@ def _problems_of_range(
             f"its numbers are whole and run to {highest:g}, as codes, where 0 to 1 are meant: all is white; divide "
             f"them by {top:g}"
         )
-    elif clipped is None and not (states is not None and states.are_linear[1]):
+    elif clipped is None and not in_floats and not (states is not None and states.are_linear[1]):
         yield "outputs leave [0, 1]: programs with integers clip them, others pass them on"
     if clipped is not None and clipped > 0.9995 and len(outputs.reshape(-1, 3)) > 8:
         yield "100 % of the nodes are at a limit, 0 or 1: its numbers are cut, or are codes of other than 0 to 1"
@@ -271,6 +302,11 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
                 "GPUImage and other shaders, game engines": f"read such pictures: {name}",
                 "programs of Hald images": "take it for a Hald, if for anything: garbage",
                 "other programs": 'write a .cube for them: `lutforge.read_lut("a.png").write("a.cube")`',
+            }
+        case ".vlt", _:
+            return {
+                "Panasonic Lumix and VariCam cameras": "read it from their card",
+                "other programs": "cannot read it: give them a 3D-only .cube",
             }
         case "Hald image", _:
             return {"RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it", "video programs": "mostly do not"}

@@ -47,6 +47,8 @@ def read_lut(path: str | Path) -> Lut:
                 lut = own(link)
             metadata = {"format": path.suffix.lower(), **lut.metadata}
             return replace(lut, metadata={**metadata, **({"problems": "; ".join(problems)} if problems else {})})
+        if path.suffix.lower() == ".dcp":
+            raise LutError(f"{path}: a camera profile, which is no LUT; `lutforge check` shows which programs read it")
         known = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
         if path.suffix.lower() not in known:  # OpenColorIO says so only after trying all its readers
             suffixes = ", ".join(sorted(known | {*FORMATS}))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from lutforge.model.camera_profile import CameraProfile
     from lutforge.shots.metadata import ShotMetadata
 
+CONFIGS = (".ocio", ".ocioz")
 CAMERA_PROFILES = (".dcp", ".icc", ".icm")
 PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", *HEIF_SUFFIXES})
 Rows = Iterator[tuple[str, str]]
@@ -50,7 +51,7 @@ def files_to_inspect(path: str | Path) -> list[Path]:
 
 
 def inspect(path: str | Path) -> Inspection:
-    """Read a RAW file, picture, profile, sample table or LUT, and say what is in it. Raises LutForgeError."""
+    """Read a RAW file, picture, profile, sample table, LUT or config, and say what is in it. Raises LutForgeError."""
     path, suffix = Path(path), Path(path).suffix.lower()
     if path.is_dir():
         raise ImageError(f"{path}: no RAW file, picture, sample table or profile in this folder")
@@ -68,6 +69,8 @@ def inspect(path: str | Path) -> Inspection:
     from lutforge.luts.sequence import FORMATS
 
     read_by_ocio = {f".{each.lower()}" for _, each in OCIO.FileTransform.getFormats()}
+    if suffix in CONFIGS:
+        return Inspection(lines=tuple(check(path)))
     if suffix in {*CAMERA_PROFILES, *FORMATS, *read_by_ocio}:
         use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILES else "a LUT: apply, check"
         return Inspection(lines=(*check(path), f"  use       {use}"))
@@ -151,8 +154,13 @@ def _profile(profile: "CameraProfile") -> Rows:
 
 
 def check(path: str | Path) -> list[str]:
-    """Say what is in a LUT file or a camera profile, who reads it, and what will go wrong. Raises LutError."""
+    """Say what is in a LUT file, a camera profile or a config, who reads it, and what will go wrong.
+
+    Raises LutForgeError.
+    """
     suffix = Path(path).suffix.lower()
+    if suffix in CONFIGS:
+        return _config_lines(Path(path))
     if suffix == ".dcp":
         from lutforge.kits.dcp import dcp_lines
 
@@ -164,6 +172,71 @@ def check(path: str | Path) -> list[str]:
     from lutforge.luts.check import check_lut, report_lines
 
     return report_lines(check_lut(path))
+
+
+OCIO_RELEASES = {
+    (2, 0): "January 2021",
+    (2, 1): "August 2021",
+    (2, 2): "October 2022",
+    (2, 3): "October 2023",
+    (2, 4): "September 2024",
+    (2, 5): "September 2025",
+}
+"""When the versions of OpenColorIO appeared that profile versions of configs need."""
+
+
+def _config_lines(path: Path) -> list[str]:
+    """What a config of any origin holds, whether it is complete, and which versions of OpenColorIO read it."""
+    from lutforge.child_processes import OverrunError, guarded
+
+    try:
+        return guarded(_config_report, path, True)
+    except OverrunError:
+        note = "  note      its transforms take too long to try: not checked"
+        return [*guarded(_config_report, path, False), note]
+
+
+def _config_report(path: Path, with_transforms: bool) -> list[str]:
+    """The lines of `check` for a config; with_transforms: pixels go through each of its transforms."""
+    import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+    from lutforge.errors import one_line
+    from lutforge.ocio.check import check_config, file_names, load_config
+
+    config = load_config(path)
+    version = config.getMajorVersion(), config.getMinorVersion()
+    lines = [f"{path}: OpenColorIO config, profile version {version[0]}.{version[1]}"]
+    if description := one_line(config.getDescription(), 160):
+        lines.append(f"  about     {description}")
+    spaces = [*config.getColorSpaceNames(OCIO.SEARCH_REFERENCE_SPACE_ALL, OCIO.COLORSPACE_ALL)]
+    displays = [*config.getDisplaysAll()]
+    views = {view for display in displays for view in config.getViews(display)}
+    for title, names in (
+        ("spaces", spaces),
+        ("displays", displays),
+        ("views", sorted(views)),
+        ("looks", [*config.getLookNames()]),
+        ("roles", [f"{role}: {space}" for role, space in config.getRoles()]),
+    ):
+        if names:
+            lines.append(f"  {title:<9} {len(names)}: {one_line(', '.join(names), 240)}")
+    files = file_names(config)
+    problems = check_config(config) if with_transforms else []
+    if files:
+        missing = [text for text in problems if text.startswith("file ")]
+        found = "all found" if not missing else f"{len(missing)} missing"
+        lines.append(f"  files     {len(files)}, {found}")
+        problems = [*missing, *(text for text in problems if "could not be located" not in text)]
+    lines += [f"  problem   {one_line(text, 300)}" for text in problems[:20]]
+    if len(problems) > 20:
+        lines.append(f"  problem   and {len(problems) - 20} others")
+    needed = max(version, (2, 2)) if path.suffix.lower() == ".ocioz" else version
+    since = f" ({OCIO_RELEASES[needed]})" if needed in OCIO_RELEASES else ""
+    reads = f"OpenColorIO {needed[0]}.{needed[1]}{since} or later" if needed >= (2, 0) else "every OpenColorIO"
+    archive = "; older versions read no .ocioz, but a folder with config.ocio" if needed > version else ""
+    lines.append(f"  read by   {reads}{archive}")
+    lines.append("  use       apply --from SPACE --to SPACE; in a program the environment variable OCIO names it")
+    return lines
 
 
 def _exposure(data: "ShotMetadata") -> str:

@@ -16,7 +16,9 @@ from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut, evaluate, input_and_output_of
 from lutforge.model.lattice import grid, uniform_levels
+from lutforge.pipeline.baking import TransformRequest, bake_files
 from tests.cases.pictures import lut_of_nodes
+from tests.cases.profiles import small_profile
 
 CLF, DEPTHS = "compCLFversion='3' id='a'", "inBitDepth='32f' outBitDepth='32f'"
 LEVELS = (np.array([0.0, 0.125, 0.5, 1.0]),) * 3
@@ -182,6 +184,52 @@ def test_blenders_spi3d_begins_in_lower_case(tmp_path: Path) -> None:
     cube = read_lut(tmp_path / "filmic.spi3d").cube
     assert cube is not None
     np.testing.assert_array_equal(cube.values, np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1))
+
+
+# --- Files that LutForge writes ---------------------------------------------------------------------------------------
+
+
+SUFFIXES = (".cube", ".resolve.cube", ".clf", ".ctf", ".csp", ".3dl", ".spi1d", ".spi3d", ".png", ".vlt")
+
+
+@pytest.mark.parametrize("kind", ["render", "linearize", "refinish"])
+def test_no_file_of_ours_is_alarming(tmp_path: Path, kind: str) -> None:
+    """Rounding to integers, and the fit of a coarse cube near white, are no faults of a picture."""
+    small_profile().save(tmp_path / "camera.npz")
+    ends = {
+        "render": (None, "standard/daylight"),
+        "linearize": ("standard/daylight", None),
+        "refinish": ("standard/daylight", "vivid/tungsten"),
+    }
+    suffixes = [
+        suffix for suffix in SUFFIXES if kind != "linearize" or suffix in (".cube", ".clf", ".csp", ".spi1d", ".spi3d")
+    ]
+    files = [tmp_path / f"{kind}{suffix}" for suffix in suffixes if suffix != ".spi3d"]
+    bake_files(tmp_path / "camera.npz", TransformRequest(kind, *ends[kind]), files)
+    written = [tmp_path / f"{kind}{suffix}" for suffix in suffixes]
+    assert {str(path): check_lut(path).problems for path in written} == {str(path): () for path in written}
+
+
+def test_grey_alarms_from_a_tenth_of_a_code_for_each_code(tmp_path: Path) -> None:
+    levels = np.linspace(0, 1, 257)
+    for slope, alarms in ((-0.02, False), (-0.2, True)):
+        bent = np.where(levels < 0.5, levels, np.where(levels < 0.53, 0.5 + slope * (levels - 0.5), levels - 0.03))
+        size = 65
+        tone = np.interp(np.linspace(0, 1, size), levels, bent)
+        nodes = np.stack(np.meshgrid(tone, tone, tone, indexing="ij"), axis=-1)
+        problems = check_lut(Lut((Cube(nodes),)).write(tmp_path / "a.cube")).problems
+        assert any("grey becomes darker" in text for text in problems) == alarms
+
+
+def test_a_half_of_a_pair_is_called_so_and_a_vlt_names_its_cameras(tmp_path: Path) -> None:
+    path = lut_of_nodes(LEVELS, grid(LEVELS) ** 0.5, size=9).write(tmp_path / "a.spi3d")
+    for half in (path, path.with_suffix(".spi1d")):
+        said = " ".join(report_lines(check_lut(half)))
+        assert "one half of a pair" in said and "a.spi1d and then a.spi3d" in said
+    path.with_suffix(".spi1d").unlink()
+    assert "of a pair" not in " ".join(report_lines(check_lut(path)))
+    said = " ".join(report_lines(check_lut(Lut((Cube(NODES),)).write(tmp_path / "a.vlt"))))
+    assert "Lumix" in said and "VariCam" in said
 
 
 # --- What `check` says of LUT files is what their readers do, by trial -----------------------------------------------

@@ -93,9 +93,8 @@ REFUSALS: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "standard/candle", "-o", "out.cube"),
         ("multipliers of red, green and blue, such as 2.1,1,1.4",),
     ),
-    "line ends of old": (("apply", "mac.cube", "a.jpg", "-o", "out"), ("save it with line feeds",)),
     "a damaged profile": (
-        ("apply", "look.dcp", "a.jpg", "-o", "out"), ("`lutforge check` shows which programs do",)
+        ("apply", "look.dcp", "a.jpg", "-o", "out"), ("`lutforge check` shows which programs read it",)
     ),
     "no number in a LUT": (("apply", "nan.cube", "a.jpg", "-o", "out"), ("not finite",)),
     "a device": (("apply", "look.cube", "a.jpg", "-o", "/dev/full"), ("/dev/full", "folder")),
