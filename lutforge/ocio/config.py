@@ -12,6 +12,7 @@ from threading import Lock
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.atomic_write import atomic_path, scratch_folder
+from lutforge.boundary import reading
 from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
 from lutforge.inverse.linearization import SIZE
@@ -160,11 +161,19 @@ def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
 
 
 def _read(source: str, label: str, folder: Path | None) -> BaseConfig:
-    """A config of a stranger, whose files are read in a process of their own first."""
-    try:
-        config = OCIO.Config.CreateFromFile(source)
-    except OCIO_ERRORS as error:
-        raise ConfigError(f"{label}: OpenColorIO cannot read it: {error}") from error
+    """A config of a stranger, whose files are read in a process of their own first. Raises ConfigError."""
+    with reading(label, "an OpenColorIO config", ConfigError):
+        if folder is not None:
+            Path(source).read_bytes().decode("utf-8")  # names that are no text fail only where they are asked for
+        try:
+            config = OCIO.Config.CreateFromFile(source)
+        except OCIO_ERRORS as error:
+            raise ConfigError(f"{label}: OpenColorIO cannot read it: {error}") from error
+        return _merged_into(config, source, label, folder)
+
+
+def _merged_into(config: OCIO.Config, source: str, label: str, folder: Path | None) -> BaseConfig:
+    """A config that cameras can be merged into. Raises ConfigError where they cannot."""
     for name in file_names(config):
         try:
             guarded(make_processor, source, name)
@@ -184,21 +193,18 @@ def _read(source: str, label: str, folder: Path | None) -> BaseConfig:
 
 def _unpack(path: Path, folder: Path) -> None:
     """Unpack an archive of a stranger: no entry outside of the folder, no more than MOST_BYTES."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-            if sum(entry.file_size for entry in entries) > MOST_BYTES:
-                raise ConfigError(f"{path}: unpacks to more than {MOST_BYTES >> 30} GB, refused")
-            for entry in entries:
-                name = PurePosixPath(entry.filename.replace("\\", "/"))
-                if name.is_absolute() or ".." in name.parts or ":" in entry.filename:
-                    raise ConfigError(f'{path}: holds an entry outside of itself, "{entry.filename[:80]}", refused')
-                place = folder / name
-                place.parent.mkdir(parents=True, exist_ok=True)
-                with archive.open(entry) as source, place.open("wb") as target:
-                    shutil.copyfileobj(source, target)
-    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
-        raise ConfigError(f"{path}: cannot be unpacked ({error})") from error
+    with reading(path, "an OpenColorIO archive", ConfigError), zipfile.ZipFile(path) as archive:
+        entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+        if sum(entry.file_size for entry in entries) > MOST_BYTES:
+            raise ConfigError(f"{path}: unpacks to more than {MOST_BYTES >> 30} GB, refused")
+        for entry in entries:
+            name = PurePosixPath(entry.filename.replace("\\", "/"))
+            if name.is_absolute() or ".." in name.parts or ":" in entry.filename:
+                raise ConfigError(f'{path}: holds an entry outside of itself, "{entry.filename[:80]}", refused')
+            place = folder / name
+            place.parent.mkdir(parents=True, exist_ok=True)
+            with archive.open(entry) as source, place.open("wb") as target:
+                shutil.copyfileobj(source, target)
 
 
 # --- The config -------------------------------------------------------------------------------------------------------

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lutforge.errors import ImageError
+from lutforge.boundary import reading
+from lutforge.errors import ImageError, LutError
 from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.reports.tables import exposure_time
@@ -52,7 +53,12 @@ def files_to_inspect(path: str | Path) -> list[Path]:
 
 def inspect(path: str | Path) -> Inspection:
     """Read a RAW file, picture, profile, sample table, LUT or config, and say what is in it. Raises LutForgeError."""
-    path, suffix = Path(path), Path(path).suffix.lower()
+    with reading(path, "what its name says", ImageError):
+        return _inspected(Path(path))
+
+
+def _inspected(path: Path) -> Inspection:
+    suffix = path.suffix.lower()
     if path.is_dir():
         raise ImageError(f"{path}: no RAW file, picture, sample table or profile in this folder")
     if suffix in TABLE_SUFFIXES and is_table(path):
@@ -158,9 +164,14 @@ def check(path: str | Path) -> list[str]:
 
     Raises LutForgeError.
     """
-    suffix = Path(path).suffix.lower()
+    with reading(path, "a LUT, profile or config", LutError):
+        return _checked(Path(path))
+
+
+def _checked(path: Path) -> list[str]:
+    suffix = path.suffix.lower()
     if suffix in CONFIGS:
-        return _config_lines(Path(path))
+        return _config_lines(path)
     if suffix == ".dcp":
         from lutforge.kits.dcp import dcp_lines
 
@@ -203,6 +214,7 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
     from lutforge.errors import one_line
     from lutforge.ocio.check import check_config, file_names, load_config
 
+    OCIO.ClearAllCaches()  # else a file that went since the last call is still there
     config = load_config(path)
     version = config.getMajorVersion(), config.getMinorVersion()
     lines = [f"{path}: OpenColorIO config, profile version {version[0]}.{version[1]}"]
