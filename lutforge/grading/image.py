@@ -324,7 +324,7 @@ def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, o
     if "ICCProfile" in attributes:
         return "Adobe RGB"
     profile = source.getattribute("ICCProfile")
-    if profile is None or is_srgb(bytes(profile)):
+    if not isinstance(profile, np.ndarray) or is_srgb(bytes(profile)):
         return ""
     return source.get_string_attribute("ICCProfile:profile_description").strip() or "a space without a name"
 

@@ -11,12 +11,12 @@ from threading import Lock
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.atomic_write import atomic_path, scratch_folder
+from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading
 from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
 from lutforge.inverse.linearization import SIZE
-from lutforge.luts.formats import clf_text, write_text
+from lutforge.luts.formats import clf_text
 from lutforge.luts.sequence import OCIO_ERRORS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio import spaces
@@ -254,33 +254,37 @@ def write_config(
             write_config(profiles, folder, merge=merge, inverse_size=inverse_size, progress=progress)
             files = sorted(path for path in folder.rglob("*") if path.is_file())
             files.sort(key=lambda path: path.name != CONFIG_NAME)  # readers look for it first
-            with (
-                atomic_path(target) as temporary,
-                zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
-            ):
+            packed = folder / target.name
+            with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
                 for path in files:
                     entry = zipfile.ZipInfo(path.relative_to(folder).as_posix())  # without a clock time
                     entry.compress_type = zipfile.ZIP_DEFLATED
                     entry.external_attr = 0o644 << 16
                     archive.writestr(entry, path.read_bytes(), compresslevel=9)
+            shutil.move(packed, target)
         return target
     _require_usable(target, replace)
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)
         texts, errors = _all_baked(parts, inverse_size, progress)
         config = _assembled(cameras, parts, base, errors)
-        if base is not None and base.folder is not None:
-            for file in base.files:
+        with scratch_folder(beside=target) as folder:  # so that a full disk leaves nothing
+            if base is not None and base.folder is not None:
+                for file in base.files:
+                    (folder / file).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(base.folder / file, folder / file)
+            (folder / spaces.LUT_FOLDER).mkdir(exist_ok=True)
+            for name, text in texts.items():
+                (folder / spaces.LUT_FOLDER / name).write_text(text, encoding="utf-8", newline="\n")
+            (folder / CONFIG_NAME).write_text(config.serialize(), encoding="utf-8", newline="\n")
+            files = sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
+            for file in sorted(files, key=lambda file: file.name == CONFIG_NAME):  # the config last
                 (target / file).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(base.folder / file, target / file)
+                (folder / file).replace(target / file)
     for old in (target / spaces.LUT_FOLDER).glob("*.clf") if replace and base is None else ():
         if old.name not in texts:
             old.unlink()
-    for name, text in texts.items():
-        write_text(target / spaces.LUT_FOLDER / name, text, "utf-8")
     path = target / CONFIG_NAME
-    with atomic_path(path) as temporary:
-        temporary.write_text(config.serialize(), encoding="utf-8", newline="\n")
     progress("done", 1.0)
     return path
 
