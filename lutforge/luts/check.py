@@ -14,6 +14,7 @@ from lutforge.errors import one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.formats import SPI_PAIR
 from lutforge.luts.ops import Cube, Curve, Matrix, node_levels
+from lutforge.luts.programs import readers_of as programs_of
 from lutforge.luts.reading import file_processor, is_read_by_ocio, read_lut
 from lutforge.luts.sequence import InputAndOutput, Lut, evaluate, own_reader, read_input_and_output
 from lutforge.luts.text import TEXTS
@@ -125,7 +126,10 @@ def report_lines(report: LutReport) -> list[str]:
     for name, colour in (("black", report.black), ("white", report.white)):
         lines.append(f"  {name}     {' '.join(f'{v:.5f}' for v in colour)}")
     lines += [f"  problem   {text}" for text in report.problems]
-    lines += [f"  {program}: {verdict}" for program, verdict in report.readers.items()]
+    alike: dict[str, list[str]] = {}
+    for program, verdict in report.readers.items():
+        alike.setdefault(verdict, []).append(program)
+    lines += [f"  {', '.join(programs)}: {verdict}" for verdict, programs in alike.items()]
     return lines
 
 
@@ -242,76 +246,45 @@ def _domain(lut: Lut) -> tuple[Colour, Colour]:
     return first, last
 
 
-# --- What programs beside OpenColorIO make of LUT files: by their sources, and by trials -----------------------------
+# --- What programs beside OpenColorIO make of LUT files: by the table of programs -----------------------------------
+
+
+def kind_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> str:
+    """The kind of a file, by which the table of programs says what each does with it."""
+    suffix, words = lut.metadata.get("format", ""), lut.metadata.get("keywords", "")
+    match suffix, dialect:
+        case ".cube", "1D shaper + 3D":
+            return ".cube, shaper" if "INPUT_RANGE" in words else ".cube, shaper without ranges"
+        case ".cube", "1D":
+            return ".cube, curve"
+        case ".cube", _ if "INPUT_RANGE" in words:
+            return ".cube, range"
+        case ".cube", _ if domain != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
+            return ".cube, domain" if any(domain[0]) else ".cube, domain from 0"
+        case ".csp", _:
+            return ".csp" if lut.shaper is None else ".csp, bent"
+        case ".3dl", _:
+            plain = lut.size == 17 and lut.metadata.get("bits") == "12" and "3DMESH" not in words
+            return ".3dl, 17 nodes, 12 bits" if plain else ".3dl"
+    return suffix
 
 
 def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[str, str]:
     """What programs other than OpenColorIO make of such a file, by name of the program."""
-    match lut.metadata.get("format"), dialect:
-        case ".cube", "1D shaper + 3D":
-            refuses = "INPUT_RANGE" in lut.metadata.get("keywords", "")
-            wrong = "refuses it" if refuses else "reads it without a word and renders wrong colours"
-            return {
-                "DaVinci Resolve": "reads it, shaper included",
-                "ffmpeg, Kdenlive, Shotcut": f"{wrong}: give it a 3D-only .cube or a .csp",
-                "OBS": "loads the 1D part only: wrong colours",
-                "G'MIC, GIMP, OpenShot": "read wrong colours",
-                "darktable": "refuses it",
-                "Premiere, After Effects, Photoshop, Final Cut": "do not expect them to read the shaper",
-            }
-        case ".cube", "3D":
-            low, high = domain
-            readers = {"Resolve, Premiere, Photoshop, Final Cut, ffmpeg, OBS, darktable, G'MIC": "read it"}
-            if (low, high) != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
-                readers = {
-                    "Resolve, Premiere, Photoshop": "read it",
-                    "darktable": "refuses a domain other than 0 to 1",
-                    "G'MIC, OpenShot, OBS": "ignore the domain: wrong colours",
-                    "ffmpeg": "misreads a domain that does not begin at 0" if any(low) else "reads it",
-                }
-            if lut.size not in (17, 33, 65):
-                readers["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {lut.size}"
-            return readers
-        case ".cube", _:
-            return {"ffmpeg lut1d, Resolve, OBS": "read it", "programs of 3D LUTs": "refuse it, or misread it"}
-        case ((".clf" | ".ctf") as kind, _):
-            return {
-                "Resolve, Flame, Baselight, ART": "read CLF" if kind == ".clf" else "Flame reads CTF",
-                "ffmpeg, Photoshop, darktable": "cannot read it: give them a 3D-only .cube",
-            }
-        case ".csp", _:
-            # Between two knots ffmpeg goes as far up as their distance is, and not all the way (5.1.9, by trials).
-            shaped = "reads it; its curve in steps where that has less than some thousand knots"
-            return {
-                "ffmpeg": "reads it" if lut.shaper is None else shaped,
-                "Photoshop, After Effects": "read it",
-                "Resolve, darktable": "do not read .csp",
-            }
-        case ".3dl", _:
-            # ffmpeg skips one line and takes the rest for 17³ rows of 12 bits (libavfilter/vf_lut3d.c, parse_3dl).
-            bits, ffmpeg = lut.metadata.get("bits"), "reads it"
-            if "3DMESH" in lut.metadata.get("keywords", ""):
-                ffmpeg = "cannot read a .3dl that begins with 3DMESH"
-            elif lut.size != 17:
-                ffmpeg = f"takes 17 nodes per axis only, not {lut.size}: garbage"
-            elif bits != "12":
-                ffmpeg = f"takes the numbers for 12 bits, not {bits}: wrong colours"
-            return {"Flame, Lustre, darktable": "read it", "ffmpeg": ffmpeg}
-        case str(name), _ if name.startswith(("lookup", "strip", "column")):
-            return {
-                "GPUImage and other shaders, game engines": f"read such pictures: {name}",
-                "programs of Hald images": "take it for a Hald, if for anything: garbage",
-                "other programs": 'write a .cube for them: `lutforge.read_lut("a.png").write("a.cube")`',
-            }
-        case ".vlt", _:
-            return {
-                "Panasonic Lumix and VariCam cameras": "read it from their card",
-                "other programs": "cannot read it: give them a 3D-only .cube",
-            }
-        case "Hald image", _:
-            return {"RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it", "video programs": "mostly do not"}
-        case _:
-            return {"other programs": "mostly do not read it"}
+    suffix = lut.metadata.get("format", "")
+    if suffix == ".vlt":
+        cameras = {"Panasonic Lumix and VariCam cameras": "read it from their card"}
+        return {**cameras, "other programs": "cannot read it: give them a 3D-only .cube"}
+    if suffix.startswith(("lookup", "strip", "column")):
+        return {
+            "GPUImage and other shaders, game engines": f"read such pictures: {suffix}",
+            "programs of Hald images": "take it for a Hald, if for anything: garbage",
+            "other programs": 'write a .cube for them: `lutforge.read_lut("a.png").write("a.cube")`',
+        }
+    readers = programs_of(kind_of(lut, dialect, domain))
+    if suffix == ".cube" and dialect == "3D" and lut.size not in (17, 33, 65):
+        readers["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {lut.size}"
+    return readers
 
 
 # --- How near a file is to what was baked: read back as its reader evaluates it --------------------------------------

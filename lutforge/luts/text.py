@@ -112,7 +112,7 @@ def checked_text(path: Path) -> LutText:
 def decoded(data: bytes) -> tuple[str, str]:
     """The text of a file, and what is unusual about its encoding, or "". Raises UnicodeDecodeError of UTF-16 only."""
     if data.startswith(codecs.BOM_UTF8):
-        problem = "begins with a byte order mark, which OpenColorIO and ffmpeg refuse: save it as UTF-8 without one"
+        problem = "begins with a byte order mark, which OpenColorIO refuses: save it as UTF-8 without one"
         return data.decode("utf-8-sig", "replace"), problem
     problem = "is text in UTF-16, which other programs do not read: save it as UTF-8"
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):

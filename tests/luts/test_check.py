@@ -34,12 +34,13 @@ def test_a_shaper_cube_names_its_victims(tmp_path: Path) -> None:
     assert report.lut.summary == "Curve 9 → Cube 4³"
     assert report.readers["OpenColorIO, Nuke"] == "reads it"
     assert "shaper included" in report.readers["DaVinci Resolve"]
-    assert report.readers["ffmpeg, Kdenlive, Shotcut"].startswith("refuses it")
+    assert report.readers["ffmpeg"] == "refuses it"
+    assert report.readers["Kdenlive"].startswith("leaves the picture as it is")
     assert "wrong colours" in report.readers["OBS"]
     text = (tmp_path / "a.resolve.cube").read_text()
     silent = tmp_path / "silent.cube"
     silent.write_text("".join(line for line in text.splitlines(True) if "RANGE" not in line))
-    assert "without a word" in check_lut(silent).readers["ffmpeg, Kdenlive, Shotcut"]
+    assert "without a word" in check_lut(silent).readers["ffmpeg"]
 
 
 def test_equal_numbers_of_raw_are_not_taken_for_grey(tmp_path: Path) -> None:
