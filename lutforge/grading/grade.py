@@ -3,6 +3,7 @@
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -110,17 +111,17 @@ class LutRecipe(Recipe):
                 f"{self.path}: half of a LUT, {other.name} is the other; bake a .clf or .cube to apply, or use the two "
                 "in an OpenColorIO config"
             )
-        try:
+        lut: Lut | None = None
+        problems: tuple[str, ...] = ()
+        with suppress(NoFiguresError):  # of which OpenColorIO alone knows what it does
             report = check_lut(self.path)
-        except NoFiguresError:  # of which OpenColorIO alone knows what it does
-            lut, ends, notes = None, None, ()
-        else:
-            lut, ends, notes = report.lut, read_input_and_output(report.lut.comments), report.problems
+            lut, problems = report.lut, report.problems
+        ends = None if lut is None else read_input_and_output(lut.comments)
         takes_linear, gives_linear = (False, False) if ends is None else ends.are_linear
         grade = Grade(
             None,
             f"graded with {self.path.name}",
-            notes=tuple(f"{self.path}: {note}" for note in notes),
+            notes=tuple(f"{self.path}: {problem}" for problem in problems),
             takes_linear=takes_linear,
             gives_linear=gives_linear,
             for_srgb=ends is not None and ends.input == ENCODED,

@@ -61,7 +61,8 @@ def resolver() -> Callable[[Path], Path]:
         if linked:
             with suppress(RuntimeError, OSError):  # a link that leads to itself is no file, as its reader will say
                 return path.resolve()
-        return folder(path.parent) / path.name
+        place: Path = folder(path.parent) / path.name
+        return place
 
     return resolved
 

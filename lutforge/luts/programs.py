@@ -152,7 +152,7 @@ PROGRAMS: dict[str, Program] = {
     "gmic": Program(
         reads=(".cube", ".png"), title="G'MIC", tried="2.9",
         does={
-            **dict.fromkeys((".cube", ".cube, range"), "reads it half a node too bright: enlarge it to 256 nodes first"),
+            **dict.fromkeys((".cube", ".cube, range"), "reads it half a node too bright: enlarge it to 256³ first"),
             ".cube, curve": READS, "Hald image": "reads it, 1.2 codes too bright",
             **dict.fromkeys((".cube, domain from 0", ".cube, domain"), f"ignores the domain: {GARBAGE}"),
             **dict.fromkeys((".cube, shaper", ".cube, shaper without ranges"), GARBAGE),

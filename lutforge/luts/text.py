@@ -300,7 +300,7 @@ def _of_one_dialect(lines: list[str], path: Path) -> tuple[list[str], list[str]]
     Resolve's has input ranges, or a shaper, and neither TITLE nor DOMAIN lines; the Adobe Cube LUT Specification 1.0
     has these and no ranges. LUTCalc and others write both into one file. Raises LutError where they contradict.
     """
-    heads = {}
+    heads: dict[str, int] = {}
     for number, line in enumerate(lines):
         if line[:1].isalpha():
             heads.setdefault(line.split(maxsplit=1)[0], number)

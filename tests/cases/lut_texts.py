@@ -1,13 +1,14 @@
 """A small sound file of each text format of LUTs that is read."""
 
+from collections.abc import Sequence
 from itertools import product
 
 NODES = [(r, g, b) for b, g, r in product((0, 1), repeat=3)]
 """The nodes of a cube of two, red fastest."""
-BLUE_FASTEST = [*product((0, 1), repeat=3)]
+BLUE_FASTEST = [(r, g, b) for r, g, b in product((0, 1), repeat=3)]
 
 
-def table(template: str = "{r}.0 {g}.0 {b}.0\n", nodes: list[tuple[int, ...]] = NODES) -> str:
+def table(template: str = "{r}.0 {g}.0 {b}.0\n", nodes: Sequence[tuple[int, int, int]] = NODES) -> str:
     """A row for each node. Lines and numbers are such as the writers of LUT files have them."""
     return "".join(template.format(r=r, g=g, b=b, n=n) for n, (r, g, b) in enumerate(nodes))
 

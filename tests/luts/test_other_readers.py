@@ -122,7 +122,8 @@ def _imagemagick(command: str, folder: Path, lut: Path) -> Path:
 
 
 def _gmic(command: str, folder: Path, lut: Path) -> Path:
-    load = ["-input_cube", str(lut)] if lut.suffix == ".cube" else [str(lut), "-div[-1]", "257"]
+    enlarged = ["-input_cube", str(lut), "-resize[-1]", "256,256,256,3,3,0"]
+    load = enlarged if lut.suffix == ".cube" else [str(lut), "-div[-1]", "257"]
     words = [command, "in.tif", "-div", "257", *load, "-map_clut[0]", "[1]", "-keep[0]", "-mul", "257", "-round"]
     run([*words, "-o", "out.tif,uint16"], folder)
     return folder / "out.tif"
@@ -171,7 +172,7 @@ PROGRAMS = (
     Program("oiiotool", ("oiiotool",), ".cube", "tetrahedral", _oiiotool, 1e-4, "oiio"),
     Program("oiiotool", ("oiiotool",), ".csp", "tetrahedral", _oiiotool, 1e-4, "oiio"),
     Program("ImageMagick", ("convert-im6.q16", "magick"), ".png", "trilinear", _imagemagick, 0.02),
-    Program("G'MIC", ("gmic",), ".cube", "trilinear", _gmic, 0.06, "gmic"),
+    Program("G'MIC", ("gmic",), ".cube", "trilinear", _gmic, 0.02, "gmic"),
     Program("G'MIC", ("gmic",), ".png", "trilinear", _gmic, 0.06, "gmic"),
     Program("darktable", ("darktable-cli",), ".cube", "tetrahedral", _darktable, 0.02, "darktable"),
     Program("RawTherapee", ("rawtherapee-cli",), ".tif", "trilinear", _rawtherapee, 0.02),

@@ -20,7 +20,7 @@ from tests.conftest import CommandLine, Refused
 def look(x: Array) -> Array:
     """A look whose red, green and blue cannot be mistaken for each other."""
     r, g, b = np.moveaxis(x, -1, 0)
-    return np.clip(np.stack([r**0.8, 0.8 * g + 0.1 * b, 0.9 * b**1.2 + 0.05], axis=-1), 0.0, 1.0)
+    return np.asarray(np.clip(np.stack([r**0.8, 0.8 * g + 0.1 * b, 0.9 * b**1.2 + 0.05], axis=-1), 0.0, 1.0))
 
 
 def black_and_white(x: Array) -> Array:

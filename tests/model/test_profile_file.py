@@ -4,6 +4,7 @@ import io
 import json
 import pickle
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -390,7 +391,7 @@ def _document(path: Path) -> dict[str, Any]:
     return document
 
 
-MANY = {
+MANY: dict[str, Callable[[dict[str, Any]], object]] = {
     "styles": lambda document: {f"s{n}": document["styles"]["vivid"] for n in range(3000)},
     "white_balances": lambda document: {f"b{n}": document["white_balances"]["daylight"] for n in range(3000)},
     "notes": lambda _: ["note"] * 10_000,
