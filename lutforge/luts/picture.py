@@ -54,7 +54,7 @@ def read_picture(path: Path) -> Lut:
             )
         if not 3 <= spec.nchannels <= 4:
             raise LutError(f"{path}: {spec.nchannels} channels; a Hald image has three")
-        pixels = reader.read(reader.whole)[..., :3]
+        pixels = reader.read(reader.whole)[..., :3].astype(np.float64)
     layouts = {name: (_change(values), values) for name, values in _layouts(pixels)}
     name, (change, values) = min(layouts.items(), key=lambda item: item[1][0])
     if change > MOST_CHANGE and sum(_linear_shares(values)) < LEAST_LINEAR:
@@ -101,7 +101,9 @@ def _layouts(pixels: Array) -> Iterator[tuple[str, Array]]:
         values, name = pixels.reshape(n, n, n, 3).transpose(2, 0, 1, 3), f"strip of {n} tiles"
     else:
         values, name = pixels.reshape(n, n, n, 3).transpose(2, 1, 0, 3), f"column of {n} tiles"
-    rises = [float(np.mean(values.take(-1, axis)[..., axis] - values.take(0, axis)[..., axis])) for axis in range(3)]
+    rises = [
+        float(np.mean(np.take(values, -1, axis)[..., axis] - np.take(values, 0, axis)[..., axis])) for axis in range(3)
+    ]
     if rises[1] < 0 < min(rises[0], rises[2]):  # OpenGL's pictures begin at the bottom
         values, name = values[:, ::-1], f"{name}, green upwards"
     yield name, values
