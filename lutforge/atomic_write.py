@@ -5,7 +5,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import RLock
 
@@ -121,8 +121,15 @@ def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
     parent = Path(tempfile.gettempdir()) if beside is None else Path(beside).absolute().parent
     _make_folder(parent)
     try:
-        with tempfile.TemporaryDirectory(dir=parent, prefix=SCRATCH) as name:
-            folder = Path(name)
+        with ExitStack() as stack:
+            if beside is None:
+                folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=SCRATCH)))
+            else:
+                with _locked(parent, wait=True):  # until the new folder is locked, too
+                    _remove_abandoned(parent)
+                    name = stack.enter_context(tempfile.TemporaryDirectory(dir=parent, prefix=SCRATCH))
+                    folder = Path(name)
+                    stack.enter_context(_locked(folder))
             with _beginning:
                 _unfinished.add(folder)
             try:
@@ -136,6 +143,39 @@ def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
         raise LutForgeError(f"{beside}: cannot write ({cause.strerror or cause})") from cause
     finally:
         _remove_if_empty(parent)
+
+
+@contextmanager
+def _locked(folder: Path, wait: bool = False) -> Iterator[bool]:
+    """Hold the lock of a folder, which the system frees when this process ends, however it ends.
+
+    wait: until another process frees it. Yields False where it is held by another, or where the system locks no
+    folders: Windows, some network disks.
+    """
+    try:
+        import fcntl
+
+        handle = os.open(folder, os.O_RDONLY)
+    except (ImportError, OSError):
+        yield False
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+        is_ours = True
+    except OSError:
+        is_ours = False
+    try:
+        yield is_ours
+    finally:
+        os.close(handle)
+
+
+def _remove_abandoned(parent: Path) -> None:
+    """Delete the scratch folders that killed processes left in a folder; those of others at work are locked."""
+    for folder in parent.glob(f"{SCRATCH}????????"):
+        with suppress(OSError), _locked(folder) as is_abandoned:
+            if is_abandoned and not folder.is_symlink():
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def _prefix(path: Path) -> str:

@@ -153,3 +153,34 @@ def test_only_regular_files_of_a_sane_size_are_opened(tmp_path: Path) -> None:
     for name, says in wrong.items():
         with pytest.raises(LutForgeError, match=says):
             require_file(tmp_path / name, "a LUT", most=10)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the system locks no folders")
+def test_the_folder_of_a_killed_process_is_removed_by_the_next_and_that_of_one_at_work_stays(tmp_path: Path) -> None:
+    import subprocess
+
+    code = (
+        "import sys, time\nfrom lutforge.atomic_write import scratch_folder\n"
+        f"with scratch_folder(beside={str(tmp_path / 'kit')!r}) as folder:\n"
+        "    (folder / 'half').touch()\n    print(folder, flush=True)\n    time.sleep(600)"
+    )
+    runs = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    folders = []
+    for run in runs:
+        assert run.stdout is not None
+        folders.append(Path(run.stdout.readline().strip()))
+    dead, alive = runs
+    dead.kill()
+    dead.wait()
+    (tmp_path / ".lutforge-apply.jsonl").touch()
+    with scratch_folder(beside=tmp_path / "kit"):
+        assert not folders[0].exists()
+        assert (folders[1] / "half").is_file()
+    alive.kill()
+    alive.wait()
+    with scratch_folder(beside=tmp_path / "kit"):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == [".lutforge-apply.jsonl"]
+    for run in runs:
+        assert run.stdout is not None
+        run.stdout.close()

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 PROGRAMS = (
     "resolve, nuke, ocio, oiio, baselight, flame, blender, photoshop, lightroom, premiere, aftereffects, finalcut, "
-    "ffmpeg, obs, darktable, rawtherapee, art, captureone, gmic, gimp"
+    "ffmpeg, mpv, kdenlive, shotcut, obs, darktable, rawtherapee, art, captureone, gmic, gimp, imagemagick, "
+    "graphicsmagick, pillow, three, parse-cube-lut"
 )
 """What `--for` takes: the programs of `lutforge.luts.programs`, written here because that takes a second to load."""
 

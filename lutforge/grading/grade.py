@@ -3,18 +3,22 @@
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from contextlib import suppress
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge import __version__
+from lutforge.arrays import Single
 from lutforge.child_processes import guarded
 from lutforge.errors import ConfigError, LutError, LutForgeError, alternatives
-from lutforge.luts.reading import stranger
-from lutforge.luts.sequence import ENCODED, OCIO_ERRORS, Lut, of_codes, read_input_and_output
+from lutforge.luts.check import check_lut, other_half
+from lutforge.luts.reading import NoFiguresError, is_read_by_ocio, processor_of_stranger
+from lutforge.luts.sequence import ENCODED, MAX_SIZE, OCIO_ERRORS, Lut, of_codes, read_input_and_output
 
 if TYPE_CHECKING:
     from lutforge.model.vignetting import Vignetting
@@ -88,7 +92,10 @@ def fingerprint(*parts: object) -> str:
 
 @dataclass(frozen=True)
 class LutRecipe(Recipe):
-    """One LUT file for all images; cubes of files that name no interpolation are interpolated tetrahedrally."""
+    """One LUT file for all images; what `check` calls a problem of it is a note of each.
+
+    Cubes of files that name no interpolation are interpolated tetrahedrally, Hald images and their like trilinearly.
+    """
 
     path: Path
 
@@ -98,24 +105,49 @@ class LutRecipe(Recipe):
 
     @cached_property
     def _grade(self) -> Grade:
-        pair = {".spi1d": ".spi3d", ".spi3d": ".spi1d"}.get(self.path.suffix.lower())
-        if pair is not None and self.path.with_suffix(pair).is_file():
+        other = other_half(self.path)
+        if other is not None:
             raise LutError(
-                f"{self.path}: half of a LUT, {self.path.with_suffix(pair).name} is the other; bake a .clf or .cube to "
-                "apply, or use the two in an OpenColorIO config"
+                f"{self.path}: half of a LUT, {other.name} is the other; bake a .clf or .cube to apply, or use the two "
+                "in an OpenColorIO config"
             )
-        processor, comments = stranger(self.path)
-        ends = read_input_and_output(comments)
+        lut: Lut | None = None
+        problems: tuple[str, ...] = ()
+        with suppress(NoFiguresError):  # of which OpenColorIO alone knows what it does
+            report = check_lut(self.path)
+            lut, problems = report.lut, report.problems
+        ends = None if lut is None else read_input_and_output(lut.comments)
         takes_linear, gives_linear = (False, False) if ends is None else ends.are_linear
-        return Grade(
-            processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
+        grade = Grade(
+            None,
             f"graded with {self.path.name}",
+            notes=tuple(f"{self.path}: {problem}" for problem in problems),
             takes_linear=takes_linear,
             gives_linear=gives_linear,
-            oiiotool=("--ociofiletransform", str(self.path)),
-            codes=of_codes(processor),
             for_srgb=ends is not None and ends.input == ENCODED,
         )
+        if lut is not None and not is_read_by_ocio(self.path, lut):
+            if lut.size > MAX_SIZE:
+                return replace(grade, processor=Evaluation(lut), lut=lut)
+            return replace(grade, processor=lut.processor(), codes=lut.processor(codes=True), lut=lut)
+        processor = processor_of_stranger(self.path)
+        return replace(
+            grade,
+            processor=processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
+            codes=of_codes(processor),
+            oiiotool=("--ociofiletransform", str(self.path)),
+        )
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A LUT with more nodes than OpenColorIO takes, as a processor of float32 pixels."""
+
+    lut: Lut
+
+    def applyRGB(self, pixels: Single) -> None:  # noqa: N802 - as OpenColorIO's processors have it
+        """Grade pixels (…, 3) where they are."""
+        pixels[:] = self.lut(pixels.astype(np.float64)).astype(np.float32)
 
 
 @dataclass(frozen=True)

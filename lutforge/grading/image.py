@@ -26,7 +26,7 @@ from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.grading.grade import Grade
 from lutforge.images.heif import is_heif
-from lutforge.images.icc import codes_moved, foreign_profile, is_srgb, pixels_to_srgb, profile_name
+from lutforge.images.icc import codes_moved, foreign_profile, is_srgb, pixels_to_srgb, profile_name, stored_profile
 from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours
 from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
 from lutforge.images.write import (
@@ -323,8 +323,8 @@ def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, o
         return ""
     if "ICCProfile" in attributes:
         return "Adobe RGB"
-    profile = source.getattribute("ICCProfile")
-    if profile is None or is_srgb(bytes(profile)):
+    profile = stored_profile(source)
+    if not profile or is_srgb(profile):
         return ""
     return source.get_string_attribute("ICCProfile:profile_description").strip() or "a space without a name"
 
@@ -346,8 +346,8 @@ def notes_on(
         yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
     if space:
         yield f"the picture is in {space}, and was graded as it is: what is made for sRGB wants it converted"
-    profile = source.getattribute("ICCProfile")
-    if profile is not None and codes_moved(bytes(profile)) is None:
+    profile = stored_profile(source)
+    if profile and codes_moved(profile) is None:
         yield "the picture's ICC profile is broken: its colours were taken as they are"
     # Graded channels with unusual names, and further layers
     graded, others = ", ".join(source.channelnames[:3]), source.channelnames[3:]

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -57,7 +58,11 @@ def resolver() -> Callable[[Path], Path]:
 
     def resolved(path: Path) -> Path:
         linked = os.path.islink(path)  # noqa: PTH114 - Path.is_symlink raises where nothing may be read
-        return path.resolve() if linked else folder(path.parent) / path.name
+        if linked:
+            with suppress(RuntimeError, OSError):  # a link that leads to itself is no file, as its reader will say
+                return path.resolve()
+        place: Path = folder(path.parent) / path.name
+        return place
 
     return resolved
 

@@ -24,9 +24,15 @@ def to_srgb(codes: Codes, profile: bytes) -> Codes:
 
 def foreign_profile(spec: oiio.ImageSpec) -> bytes:
     """The ICC profile of a picture of three 8-bit channels in another space than sRGB; empty for all other images."""
-    profile = spec.getattribute("ICCProfile")
+    profile = stored_profile(spec)
     eight_bits = spec.nchannels == 3 and str(spec.format) == "uint8"
-    return bytes(profile) if eight_bits and profile is not None and not is_srgb(bytes(profile)) else b""
+    return profile if eight_bits and profile and not is_srgb(profile) else b""
+
+
+def stored_profile(spec: oiio.ImageSpec) -> bytes:
+    """The bytes of a picture's ICC profile; empty where it has none, or something else under that name."""
+    profile = spec.getattribute("ICCProfile")
+    return profile.tobytes() if isinstance(profile, np.ndarray) and profile.dtype == np.uint8 else b""
 
 
 def pixels_to_srgb(pixels: Pixels, profile: bytes) -> Pixels:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,8 +14,10 @@ from lutforge.errors import one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.formats import SPI_PAIR
 from lutforge.luts.ops import Cube, Curve, Matrix, node_levels
-from lutforge.luts.reading import file_processor, read_lut
+from lutforge.luts.programs import readers_of as programs_of
+from lutforge.luts.reading import file_processor, is_read_by_ocio, read_lut
 from lutforge.luts.sequence import InputAndOutput, Lut, evaluate, own_reader, read_input_and_output
+from lutforge.luts.text import TEXTS
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.sobol import sobol
 
@@ -24,7 +27,12 @@ FALL = 1e-5
 """A step of an output in the wrong direction that is more than rounding."""
 HALF_MAX = 65504.0
 """The largest half float."""
-_NO_DIALECTS = (".clf", ".ctf", "Hald image")
+ALARM = 0.1
+"""A fall is alarming from a tenth of what the input rises: a tenth of a code for each code."""
+FLOATS = (".clf", ".ctf", ".spi1d", ".spi3d", ".spimtx", ".cc", ".ccc", ".cdl")
+"""Formats that only programs with floats read, which clip nothing."""
+CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
+"""The highest code of integers, and their bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,34 +58,55 @@ class LutReport:
     readers: dict[str, str]
 
 
+def _is_half(lut: Lut) -> bool:
+    """True of one file of a .spi1d and a .spi3d, of which the other lies beside it."""
+    return "pair" in lut.metadata
+
+
 def check_lut(path: str | Path) -> LutReport:
     """Read any LUT file and say what is in it. Raises LutError, one line, where it cannot be read."""
     path = Path(path)
     lut = read_lut(path)
+    other = other_half(path)
+    if other is not None:
+        lut = replace(lut, metadata={**lut.metadata, "pair": other.name})
     cube, domain = lut.cube, _domain(lut)
     dialect = ""
-    if lut.metadata.get("format") not in _NO_DIALECTS:
+    if lut.metadata.get("format") in TEXTS:
         dialect = "1D" if cube is None else "3D" if lut.shaper is None else "1D shaper + 3D"
     outputs = np.array([[0.0] * 3, [1.0] * 3])  # then those of the last table, behind all that follows it
     for op in lut.ops:
-        outputs = op.outputs if isinstance(op, Curve) else op.values if isinstance(op, Cube) else op(outputs)
+        outputs = _outputs(op) if isinstance(op, Curve) else op.values if isinstance(op, Cube) else op(outputs)
     beyond = bool(outputs.min() < -1e-6 or outputs.max() > 1 + 1e-6)
     states = read_input_and_output(lut.comments)
     falling = 0.0
     if cube is not None:
         steps = [np.diff(cube.values[..., channel], axis=channel) for channel in range(3)]
-        falling = float(np.mean(np.concatenate([(step < -FALL).ravel() for step in steps])))
+        falling = float(np.mean([np.mean(step < -ALARM / max(step.shape)) for step in steps]))
     readers = {"OpenColorIO, Nuke": "cannot read it"}
-    if own_reader(path) is None:
+    if is_read_by_ocio(path, lut):
         readers["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
+    if other is not None:
+        order = " and then ".join(path.with_suffix(end).name for end in SPI_PAIR)
+        readers = {"one half of a pair": f"{order} are the LUT, the shaper and its cube, in an OpenColorIO config"}
+        readers["OpenColorIO, Nuke"] = "reads it"
     readers |= readers_of(lut, dialect, domain)
     if states is not None and states.takes_raw:
         readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
     black, white = (_triple(colour) for colour in lut(np.array(domain)))
     clipped = None if beyond else float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1)))
-    problems = tuple(_problems(lut, domain, falling, beyond, states))
+    problems = tuple(_problems(lut, domain, falling, outputs, clipped, states))
     lowest, highest = float(outputs.min()), float(outputs.max())
     return LutReport(path, lut, dialect, domain, lowest, highest, clipped, falling, black, white, problems, readers)
+
+
+def other_half(path: Path) -> Path | None:
+    """The cube of a shaper, or the shaper of a cube, that lies beside it as .spi3d or .spi1d; else none."""
+    suffix = path.suffix.lower()
+    if suffix not in SPI_PAIR:
+        return None
+    other = path.with_suffix(SPI_PAIR[1 - SPI_PAIR.index(suffix)])
+    return other if other.is_file() else None
 
 
 def report_lines(report: LutReport) -> list[str]:
@@ -97,8 +126,18 @@ def report_lines(report: LutReport) -> list[str]:
     for name, colour in (("black", report.black), ("white", report.white)):
         lines.append(f"  {name}     {' '.join(f'{v:.5f}' for v in colour)}")
     lines += [f"  problem   {text}" for text in report.problems]
-    lines += [f"  {program}: {verdict}" for program, verdict in report.readers.items()]
+    alike: dict[str, list[str]] = {}
+    for program, verdict in report.readers.items():
+        alike.setdefault(verdict, []).append(program)
+    lines += [f"  {', '.join(programs)}: {verdict}" for verdict, programs in alike.items()]
     return lines
+
+
+def _outputs(curve: Curve) -> Array:
+    """The entries of a curve; of one over all half floats those between 0 and 1."""
+    if curve.inputs is None or curve.inputs.max() < HALF_MAX:
+        return curve.outputs
+    return curve.outputs[np.all((curve.inputs >= 0) & (curve.inputs <= 1), axis=1)]
 
 
 def _triple(colour: Real) -> Colour:
@@ -107,10 +146,15 @@ def _triple(colour: Real) -> Colour:
 
 
 def _problems(
-    lut: Lut, domain: tuple[Colour, Colour], falling: float, beyond: bool, states: InputAndOutput | None
+    lut: Lut,
+    domain: tuple[Colour, Colour],
+    falling: float,
+    outputs: Array,
+    clipped: float | None,
+    states: InputAndOutput | None,
 ) -> list[str]:
-    """What is wrong with a LUT. falling, beyond: as `check_lut` has them; states: what its comments say."""
-    problems = []
+    """What is wrong with a LUT. falling, outputs, clipped: as `check_lut` has them; states: what its comments say."""
+    problems = [lut.metadata["problems"]] if "problems" in lut.metadata else []
     for number, op in enumerate(lut.ops, 1):
         if isinstance(op, Curve):
             name = "curve" if len(lut.ops) == 1 else f"curve (operation {number})"
@@ -127,7 +171,9 @@ def _problems(
         values, share = lut.cube.values, np.linspace(0.0, 1.0, 257)[:, None]
         grey = lut((1.0 - share) * max(domain[0]) + share * min(domain[1]) + np.zeros(3))
         takes_raw = states is not None and states.takes_raw  # equal numbers of RAW before white balance are no grey
-        if not takes_raw and np.any(np.diff(grey.mean(axis=1)) < -FALL):
+        mean = grey.mean(axis=1)
+        falls = np.min(np.diff(mean)) < -ALARM / 256 or np.max(np.maximum.accumulate(mean) - mean) > 1 / 255
+        if falls and not takes_raw and not _is_half(lut):
             problems.append("grey becomes darker somewhere where the input becomes lighter")
         # Cameras press strong colours into their gamut, where one channel makes room for another.
         if falling > 0.1:
@@ -142,11 +188,39 @@ def _problems(
         if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
             pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
             problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
-    if beyond and not (states is not None and states.are_linear[1]):
-        problems.append("outputs leave [0, 1]: programs with integers clip them, others pass them on")
+    problems += _problems_of_range(domain, outputs, clipped, states, lut.metadata.get("format") in FLOATS)
     if lut.metadata.get("bits") == "8":
         problems.append("8 bits per channel: gradients will show bands; 16 are usual")
     return problems
+
+
+def _problems_of_range(
+    domain: tuple[Colour, Colour],
+    outputs: Array,
+    clipped: float | None,
+    states: InputAndOutput | None,
+    in_floats: bool,
+) -> Iterator[str]:
+    """What is wrong with the range of a LUT's inputs and outputs, which most programs take for 0 to 1.
+
+    in_floats: all programs that read the file work in floats.
+    """
+    highest = float(outputs.max())
+    if max(domain[1]) in CODES:
+        yield (
+            f"its inputs run to {max(domain[1]):g}, as codes of {CODES[max(domain[1])]} bits: pictures from 0 to 1 "
+            "fall on its first nodes; write a domain from 0 to 1"
+        )
+    if highest > 1 and (clipped is None) and np.all(outputs == np.rint(outputs)):
+        top = next((code for code in CODES if code >= highest), highest)
+        yield (
+            f"its numbers are whole and run to {highest:g}, as codes, where 0 to 1 are meant: all is white; divide "
+            f"them by {top:g}"
+        )
+    elif clipped is None and not in_floats and not (states is not None and states.are_linear[1]):
+        yield "outputs leave [0, 1]: programs with integers clip them, others pass them on"
+    if clipped is not None and clipped > 0.9995 and len(outputs.reshape(-1, 3)) > 8:
+        yield "100 % of the nodes are at a limit, 0 or 1: its numbers are cut, or are codes of other than 0 to 1"
 
 
 def _domain(lut: Lut) -> tuple[Colour, Colour]:
@@ -172,65 +246,45 @@ def _domain(lut: Lut) -> tuple[Colour, Colour]:
     return first, last
 
 
-# --- What programs beside OpenColorIO make of LUT files: by their sources, and by trials -----------------------------
+# --- What programs beside OpenColorIO make of LUT files: by the table of programs -----------------------------------
+
+
+def kind_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> str:
+    """The kind of a file, by which the table of programs says what each does with it."""
+    suffix, words = lut.metadata.get("format", ""), lut.metadata.get("keywords", "")
+    match suffix, dialect:
+        case ".cube", "1D shaper + 3D":
+            return ".cube, shaper" if "INPUT_RANGE" in words else ".cube, shaper without ranges"
+        case ".cube", "1D":
+            return ".cube, curve"
+        case ".cube", _ if "INPUT_RANGE" in words:
+            return ".cube, range"
+        case ".cube", _ if domain != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
+            return ".cube, domain" if any(domain[0]) else ".cube, domain from 0"
+        case ".csp", _:
+            return ".csp" if lut.shaper is None else ".csp, bent"
+        case ".3dl", _:
+            plain = lut.size == 17 and lut.metadata.get("bits") == "12" and "3DMESH" not in words
+            return ".3dl, 17 nodes, 12 bits" if plain else ".3dl"
+    return suffix
 
 
 def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[str, str]:
     """What programs other than OpenColorIO make of such a file, by name of the program."""
-    match lut.metadata.get("format"), dialect:
-        case ".cube", "1D shaper + 3D":
-            refuses = "INPUT_RANGE" in lut.metadata.get("keywords", "")
-            wrong = "refuses it" if refuses else "reads it without a word and renders wrong colours"
-            return {
-                "DaVinci Resolve": "reads it, shaper included",
-                "ffmpeg, Kdenlive, Shotcut": f"{wrong}: give it a 3D-only .cube or a .csp",
-                "OBS": "loads the 1D part only: wrong colours",
-                "G'MIC, GIMP, OpenShot": "read wrong colours",
-                "darktable": "refuses it",
-                "Premiere, After Effects, Photoshop, Final Cut": "do not expect them to read the shaper",
-            }
-        case ".cube", "3D":
-            low, high = domain
-            readers = {"Resolve, Premiere, Photoshop, Final Cut, ffmpeg, OBS, darktable, G'MIC": "read it"}
-            if (low, high) != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
-                readers = {
-                    "Resolve, Premiere, Photoshop": "read it",
-                    "darktable": "refuses a domain other than 0 to 1",
-                    "G'MIC, OpenShot, OBS": "ignore the domain: wrong colours",
-                    "ffmpeg": "misreads a domain that does not begin at 0" if any(low) else "reads it",
-                }
-            if lut.size not in (17, 33, 65):
-                readers["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {lut.size}"
-            return readers
-        case ".cube", _:
-            return {"ffmpeg lut1d, Resolve, OBS": "read it", "programs of 3D LUTs": "refuse it, or misread it"}
-        case ((".clf" | ".ctf") as kind, _):
-            return {
-                "Resolve, Flame, Baselight, ART": "read CLF" if kind == ".clf" else "Flame reads CTF",
-                "ffmpeg, Photoshop, darktable": "cannot read it: give them a 3D-only .cube",
-            }
-        case ".csp", _:
-            # Between two knots ffmpeg goes as far up as their distance is, and not all the way (5.1.9, by trials).
-            shaped = "reads it; its curve in steps where that has less than some thousand knots"
-            return {
-                "ffmpeg": "reads it" if lut.shaper is None else shaped,
-                "Photoshop, After Effects": "read it",
-                "Resolve, darktable": "do not read .csp",
-            }
-        case ".3dl", _:
-            # ffmpeg skips one line and takes the rest for 17³ rows of 12 bits (libavfilter/vf_lut3d.c, parse_3dl).
-            bits, ffmpeg = lut.metadata.get("bits"), "reads it"
-            if "3DMESH" in lut.metadata.get("keywords", ""):
-                ffmpeg = "cannot read a .3dl that begins with 3DMESH"
-            elif lut.size != 17:
-                ffmpeg = f"takes 17 nodes per axis only, not {lut.size}: garbage"
-            elif bits != "12":
-                ffmpeg = f"takes the numbers for 12 bits, not {bits}: wrong colours"
-            return {"Flame, Lustre, darktable": "read it", "ffmpeg": ffmpeg}
-        case "Hald image", _:
-            return {"RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it", "video programs": "mostly do not"}
-        case _:
-            return {"other programs": "mostly do not read it"}
+    suffix = lut.metadata.get("format", "")
+    if suffix == ".vlt":
+        cameras = {"Panasonic Lumix and VariCam cameras": "read it from their card"}
+        return {**cameras, "other programs": "cannot read it: give them a 3D-only .cube"}
+    if suffix.startswith(("lookup", "strip", "column")):
+        return {
+            "GPUImage and other shaders, game engines": f"read such pictures: {suffix}",
+            "programs of Hald images": "take it for a Hald, if for anything: garbage",
+            "other programs": 'write a .cube for them: `lutforge.read_lut("a.png").write("a.cube")`',
+        }
+    readers = programs_of(kind_of(lut, dialect, domain))
+    if suffix == ".cube" and dialect == "3D" and lut.size not in (17, 33, 65):
+        readers["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {lut.size}"
+    return readers
 
 
 # --- How near a file is to what was baked: read back as its reader evaluates it --------------------------------------

@@ -16,6 +16,7 @@ from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import LutError, one_line
 from lutforge.luts.ops import Cube, Curve, Matrix, node_levels
+from lutforge.luts.picture import read_picture
 from lutforge.luts.sequence import FORMATS, FileFormat, Lut, group_of
 
 DIGITS = 10
@@ -246,6 +247,7 @@ CLF = FileFormat("CLF", tuple(PROCESS_LISTS), ("full",), write_clf, size=33)
 
 
 # --- HaldCLUT: a uniform cube of L² nodes per axis as an image of L³ × L³ pixels, red fastest (Eskil Steenberg's Hald)
+# `picture.py` reads it.
 
 
 HALD_SIZES = tuple(level * level for level in range(2, 12))
@@ -268,38 +270,9 @@ def write_hald(lut: Lut, path: Path) -> None:
         output.write(Region(0, 0, side, side), codes)
 
 
-def read_hald(path: Path) -> Lut:
-    """Read it through OpenImageIO, after its size is known to be a Hald's. Raises LutError."""
-    import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
-    from PIL.PngImagePlugin import PngImageFile
-
-    from lutforge.images.read import ImageReader
-
-    with path.open("rb") as file:
-        head = file.read(4)
-    if head not in (b"\x89PNG", b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+"):
-        raise LutError(f"{path}: neither a PNG nor a TIFF image")
-    if head == b"\x89PNG":
-        with PngImageFile(path) as picture:
-            picture.verify()  # libpng would say on the terminal what is damaged
-    with ImageReader(path) as reader:
-        spec = reader.spec
-        level = next((level for level in range(2, 13) if level**3 == spec.width), None)
-        if level is None or spec.height != spec.width:
-            raise LutError(
-                f"{path}: {spec.width} × {spec.height} pixels; a Hald image is square, of 8, 27, 64, 125, 216, 343, "
-                "512 … pixels a side"
-            )
-        if not 3 <= spec.nchannels <= 4:
-            raise LutError(f"{path}: {spec.nchannels} channels; a Hald image has three")
-        table = reader.read(reader.whole).astype(np.float64).reshape(spec.width**2, -1)[:, :3]
-    bits = {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype)
-    title, *comments = str(spec.get_string_attribute("ImageDescription"))[:1000].split("; ")
-    cube = Cube(cube_of_rows(table, level * level), "trilinear")
-    return Lut((cube,), title[:200], tuple(comments), {"format": "Hald image", **({"bits": str(bits)} if bits else {})})
-
-
-HALD = FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), write_hald, HALD_SIZES, 64, 16, read=read_hald)
+HALD = FileFormat(
+    "a Hald image", (".png", ".tif", ".tiff"), ("plain",), write_hald, HALD_SIZES, 64, 16, read=read_picture
+)
 
 for _known in (CLF, CSP, CUBE, HALD, SPI, THREEDL, VLT):
     FORMATS.update(dict.fromkeys(_known.suffixes, _known))

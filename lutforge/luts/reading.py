@@ -4,9 +4,8 @@ OpenColorIO's readers are what most programs read LUT files with, so that what i
 means. Three formats that it does not know have readers of their own beside their writers (`formats.py`).
 """
 
-from codecs import BOM_UTF8
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import FORMATS, OCIO_ERRORS, Lut, evaluate, own_reader
+from lutforge.luts.text import checked_text, decoded
 
 MOST_BYTES = 128 << 20
 """Bytes of a LUT file that is read: a 129³ cube as text takes about 70 MB."""
@@ -43,8 +43,12 @@ def read_lut(path: str | Path) -> Lut:
     own = own_reader(path)
     with reading(path, f"a {path.suffix.lower()} LUT", LutError):
         if own is not None:
-            lut = own(path)
-            return replace(lut, metadata={"format": path.suffix.lower(), **lut.metadata})
+            with _as_its_reader_takes_it(path) as (link, problems):
+                lut = own(link)
+            metadata = {"format": path.suffix.lower(), **lut.metadata}
+            return replace(lut, metadata={**metadata, **({"problems": "; ".join(problems)} if problems else {})})
+        if path.suffix.lower() == ".dcp":
+            raise LutError(f"{path}: a camera profile, which is no LUT; `lutforge check` shows which programs read it")
         known = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
         if path.suffix.lower() not in known:  # OpenColorIO says so only after trying all its readers
             suffixes = ", ".join(sorted(known | {*FORMATS}))
@@ -52,8 +56,13 @@ def read_lut(path: str | Path) -> Lut:
         return _elsewhere(_lut_of, path)
 
 
-def processor_of_file(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.Processor:
-    """What OpenColorIO reads in a LUT file that is known to be harmless; `stranger` looks at others first."""
+def processor_of_file(
+    path: str | Path, interpolation: Interpolation = "tetrahedral"
+) -> tuple[OCIO.Processor, tuple[str, ...]]:
+    """What OpenColorIO reads in a LUT file that is known to be harmless, and what other readers will stumble over.
+
+    `stranger` looks at other files first. Raises LutError.
+    """
     path = Path(path)
     require_file(path, "a LUT", LutError, MOST_BYTES)
     if path.suffix.lower() == ".csp":  # OpenColorIO 2.6 would look for the end of metadata for ever
@@ -63,32 +72,56 @@ def processor_of_file(path: str | Path, interpolation: Interpolation = "tetrahed
     OCIO.ClearAllCaches()  # else a file that was written again is read from memory
     # "Best" is tetrahedral for cubes, and unlike that name it is quiet about files of 1D tables.
     method = OCIO.INTERP_BEST if interpolation == "tetrahedral" else OCIO.INTERP_LINEAR
-    with scratch_folder() as folder, reading(path, "a LUT", LutError):
-        link = path.absolute()
-        if {"$", "%"} & set(str(path)):  # OpenColorIO replaces variables in a path: give it one that has none
-            link = folder / f"lut{path.suffix}"
-            link.symlink_to(path.resolve())
+    with reading(path, "a LUT", LutError), _as_its_reader_takes_it(path) as (link, problems):
         try:
             processor = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(str(link), interpolation=method))
         except OCIO_ERRORS as error:
             raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
         _require_sound(processor.createGroupTransform(), path)
-        return processor
+        return processor, problems
 
 
-def stranger(path: str | Path) -> tuple[OCIO.Processor, tuple[str, ...]]:
-    """The processor of a file of unknown origin and its comments; it is read in a process of its own first."""
+@contextmanager
+def _as_its_reader_takes_it(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
+    """Yield where a file's reader finds it, and what other readers will stumble over.
+
+    OpenColorIO replaces variables in a path, and gets one that has none; a text that only LutForge decodes is written
+    to a folder of its own. Raises LutError where a word of the text is no number.
+    """
+    text = checked_text(path)
+    if text.rewritten is None and not {"$", "%"} & set(str(path)):
+        yield path.absolute(), text.problems
+        return
+    with scratch_folder() as folder:
+        link = folder / f"lut{path.suffix}"
+        if text.rewritten is None:
+            link.symlink_to(path.resolve())
+        else:
+            link.write_text(text.rewritten, encoding="utf-8", newline="\n")
+        try:
+            yield link, text.problems
+        except LutError as error:
+            raise LutError(str(error).replace(str(link), str(path))) from error
+
+
+def is_read_by_ocio(path: Path, lut: Lut) -> bool:
+    """Whether OpenColorIO reads a file as it is, of which `lut` was read."""
+    return own_reader(path) is None and "problems" not in lut.metadata
+
+
+def processor_of_stranger(path: str | Path) -> OCIO.Processor:
+    """The processor of a file of unknown origin, which is read in a process of its own first. Raises LutError."""
     path = Path(path)
     require_file(path, "a LUT", LutError, MOST_BYTES)
     with reading(path, "a LUT", LutError):
-        comments = _elsewhere(_comments_of, path)
-    return processor_of_file(path), comments
+        _elsewhere(_require_processor, path)
+        return processor_of_file(path)[0]
 
 
 def file_processor(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.CPUProcessor:
     """The processor, float32 in and out, of a LUT file of ours. interpolation: for cubes of files that name none."""
     with reading(path, "a LUT", LutError):
-        return processor_of_file(path, interpolation).getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+        return processor_of_file(path, interpolation)[0].getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
 
 
 def _elsewhere(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> R:
@@ -99,11 +132,9 @@ def _elsewhere(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) 
         raise LutError(str(error)) from error
 
 
-def _comments_of(path: Path) -> tuple[str, ...]:
-    """The comments of a file whose processor can be made. Raises LutError."""
-    processor = processor_of_file(path)
-    processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
-    return _heading(path, processor.createGroupTransform())[1]
+def _require_processor(path: Path) -> None:
+    """Raise LutError where no processor can be made of a file."""
+    processor_of_file(path)[0].getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
 
 
 def _lut_of(path: Path) -> Lut:
@@ -111,12 +142,15 @@ def _lut_of(path: Path) -> Lut:
     warnings: list[str] = []
     OCIO.SetLoggingFunction(warnings.append)
     try:
-        group = processor_of_file(path).createGroupTransform()
+        processor, problems = processor_of_file(path)
     finally:
         OCIO.ResetToDefaultLoggingFunction()
+    group = processor.createGroupTransform()
     with reading(path, "a LUT", LutError):
         ops = ops_of(group)
     metadata = {"format": path.suffix.lower()}
+    if problems:
+        metadata["problems"] = "; ".join(problems)
     if warnings:
         metadata["warnings"] = "; ".join(one_line(text, 160) for text in warnings[:2])
     tables = [part for part in group if isinstance(part, OCIO.Lut3DTransform | OCIO.Lut1DTransform)]
@@ -134,13 +168,13 @@ def _heading(path: Path, group: OCIO.GroupTransform) -> tuple[str, tuple[str, ..
     """Title, comments, and the words that lines begin with, of what stands before the numbers of a file."""
     about = group.getFormatMetadata()
     with path.open("rb") as file:
-        lines = [line.strip() for line in file.read(1 << 14).decode("utf-8", "replace").splitlines()]
+        lines = [line.strip() for line in decoded(file.read(1 << 14))[0].splitlines()]
     if any(line.startswith("<") for line in lines[:3]):  # XML
         described = [part for part in about.getChildElements() if part.getElementName() == "Description"]
         return about.getName()[:200], tuple(part.getElementValue()[:200] for part in described), []
     title, comments, words, inside = "", [], [], False
     for line in lines:
-        first, _, rest = line.partition(" ")
+        first, *rest = line.split(maxsplit=1) or [""]
         if line in ("BEGIN METADATA", "END METADATA"):
             inside = line.startswith("BEGIN")
         elif inside or line.startswith("#"):
@@ -148,7 +182,7 @@ def _heading(path: Path, group: OCIO.GroupTransform) -> tuple[str, tuple[str, ..
         elif _is_number(first) and len(line.split()) == 3:
             break
         elif first and not _is_number(first):
-            title = rest.strip().strip('"')[:200] if first == "TITLE" else title
+            title = " ".join(rest).strip().strip('"')[:200] if first == "TITLE" else title
             words.append(first[:40])
     return title, tuple(comments[:64]), words[:64]
 
@@ -208,8 +242,13 @@ def _cdl(part: OCIO.CDLTransform) -> list[Op]:
     return [*ops, Range()] if part.getStyle() == OCIO.CDL_ASC else ops
 
 
-def _beyond(what: str) -> LutError:
-    return LutError(f"it holds {what}, of which no figures can be told; OpenColorIO and `lutforge apply` render it")
+class NoFiguresError(LutError):
+    """A file that OpenColorIO renders, and that is no sequence of matrices, ranges, curves and cubes."""
+
+
+def _beyond(what: str) -> NoFiguresError:
+    rendered = "OpenColorIO and `lutforge apply` render it"
+    return NoFiguresError(f"it holds {what}, of which no figures can be told; {rendered}")
 
 
 def _with_domain(ops: list[Op], curve: Op) -> list[Op]:
@@ -286,45 +325,10 @@ def _require_sound(parts: OCIO.GroupTransform, path: Path) -> None:
 
 def _reason(message: str, link: str, path: Path) -> str:
     """OpenColorIO's message about a file as part of one line, with what to do where the cause is known."""
-    with path.open("rb") as file:
-        head = file.read(4096)
-    if head.startswith(BOM_UTF8):
-        return "begins with a byte order mark, which OpenColorIO and ffmpeg refuse; save it as UTF-8 without one"
-    if path.suffix.lower() == ".cube":
-        words = {line.split()[0] for line in head.decode("utf-8", "replace").splitlines() if line.strip()}
-        if words >= {"LUT_1D_SIZE", "LUT_3D_SIZE"} and words & {"TITLE", "DOMAIN_MIN", "DOMAIN_MAX"}:
-            return (
-                "a .cube with a shaper (LUT_1D_SIZE and LUT_3D_SIZE) must hold neither TITLE nor DOMAIN "
-                "lines for OpenColorIO and Nuke; delete those lines"
-            )
-    if cut := _cut_short(path, message):
-        return f"{cut}: make or copy it again"
-    if b"\r" in head and b"\n" not in head:
-        return "its lines end in carriage returns alone, which OpenColorIO does not read; save it with line feeds"
+    if "no element found" in message or "unclosed token" in message:
+        return "the file ends before its last element: make or copy it again"
     reason = message.replace(link, path.name).split("failed with: ")[-1].split("All formats")[0]
     if "could not be loaded" in reason:
         suffix = path.suffix.lower()
         return f"it is not a {suffix} file that OpenColorIO can read; `lutforge check` shows which programs do"
     return f"OpenColorIO cannot read it: {one_line(reason, 200)}"
-
-
-def _cut_short(path: Path, message: str) -> str:
-    """Where a .cube or, as OpenColorIO's message says of XML, another file ends too early; "" of one that does not."""
-    if "no element found" in message or "unclosed token" in message:
-        return "the file ends before its last element"
-    if path.suffix.lower() != ".cube":
-        return ""
-    text = path.read_bytes().decode("utf-8", "replace")
-    rows = [line.split() for line in text.splitlines() if line.strip()]
-    if not text.endswith("\n") and not _is_colour(rows[-1]):
-        rows.pop()
-    powers = {"LUT_1D_SIZE": 1, "LUT_3D_SIZE": 3}
-    sizes = {row[0]: int(row[1]) for row in rows if len(row) == 2 and row[0] in powers and row[1].isdecimal()}
-    colours = [row for row in rows if _is_number(row[0])]
-    expected = sum(size ** powers[name] for name, size in sizes.items())
-    short = len(colours) < expected and all(map(_is_colour, colours))
-    return f"the file ends after {len(colours)} of {expected} colours" if short else ""
-
-
-def _is_colour(words: list[str]) -> bool:
-    return len(words) == 3 and all(map(_is_number, words))

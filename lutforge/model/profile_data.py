@@ -36,6 +36,19 @@ MOST_VALUES = {1: 1 << 16, 2: 3 << 16, 3: 129**3, 4: 3 * 129**3}
 """Numbers of an array by its dimensions: a level axis; a table or centres, 65,536 rows; coverage and values of 129³."""
 MOST_CENTRES = 20_000
 """Centres of a gamut map: a fit takes 4,000, and each costs time at every node that is baked."""
+MOST_ENTRIES = {
+    "white_balances": 200, "styles": 100, "shots": 20_000, "notes": 2_000, "vignettings": 2_000, "diagnoses": 100,
+    "options": 200,
+}  # fmt: skip
+"""Entries of a part of `profile.json`; the largest profiles have a tenth of that."""
+MOST_MODELS = 100
+"""Physical models of a style: one for each of its white balances."""
+LONGEST_TEXT = 2_000
+"""Characters of a text in `profile.json`."""
+MOST_JSON = 4 << 20
+"""Bytes of `profile.json`, of which Python makes up to forty times as much."""
+LEAST_BYTES, MOST_RATIO = 64 << 20, 16
+"""Bytes that any file may unpack to, and how many more for each byte of it: fitted numbers pack 1.1 to 4 fold."""
 MAP_ARRAYS = ("centres", "coefficients", "polynomial")
 """The arrays of a gamut map."""
 
@@ -257,7 +270,8 @@ class ProfileData:
         if not zipfile.is_zipfile(path):
             raise ProfileError(f"{path}: not a LutForge profile, which is a zip file")
         with reading(path, "a LutForge profile", ProfileError), zipfile.ZipFile(path) as archive:
-            document = _read_document(archive)
+            document = _read_document(archive, path.stat().st_size)
+            arrays = _Arrays(archive)
             balances = {}
             for name, entry in document["white_balances"].items():
                 r, g, b = map(float, entry["multipliers"])
@@ -276,10 +290,7 @@ class ProfileData:
                 camera=str(document["camera"]),
                 matrix=np.array(document["matrix"], dtype=np.float64),
                 white_balances=balances,
-                styles={
-                    str(name): _style_from_json(entry, lambda name: _read_array(archive, name))
-                    for name, entry in document["styles"].items()
-                },
+                styles={str(name): _style_from_json(entry, arrays.read) for name, entry in document["styles"].items()},
                 shots=tuple(map(str, document["shots"])),
                 options=document["options"],
                 notes=tuple(map(str, document["notes"])),
@@ -367,6 +378,8 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
         curve = beside["response"].get(direction)
         lattices[direction] = Lattice((r, g, b), array(stored["values"]), stored["interpolation"], curve)
     models = []
+    if len(entry["models"]) > MOST_MODELS:
+        raise ProfileError(f"refused, a style has {len(entry['models'])} models, more than any profile's")
     for model in entry["models"]:
         base = model["arrays"]
         gamut_map = _map_from_json(model["gamut_map"], f"{base}_gamut_map", array)
@@ -385,15 +398,21 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
     return PictureStyle(*both, tuple(models), errors, beside["coverage"], beside["expected"])
 
 
-def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
+def _read_document(archive: zipfile.ZipFile, size: int) -> dict[str, Any]:
+    """What `profile.json` says, judged before anything is unpacked. size: of the file in bytes. Raises ProfileError."""
     names = archive.namelist()
     if "profile.json" not in names:
         raise ProfileError(
             "not a LutForge profile (it holds no profile.json)"
             + ("; it is a table of samples: run lutforge calibrate with it first" if "raw_r.npy" in names else "")
         )
-    if len(names) > 4096 or archive.getinfo("profile.json").file_size > 16 << 20:
+    if len(names) > 4096 or archive.getinfo("profile.json").file_size > MOST_JSON:
         raise ProfileError("refused, it is far larger than any profile")
+    unpacked = sum(entry.file_size for entry in archive.infolist())
+    if unpacked > LEAST_BYTES + MOST_RATIO * size:
+        raise ProfileError(f"refused, it unpacks to {unpacked:,} bytes, more than any profile of its size")
+    if any(entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for entry in archive.infolist()):
+        raise ProfileError("refused, it is packed as no profile is")
     document = json.loads(archive.read("profile.json"))
     if not isinstance(document, dict) or document.get("format") != "lutforge-profile":
         raise ProfileError("profile.json is not a LutForge profile")
@@ -405,14 +424,35 @@ def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
         raise ProfileError(f"profile version {version}; this LutForge reads version {FORMAT_VERSION}: {advice}")
     if not isinstance(document["options"], dict):
         raise ProfileError("damaged profile, its options are no table")
+    for part, most in MOST_ENTRIES.items():
+        entries = document[part]
+        if len(entries) > most:
+            raise ProfileError(f"refused, it has {len(entries)} {part.replace('_', ' ')}, more than any profile's")
+        if any(isinstance(text, str) and len(text) > LONGEST_TEXT for text in entries):
+            raise ProfileError(f"refused, a text of its {part.replace('_', ' ')} is longer than any profile's")
     return document
+
+
+class _Arrays:
+    """The arrays of a profile, each of which is read once: a style that names another's is damaged."""
+
+    def __init__(self, archive: zipfile.ZipFile) -> None:
+        self.archive = archive
+        self.unread = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
+        self.names = frozenset(self.unread)
+
+    def read(self, name: str) -> Array:
+        """Read an array by its name in `profile.json`. Raises ProfileError where it is none, or was read before."""
+        if name not in self.unread:
+            state = "named twice" if name in self.names else "missing"
+            raise ProfileError(f"damaged profile, the array {name} is {state}")
+        self.unread.remove(name)
+        return _read_array(self.archive, name)
 
 
 def _read_array(archive: zipfile.ZipFile, name: str) -> Array:
     """An array of the profile, whose header is judged before any memory is taken."""
     entry = f"{name}.npy"
-    if entry not in archive.namelist():
-        raise ProfileError(f"damaged profile, the array {name} is missing")
     size = archive.getinfo(entry).file_size
     if size > 8 * MOST_VALUES[4] + 4096:
         raise ProfileError(f"refused, the array {name} unpacks to {size} bytes")

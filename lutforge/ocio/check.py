@@ -12,6 +12,8 @@ from lutforge.boundary import reading, require_file
 from lutforge.errors import ConfigError, one_line
 from lutforge.luts.sequence import OCIO_ERRORS
 
+MOST_TEXT = 64 << 20
+"""Bytes of a config.ocio; the largest of studios has half a megabyte."""
 _PIXELS = np.array(
     [[0, 0, 0], [0.18, 0.18, 0.18], [1, 1, 1], [0.5, 0.2, 0.1], [0.1, 0.4, 0.7], [-0.01, 0.5, 1.2]],
     dtype=np.float32,
@@ -23,12 +25,24 @@ def load_config(path: str | Path) -> OCIO.Config:
     path = Path(path)
     require_file(path, "an OpenColorIO config", ConfigError, 1 << 30)
     with reading(path, "an OpenColorIO config", ConfigError):
-        if not zipfile.is_zipfile(path):
-            path.read_bytes().decode("utf-8")  # names that are no text fail only where they are asked for
+        _require_text(path)
         try:
             return OCIO.Config.CreateFromFile(str(path))
         except OCIO_ERRORS as error:
             raise ConfigError(f"{path}: OpenColorIO cannot read it: {error}") from error
+
+
+def _require_text(path: Path) -> None:
+    """Raise UnicodeDecodeError or another error where a config is no text: its names fail only where asked for."""
+    if not zipfile.is_zipfile(path):
+        path.read_bytes().decode("utf-8")
+        return
+    with zipfile.ZipFile(path) as archive:
+        if "config.ocio" not in archive.namelist():
+            raise ConfigError(f"{path}: not an OpenColorIO archive, there is no config.ocio in it")
+        if archive.getinfo("config.ocio").file_size > MOST_TEXT:
+            raise ConfigError(f"{path}: its config.ocio unpacks to more than any config has, refused")
+        archive.read("config.ocio").decode("utf-8")
 
 
 def make_processor(path: str, *names: str) -> None:

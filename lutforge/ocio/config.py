@@ -11,11 +11,12 @@ from threading import Lock
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.atomic_write import atomic_path, scratch_folder
+from lutforge.atomic_write import scratch_folder
+from lutforge.boundary import reading
 from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
 from lutforge.inverse.linearization import SIZE
-from lutforge.luts.formats import clf_text, write_text
+from lutforge.luts.formats import clf_text
 from lutforge.luts.sequence import OCIO_ERRORS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio import spaces
@@ -160,11 +161,19 @@ def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
 
 
 def _read(source: str, label: str, folder: Path | None) -> BaseConfig:
-    """A config of a stranger, whose files are read in a process of their own first."""
-    try:
-        config = OCIO.Config.CreateFromFile(source)
-    except OCIO_ERRORS as error:
-        raise ConfigError(f"{label}: OpenColorIO cannot read it: {error}") from error
+    """A config of a stranger, whose files are read in a process of their own first. Raises ConfigError."""
+    with reading(label, "an OpenColorIO config", ConfigError):
+        if folder is not None:
+            Path(source).read_bytes().decode("utf-8")  # names that are no text fail only where they are asked for
+        try:
+            config = OCIO.Config.CreateFromFile(source)
+        except OCIO_ERRORS as error:
+            raise ConfigError(f"{label}: OpenColorIO cannot read it: {error}") from error
+        return _merged_into(config, source, label, folder)
+
+
+def _merged_into(config: OCIO.Config, source: str, label: str, folder: Path | None) -> BaseConfig:
+    """A config that cameras can be merged into. Raises ConfigError where they cannot."""
     for name in file_names(config):
         try:
             guarded(make_processor, source, name)
@@ -184,21 +193,18 @@ def _read(source: str, label: str, folder: Path | None) -> BaseConfig:
 
 def _unpack(path: Path, folder: Path) -> None:
     """Unpack an archive of a stranger: no entry outside of the folder, no more than MOST_BYTES."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-            if sum(entry.file_size for entry in entries) > MOST_BYTES:
-                raise ConfigError(f"{path}: unpacks to more than {MOST_BYTES >> 30} GB, refused")
-            for entry in entries:
-                name = PurePosixPath(entry.filename.replace("\\", "/"))
-                if name.is_absolute() or ".." in name.parts or ":" in entry.filename:
-                    raise ConfigError(f'{path}: holds an entry outside of itself, "{entry.filename[:80]}", refused')
-                place = folder / name
-                place.parent.mkdir(parents=True, exist_ok=True)
-                with archive.open(entry) as source, place.open("wb") as target:
-                    shutil.copyfileobj(source, target)
-    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
-        raise ConfigError(f"{path}: cannot be unpacked ({error})") from error
+    with reading(path, "an OpenColorIO archive", ConfigError), zipfile.ZipFile(path) as archive:
+        entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+        if sum(entry.file_size for entry in entries) > MOST_BYTES:
+            raise ConfigError(f"{path}: unpacks to more than {MOST_BYTES >> 30} GB, refused")
+        for entry in entries:
+            name = PurePosixPath(entry.filename.replace("\\", "/"))
+            if name.is_absolute() or ".." in name.parts or ":" in entry.filename:
+                raise ConfigError(f'{path}: holds an entry outside of itself, "{entry.filename[:80]}", refused')
+            place = folder / name
+            place.parent.mkdir(parents=True, exist_ok=True)
+            with archive.open(entry) as source, place.open("wb") as target:
+                shutil.copyfileobj(source, target)
 
 
 # --- The config -------------------------------------------------------------------------------------------------------
@@ -248,33 +254,37 @@ def write_config(
             write_config(profiles, folder, merge=merge, inverse_size=inverse_size, progress=progress)
             files = sorted(path for path in folder.rglob("*") if path.is_file())
             files.sort(key=lambda path: path.name != CONFIG_NAME)  # readers look for it first
-            with (
-                atomic_path(target) as temporary,
-                zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
-            ):
+            packed = folder / target.name
+            with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
                 for path in files:
                     entry = zipfile.ZipInfo(path.relative_to(folder).as_posix())  # without a clock time
                     entry.compress_type = zipfile.ZIP_DEFLATED
                     entry.external_attr = 0o644 << 16
                     archive.writestr(entry, path.read_bytes(), compresslevel=9)
+            shutil.move(packed, target)
         return target
     _require_usable(target, replace)
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)
         texts, errors = _all_baked(parts, inverse_size, progress)
         config = _assembled(cameras, parts, base, errors)
-        if base is not None and base.folder is not None:
-            for file in base.files:
+        with scratch_folder(beside=target) as folder:  # so that a full disk leaves nothing
+            if base is not None and base.folder is not None:
+                for file in base.files:
+                    (folder / file).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(base.folder / file, folder / file)
+            (folder / spaces.LUT_FOLDER).mkdir(exist_ok=True)
+            for name, text in texts.items():
+                (folder / spaces.LUT_FOLDER / name).write_text(text, encoding="utf-8", newline="\n")
+            (folder / CONFIG_NAME).write_text(config.serialize(), encoding="utf-8", newline="\n")
+            files = sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
+            for file in sorted(files, key=lambda file: file.name == CONFIG_NAME):  # the config last
                 (target / file).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(base.folder / file, target / file)
+                (folder / file).replace(target / file)
     for old in (target / spaces.LUT_FOLDER).glob("*.clf") if replace and base is None else ():
         if old.name not in texts:
             old.unlink()
-    for name, text in texts.items():
-        write_text(target / spaces.LUT_FOLDER / name, text, "utf-8")
     path = target / CONFIG_NAME
-    with atomic_path(path) as temporary:
-        temporary.write_text(config.serialize(), encoding="utf-8", newline="\n")
     progress("done", 1.0)
     return path
 

@@ -40,7 +40,7 @@ class Grading:
     exposure: str | None = None
 
     def __post_init__(self) -> None:
-        if self.words and is_picture(self.words[0]):
+        if self.words and is_picture(self.words[0]) and not _is_lut(self.words[0]):
             raise ImageError(f"{self.words[0]}: a picture; name the LUT, profile or config first, then the pictures")
         if not self.images:
             raise SettingsError("no image named: give the images after the profiles")
@@ -125,6 +125,13 @@ class Grading:
             resume=self.resume, scheduler=self.scheduler,
         )  # fmt: skip
         return replace(result, notes=(*notes, *result.notes))
+
+
+def _is_lut(path: Path) -> bool:
+    """True of a picture that is a LUT by its size and content, such as a Hald image."""
+    from lutforge.luts.picture import SUFFIXES, is_picture_of_lut
+
+    return path.suffix.lower() in SUFFIXES and is_picture_of_lut(path)
 
 
 def _is_profile(path: Path) -> bool:

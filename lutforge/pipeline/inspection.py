@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lutforge.errors import ImageError
+from lutforge.boundary import reading
+from lutforge.errors import ImageError, LutError
 from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.reports.tables import exposure_time
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from lutforge.model.camera_profile import CameraProfile
     from lutforge.shots.metadata import ShotMetadata
 
+CONFIGS = (".ocio", ".ocioz")
 CAMERA_PROFILES = (".dcp", ".icc", ".icm")
 PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", *HEIF_SUFFIXES})
 Rows = Iterator[tuple[str, str]]
@@ -50,8 +52,13 @@ def files_to_inspect(path: str | Path) -> list[Path]:
 
 
 def inspect(path: str | Path) -> Inspection:
-    """Read a RAW file, picture, profile, sample table or LUT, and say what is in it. Raises LutForgeError."""
-    path, suffix = Path(path), Path(path).suffix.lower()
+    """Read a RAW file, picture, profile, sample table, LUT or config, and say what is in it. Raises LutForgeError."""
+    with reading(path, "what its name says", ImageError):
+        return _inspected(Path(path))
+
+
+def _inspected(path: Path) -> Inspection:
+    suffix = path.suffix.lower()
     if path.is_dir():
         raise ImageError(f"{path}: no RAW file, picture, sample table or profile in this folder")
     if suffix in TABLE_SUFFIXES and is_table(path):
@@ -61,17 +68,26 @@ def inspect(path: str | Path) -> Inspection:
 
         profile = load_profile(path)
         return Inspection(tuple(_profile(profile)), profile)
-    if suffix in PICTURE_SUFFIXES:
+    if suffix in PICTURE_SUFFIXES and not _is_lut(path):
         return Inspection(tuple(_picture(path)))
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
     from lutforge.luts.sequence import FORMATS
 
     read_by_ocio = {f".{each.lower()}" for _, each in OCIO.FileTransform.getFormats()}
+    if suffix in CONFIGS:
+        return Inspection(lines=tuple(check(path)))
     if suffix in {*CAMERA_PROFILES, *FORMATS, *read_by_ocio}:
         use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILES else "a LUT: apply, check"
         return Inspection(lines=(*check(path), f"  use       {use}"))
     return Inspection(tuple(_shot(path)))
+
+
+def _is_lut(path: Path) -> bool:
+    """True of a picture that is a LUT by its size and content."""
+    from lutforge.luts.picture import SUFFIXES, is_picture_of_lut
+
+    return path.suffix.lower() in SUFFIXES and is_picture_of_lut(path)
 
 
 def _shot(path: Path) -> Rows:
@@ -144,8 +160,18 @@ def _profile(profile: "CameraProfile") -> Rows:
 
 
 def check(path: str | Path) -> list[str]:
-    """Say what is in a LUT file or a camera profile, who reads it, and what will go wrong. Raises LutError."""
-    suffix = Path(path).suffix.lower()
+    """Say what is in a LUT file, a camera profile or a config, who reads it, and what will go wrong.
+
+    Raises LutForgeError.
+    """
+    with reading(path, "a LUT, profile or config", LutError):
+        return _checked(Path(path))
+
+
+def _checked(path: Path) -> list[str]:
+    suffix = path.suffix.lower()
+    if suffix in CONFIGS:
+        return _config_lines(path)
     if suffix == ".dcp":
         from lutforge.kits.dcp import dcp_lines
 
@@ -157,6 +183,72 @@ def check(path: str | Path) -> list[str]:
     from lutforge.luts.check import check_lut, report_lines
 
     return report_lines(check_lut(path))
+
+
+OCIO_RELEASES = {
+    (2, 0): "January 2021",
+    (2, 1): "August 2021",
+    (2, 2): "October 2022",
+    (2, 3): "October 2023",
+    (2, 4): "September 2024",
+    (2, 5): "September 2025",
+}
+"""When the versions of OpenColorIO appeared that profile versions of configs need."""
+
+
+def _config_lines(path: Path) -> list[str]:
+    """What a config of any origin holds, whether it is complete, and which versions of OpenColorIO read it."""
+    from lutforge.child_processes import OverrunError, guarded
+
+    try:
+        return guarded(_config_report, path, True)
+    except OverrunError:
+        note = "  note      its transforms take too long to try: not checked"
+        return [*guarded(_config_report, path, False), note]
+
+
+def _config_report(path: Path, with_transforms: bool) -> list[str]:
+    """The lines of `check` for a config; with_transforms: pixels go through each of its transforms."""
+    import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+    from lutforge.errors import one_line
+    from lutforge.ocio.check import check_config, file_names, load_config
+
+    OCIO.ClearAllCaches()  # else a file that went since the last call is still there
+    config = load_config(path)
+    version = config.getMajorVersion(), config.getMinorVersion()
+    lines = [f"{path}: OpenColorIO config, profile version {version[0]}.{version[1]}"]
+    if description := one_line(config.getDescription(), 160):
+        lines.append(f"  about     {description}")
+    spaces = [*config.getColorSpaceNames(OCIO.SEARCH_REFERENCE_SPACE_ALL, OCIO.COLORSPACE_ALL)]
+    displays = [*config.getDisplaysAll()]
+    views = {view for display in displays for view in config.getViews(display)}
+    for title, names in (
+        ("spaces", spaces),
+        ("displays", displays),
+        ("views", sorted(views)),
+        ("looks", [*config.getLookNames()]),
+        ("roles", [f"{role}: {space}" for role, space in config.getRoles()]),
+    ):
+        if names:
+            lines.append(f"  {title:<9} {len(names)}: {one_line(', '.join(names), 240)}")
+    files = file_names(config)
+    problems = check_config(config) if with_transforms else []
+    if files:
+        missing = [text for text in problems if text.startswith("file ")]
+        found = "all found" if not missing else f"{len(missing)} missing"
+        lines.append(f"  files     {len(files)}, {found}")
+        problems = [*missing, *(text for text in problems if "could not be located" not in text)]
+    lines += [f"  problem   {one_line(text, 300)}" for text in problems[:20]]
+    if len(problems) > 20:
+        lines.append(f"  problem   and {len(problems) - 20} others")
+    needed = max(version, (2, 2)) if path.suffix.lower() == ".ocioz" else version
+    since = f" ({OCIO_RELEASES[needed]})" if needed in OCIO_RELEASES else ""
+    reads = f"OpenColorIO {needed[0]}.{needed[1]}{since} or later" if needed >= (2, 0) else "every OpenColorIO"
+    archive = "; older versions read no .ocioz, but a folder with config.ocio" if needed > version else ""
+    lines.append(f"  read by   {reads}{archive}")
+    lines.append("  use       apply --from SPACE --to SPACE; in a program the environment variable OCIO names it")
+    return lines
 
 
 def _exposure(data: "ShotMetadata") -> str:

@@ -1,9 +1,16 @@
 """Files of every kind that strangers hand in, sound and damaged: each is read, or is one line of our own error."""
 
+import io
+import math
 import re
+import sys
+import tempfile
 import time
 import warnings
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -22,14 +29,14 @@ from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import FORMATS, Lut
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.ocio.check import check_config, load_config
-from lutforge.ocio.config import write_config
-from lutforge.pipeline.inspection import inspect
+from lutforge.ocio.config import open_base, write_config
+from lutforge.pipeline.inspection import check, inspect
 from lutforge.samples.table import read_samples
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
+from tests.cases.lut_texts import SOUND
 from tests.cases.pictures import lut_of_nodes
 from tests.cases.profiles import small_profile
 from tests.cases.real_data import S40
@@ -44,11 +51,22 @@ def _shot(path: Path) -> None:
 
 
 def _config(path: Path) -> None:
-    check_config(load_config(path))
+    check(path)
+    with open_base(path) as base:
+        assert base is not None
 
 
 def _lut(path: Path) -> None:
+    """As `check` and `apply` do."""
     assert all(line.isprintable() for line in report_lines(check_lut(path)))
+    recipe = LutRecipe(path)
+    recipe.check()
+    recipe.grade(path).processor.applyRGB(np.full((4, 3), 0.5, dtype=np.float32))
+
+
+def _inspected(path: Path) -> None:
+    inspect(path)
+    _graded(path)
 
 
 def _graded(path: Path) -> None:
@@ -67,12 +85,14 @@ def _rendered(path: Path) -> None:
     lf.bake(profile.render("/".join(first)), size=9, form="plain")
 
 
-LUTS = (".1d.cube", ".resolve.cube", *(f".lut{suffix}" for suffix in FORMATS if suffix != ".tiff"))
+TEXT_LUTS = {f".{name}": text for name, text in SOUND.items() if name not in ("a.cube", "a.vlt", "a.clf", "a.ctf")}
+"""The small files of text that nobody bakes, by the end of their names."""
+LUTS = (*TEXT_LUTS, ".1d.cube", ".resolve.cube", *(f".lut{suffix}" for suffix in FORMATS if suffix != ".tiff"))
 """Kinds of LUT files, one for each format."""
 READERS: Mapping[str, Callable[[Path], object]] = {
     ".dng": _shot, ".jpg": inspect, ".ocio": _config, ".ocioz": _config, ".npz": _rendered, ".csv": read_samples,
-    ".table.npz": read_samples, ".dcp": inspect, ".icc": inspect, ".exr": _graded, ".tif": _graded, ".png": _graded,
-    ".graded.jpg": _graded, **dict.fromkeys(LUTS, _lut),
+    ".table.npz": read_samples, ".dcp": inspect, ".icc": inspect, ".exr": _inspected, ".tif": _inspected,
+    ".png": _inspected, ".graded.jpg": _inspected, ".webp": _inspected, ".jp2": _inspected, **dict.fromkeys(LUTS, _lut),
 }  # fmt: skip
 """What reads a kind of file, which the end of its name tells."""
 
@@ -97,13 +117,15 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     rows += "".join(f"C,s,w,{n % 3},{n},0.01,0.{n},0.2,0.3,0.4,0.{n},0.6\n" for n in range(10, 60))
     (folder / "a.csv").write_text(rows)
     (folder / "a.table.npz").write_bytes(S40.read_bytes())
-    for suffix in (".exr", ".tif", ".png"):
+    for suffix in (".exr", ".tif", ".png", ".webp", ".jp2"):
         picture = oiio.ImageBuf(np.random.default_rng(2).random((24, 32, 3), dtype=np.float32))
         picture.specmod().attribute("Artist", "somebody")
         picture.write(str(folder / f"a{suffix}"), "half" if suffix == ".exr" else "uint8")
     lut = lut_of_nodes((np.array([0.0, 0.125, 1.0]),) * 3, grid(uniform_levels(3)) ** 0.5, size=9, comments=("a note",))
     for kind in (".resolve.cube", ".lut.clf", ".lut.ctf", ".lut.csp"):
         lut.write(folder / f"a{kind}")
+    for end, text in TEXT_LUTS.items():
+        (folder / f"a{end}").write_text(text, encoding="utf-8")
     (folder / "a.1d.cube").write_text("LUT_1D_SIZE 3\n0 0 0\n.5 .5 .5\n1 1 1\n")
     lf.bake(lambda x: np.asarray(x, dtype=np.float64) ** 2, folder / "a.lut.spi1d", size=9)
     for kind in LUTS:
@@ -124,6 +146,82 @@ TOKENS = (
 
 
 def damaged(data: bytes, rng: np.random.Generator) -> bytes:
+    """The bytes with one to six damages; of zip files and PNGs half of the time inside, where no checksum tells."""
+    if rng.random() < 0.5:
+        if data.startswith(b"PK"):
+            return _damaged_zip(data, rng)
+        if data.startswith(b"\x89PNG"):
+            return _damaged_png(data, rng)
+    return _damaged_bytes(data, rng)
+
+
+def _damaged_zip(data: bytes, rng: np.random.Generator) -> bytes:
+    """An archive one of whose entries is damaged."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    name = [*entries][rng.integers(len(entries))] if rng.random() < 0.5 else next(iter(entries))
+    entries[name] = _damaged_bytes(entries[name], rng)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for each, content in entries.items():
+            archive.writestr(each, content)
+    return packed.getvalue()
+
+
+CHUNKS = (
+    *(b"eXIf", b"iTXt", b"tEXt", b"zTXt", b"iCCP", b"cICP", b"gAMA", b"cHRM", b"sRGB", b"acTL", b"tRNS", b"pHYs"),
+    *(b"sBIT", b"bKGD", b"hIST", b"tIME", b"mDCV", b"cLLI", b"PLTE", b"IDAT", b"IHDR"),
+)
+
+
+def _damaged_png(data: bytes, rng: np.random.Generator) -> bytes:
+    """A PNG with a chunk damaged, or one more, under a right checksum."""
+    chunks, at = [], 8
+    while at + 8 <= len(data):
+        length = int.from_bytes(data[at : at + 4], "big")
+        chunks.append((data[at + 4 : at + 8], data[at + 8 : at + 8 + length]))
+        at += 12 + length
+    if rng.random() < 0.5:
+        place = int(rng.integers(len(chunks)))
+        chunks[place] = (chunks[place][0], _damaged_bytes(chunks[place][1], rng))
+    else:
+        payload = _damaged_bytes(TOKENS[rng.integers(len(TOKENS))] + rng.bytes(int(rng.integers(40))), rng)
+        chunks.insert(int(rng.integers(1, len(chunks))), (CHUNKS[rng.integers(len(CHUNKS))], payload))
+    parts = [
+        len(body).to_bytes(4, "big") + name + body + zlib.crc32(name + body).to_bytes(4, "big") for name, body in chunks
+    ]
+    return data[:8] + b"".join(parts)
+
+
+ATTRIBUTES = (
+    *("Exif:PhotographicSensitivity", "Exif:ExposureTime", "Exif:FNumber", "Make", "Model", "Software", "Orientation"),
+    *("ImageDescription", "Exif:WhiteBalance", "colorInteropID", "oiio:ColorSpace", "DateTime", "chromaticities"),
+    *("Exif:ISOSpeedRatings", "Exif:FocalLength", "GPS:Latitude", "smpte:TimeCode", "ICCProfile", "whiteLuminance"),
+)
+VALUES: tuple[tuple[str, object], ...] = (
+    *(
+        ("float[3]", (1.0, 2.0, 3.0)),
+        ("int[2]", (1, 2)),
+        ("string", "\u00e9\n\x07"),
+        ("string", ""),
+        ("matrix", (0.5,) * 16),
+    ),
+    *(("int", -1), ("float", math.nan), ("float", math.inf), ("rational", (1, 0)), ("string[2]", ("a", "b"))),
+    *(("int", 2**31 - 1), ("float", -1e30), ("uint8[4]", (1, 2, 3, 4)), ("string", "x" * 5000), ("timecode", (1, 2))),
+)
+
+
+def write_odd_picture(path: Path, rng: np.random.Generator) -> None:
+    """An EXR or TIFF with attributes of types and values that nobody expects."""
+    spec = oiio.ImageSpec(8, 8, 3, "half" if path.suffix == ".exr" else "uint8")
+    for name in rng.choice(ATTRIBUTES, 4, replace=False):
+        kind, value = VALUES[rng.integers(len(VALUES))]
+        with suppress(TypeError, ValueError):
+            spec.attribute(str(name), oiio.TypeDesc(kind), value)
+    oiio.ImageBuf(spec).write(str(path))
+
+
+def _damaged_bytes(data: bytes, rng: np.random.Generator) -> bytes:
     """The bytes with one to six damages, most of them near the beginning, where headers are."""
     text = bytearray(data)
     for _ in range(rng.integers(1, 7)):
@@ -166,7 +264,35 @@ def fault(path: Path, read: Callable[[Path], object]) -> str:
         words = str(error).replace(str(path.parent), "")
         if len(words) > LONGEST or "\n" in words or not words.isprintable():
             problem = f"message of {len(words)} characters: {words[:200]!r}"
-    except Exception as error:
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            raise
         problem = f"{type(error).__name__}: {str(error)[:200]}"
     seconds = time.process_time() - began
     return problem or (f"{seconds:.1f} s" if seconds > SLOWEST else "")
+
+
+def search(count: int, seed: int, folder: Path) -> int:
+    """Read this many damaged files over all kinds, print each fault with its file, and return how many there were."""
+    (folder / "sound").mkdir(exist_ok=True)
+    sound = whole_files(folder / "sound")
+    rng, kinds, faults = np.random.default_rng(seed), [*READERS], 0
+    kinds.remove(".dng")  # of which each takes a second
+    for number in range(count):
+        kind = kinds[number % len(kinds)]
+        path = folder / f"a{kind}"
+        if kind in (".exr", ".tif") and rng.random() < 0.5:
+            write_odd_picture(path, rng)
+        else:
+            path.write_bytes(damaged(sound[kind], rng))
+        if problem := fault(path, READERS[kind]):
+            faults += 1
+            kept = folder / f"fault{number}{kind}"
+            kept.write_bytes(path.read_bytes())
+            print(f"{kept}: {problem}", flush=True)
+    print(f"{count} files, {faults} faults", flush=True)
+    return faults
+
+
+if __name__ == "__main__":  # python -m tests.cases.damaged 20000 [SEED]
+    sys.exit(bool(search(int(sys.argv[1]), int((sys.argv[2:] or ["0"])[0]), Path(tempfile.mkdtemp()))))

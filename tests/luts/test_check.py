@@ -16,7 +16,9 @@ from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut, evaluate, input_and_output_of
 from lutforge.model.lattice import grid, uniform_levels
+from lutforge.pipeline.baking import TransformRequest, bake_files
 from tests.cases.pictures import lut_of_nodes
+from tests.cases.profiles import small_profile
 
 CLF, DEPTHS = "compCLFversion='3' id='a'", "inBitDepth='32f' outBitDepth='32f'"
 LEVELS = (np.array([0.0, 0.125, 0.5, 1.0]),) * 3
@@ -32,12 +34,13 @@ def test_a_shaper_cube_names_its_victims(tmp_path: Path) -> None:
     assert report.lut.summary == "Curve 9 → Cube 4³"
     assert report.readers["OpenColorIO, Nuke"] == "reads it"
     assert "shaper included" in report.readers["DaVinci Resolve"]
-    assert report.readers["ffmpeg, Kdenlive, Shotcut"].startswith("refuses it")
+    assert report.readers["ffmpeg"] == "refuses it"
+    assert report.readers["Kdenlive"].startswith("leaves the picture as it is")
     assert "wrong colours" in report.readers["OBS"]
     text = (tmp_path / "a.resolve.cube").read_text()
     silent = tmp_path / "silent.cube"
     silent.write_text("".join(line for line in text.splitlines(True) if "RANGE" not in line))
-    assert "without a word" in check_lut(silent).readers["ffmpeg, Kdenlive, Shotcut"]
+    assert "without a word" in check_lut(silent).readers["ffmpeg"]
 
 
 def test_equal_numbers_of_raw_are_not_taken_for_grey(tmp_path: Path) -> None:
@@ -76,11 +79,11 @@ def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.cube", "LUT_3D_SIZE 2\n0 0 0\n0 0 zero\n", "At line (3): '0 0 zero'"),
+        ("a.cube", "LUT_3D_SIZE 2\n0 0 0\n0 0 zero\n" + "0 0 0\n" * 6, 'line 3: "zero" is no number'),
         ("a.cube", "LUT_3D_SIZE 2\n0 0 0\n", "ends after 1 of 8 colours"),
-        ("a.cube", "LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + "0 nan 0\n", "in its cube is not finite"),
-        ("a.csp", "CSPLUTV100\n3D\n2\n0 1\n", "OpenColorIO cannot read it"),
-        ("a.spi3d", "SPILUT 1.0\n3 3\n2 2 2\n" + "5 0 0 0 0 0\n" * 8, "OpenColorIO cannot read it"),
+        ("a.cube", "LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + "0 nan 0\n", 'line 9: "nan" is not finite'),
+        ("a.csp", "CSPLUTV100\n3D\n2\n0 1\n", "the prelut of red is not"),
+        ("a.spi3d", "SPILUT 1.0\n3 3\n2 2 2\n" + "5 0 0 0 0 0\n" * 8, "line 4: 5 0 0 is no node"),
         ("a.cube", 'TITLE "a"\nLUT_3D_SIZE 2\n0 0 0\n1 0 0\n0 1', "ends after 2 of 8 colours"),
         ("a.resolve.cube", "LUT_1D_SIZE 2\nLUT_3D_SIZE 2\n0 0 0\n1 1 1\n0 0 0\n", "ends after 3 of 10 colours"),
         ("a.clf", f"<ProcessList {CLF}><LUT1D {DEPTHS}><Array dim='2 1'>0\n", "ends before its last element"),
@@ -89,8 +92,6 @@ def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
         ("a.clf", f"<ProcessList {CLF}><LUT3D {DEPTHS}><Array dim='9999 2 2 3'/></LUT3D></ProcessList>", "9999 2 2 3"),
         ("a.clf", f"<ProcessList {CLF}><LUT1D {DEPTHS}><Array dim='2 1'>0</Array></LUT1D></ProcessList>", "found 1"),
         ("a.vlt", "LUT_3D_SIZE 17\n0 0 0.5\n", "4913 rows behind it"),
-        ("a.cube", "\ufeff" + "LUT_3D_SIZE 2\n" + "0 0 0\n" * 8, "mark, which OpenColorIO and ffmpeg refuse"),
-        ("a.cube", 'TITLE "x"\nLUT_1D_SIZE 2\nLUT_3D_SIZE 2\n' + "0 0 0\n" * 10, "neither TITLE nor DOMAIN lines"),
         # OpenColorIO 2.6 would look for the end of metadata for ever, and take memory with each line.
         ("a.csp", "CSPLUTV100\n3D\n\nBEGIN METADATA\nx\n", "no END METADATA"),
         ("a.png", "\x89PNG", "neither a PNG"),
@@ -184,6 +185,52 @@ def test_blenders_spi3d_begins_in_lower_case(tmp_path: Path) -> None:
     cube = read_lut(tmp_path / "filmic.spi3d").cube
     assert cube is not None
     np.testing.assert_array_equal(cube.values, np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1))
+
+
+# --- Files that LutForge writes ---------------------------------------------------------------------------------------
+
+
+SUFFIXES = (".cube", ".resolve.cube", ".clf", ".ctf", ".csp", ".3dl", ".spi1d", ".spi3d", ".png", ".vlt")
+
+
+@pytest.mark.parametrize("kind", ["render", "linearize", "refinish"])
+def test_no_file_of_ours_is_alarming(tmp_path: Path, kind: str) -> None:
+    """Rounding to integers, and the fit of a coarse cube near white, are no faults of a picture."""
+    small_profile().save(tmp_path / "camera.npz")
+    ends = {
+        "render": (None, "standard/daylight"),
+        "linearize": ("standard/daylight", None),
+        "refinish": ("standard/daylight", "vivid/tungsten"),
+    }
+    suffixes = [
+        suffix for suffix in SUFFIXES if kind != "linearize" or suffix in (".cube", ".clf", ".csp", ".spi1d", ".spi3d")
+    ]
+    files = [tmp_path / f"{kind}{suffix}" for suffix in suffixes if suffix != ".spi3d"]
+    bake_files(tmp_path / "camera.npz", TransformRequest(kind, *ends[kind]), files)
+    written = [tmp_path / f"{kind}{suffix}" for suffix in suffixes]
+    assert {str(path): check_lut(path).problems for path in written} == {str(path): () for path in written}
+
+
+def test_grey_alarms_from_a_tenth_of_a_code_for_each_code(tmp_path: Path) -> None:
+    levels = np.linspace(0, 1, 257)
+    for slope, alarms in ((-0.02, False), (-0.2, True)):
+        bent = np.where(levels < 0.5, levels, np.where(levels < 0.53, 0.5 + slope * (levels - 0.5), levels - 0.03))
+        size = 65
+        tone = np.interp(np.linspace(0, 1, size), levels, bent)
+        nodes = np.stack(np.meshgrid(tone, tone, tone, indexing="ij"), axis=-1)
+        problems = check_lut(Lut((Cube(nodes),)).write(tmp_path / "a.cube")).problems
+        assert any("grey becomes darker" in text for text in problems) == alarms
+
+
+def test_a_half_of_a_pair_is_called_so_and_a_vlt_names_its_cameras(tmp_path: Path) -> None:
+    path = lut_of_nodes(LEVELS, grid(LEVELS) ** 0.5, size=9).write(tmp_path / "a.spi3d")
+    for half in (path, path.with_suffix(".spi1d")):
+        said = " ".join(report_lines(check_lut(half)))
+        assert "one half of a pair" in said and "a.spi1d and then a.spi3d" in said
+    path.with_suffix(".spi1d").unlink()
+    assert "of a pair" not in " ".join(report_lines(check_lut(path)))
+    said = " ".join(report_lines(check_lut(Lut((Cube(NODES),)).write(tmp_path / "a.vlt"))))
+    assert "Lumix" in said and "VariCam" in said
 
 
 # --- What `check` says of LUT files is what their readers do, by trial -----------------------------------------------

@@ -5,6 +5,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,11 @@ from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.luts.ops import Cube, Curve
+from lutforge.luts.programs import PROGRAMS as LUT_PROGRAMS
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import evaluate
+from lutforge.luts.sequence import Lut, evaluate
+from lutforge.model.lattice import grid, uniform_levels
 from lutforge.pipeline.baking import bake
 from tests.cases.pictures import write_picture
 
@@ -118,7 +122,8 @@ def _imagemagick(command: str, folder: Path, lut: Path) -> Path:
 
 
 def _gmic(command: str, folder: Path, lut: Path) -> Path:
-    load = ["-input_cube", str(lut)] if lut.suffix == ".cube" else [str(lut), "-div[-1]", "257"]
+    enlarged = ["-input_cube", str(lut), "-resize[-1]", "256,256,256,3,3,0"]
+    load = enlarged if lut.suffix == ".cube" else [str(lut), "-div[-1]", "257"]
     words = [command, "in.tif", "-div", "257", *load, "-map_clut[0]", "[1]", "-keep[0]", "-mul", "257", "-round"]
     run([*words, "-o", "out.tif,uint16"], folder)
     return folder / "out.tif"
@@ -167,7 +172,7 @@ PROGRAMS = (
     Program("oiiotool", ("oiiotool",), ".cube", "tetrahedral", _oiiotool, 1e-4, "oiio"),
     Program("oiiotool", ("oiiotool",), ".csp", "tetrahedral", _oiiotool, 1e-4, "oiio"),
     Program("ImageMagick", ("convert-im6.q16", "magick"), ".png", "trilinear", _imagemagick, 0.02),
-    Program("G'MIC", ("gmic",), ".cube", "trilinear", _gmic, 0.06, "gmic"),
+    Program("G'MIC", ("gmic",), ".cube", "trilinear", _gmic, 0.02, "gmic"),
     Program("G'MIC", ("gmic",), ".png", "trilinear", _gmic, 0.06, "gmic"),
     Program("darktable", ("darktable-cli",), ".cube", "tetrahedral", _darktable, 0.02, "darktable"),
     Program("RawTherapee", ("rawtherapee-cli",), ".tif", "trilinear", _rawtherapee, 0.02),
@@ -189,3 +194,93 @@ def test_the_program_renders_what_the_file_holds(tmp_path: Path, program: Progra
     error = delta_e_2000(shown, look(x))
     assert error.mean() < 0.4
     assert error.max() < 2.0
+
+
+# --- What programs do with files that they do not read is what the table of programs, and so `check`, says ------------
+
+
+def _melt(command: str, folder: Path, lut: Path) -> Path:
+    words = [command, "in.png", "out=0", "-filter", "avfilter.lut3d", f"av.file={lut}", "av.interp=tetrahedral"]
+    words += ["-consumer", "avformat:out.png", "vcodec=png", "pix_fmt=rgb24", "mlt_image_format=rgb", "f=image2"]
+    words += ["width=64", "height=64", "progressive=1", "update=1", "frame_rate_num=25", "frame_rate_den=1"]
+    run([*words, "sample_aspect_num=1", "sample_aspect_den=1"], folder)
+    return folder / "out.png"
+
+
+def _graphicsmagick(command: str, folder: Path, lut: Path) -> Path:
+    subprocess.run([command, "convert", "in.png", "-hald-clut", str(lut), "out.png"], cwd=folder, capture_output=True)
+    return folder / "out.png"
+
+
+def _mpv(command: str, folder: Path, lut: Path) -> Path:
+    graph = f"lavfi=[format=gbrp16le,lut3d=file={lut.name}:interp=tetrahedral,format=rgb48le]"
+    words = [command, "--no-config", "--no-audio", "--vo=image", "--vo-image-format=png", "--frames=1", f"--vf={graph}"]
+    run([*words, "in.png"], folder)
+    return folder / "00000001.png"
+
+
+def write_kinds(folder: Path) -> dict[str, Path]:
+    """A file of each kind that the table of programs names and LutForge or others write; all are of `look`."""
+    nodes = {size: look(grid(uniform_levels(size))) for size in (17, 33, 64)}
+    files = {
+        ".cube": Lut((Cube(nodes[33]),), title="a").write(folder / "plain.cube"),
+        ".3dl": Lut((Cube(nodes[33]),)).write(folder / "large.3dl"),
+        ".3dl, 17 nodes, 12 bits": Lut((Cube(nodes[17]),)).write(folder / "small.3dl"),
+        ".clf": Lut((Cube(nodes[33]),)).write(folder / "a.clf"),
+        ".vlt": Lut((Cube(nodes[17]),)).write(folder / "a.vlt"),
+        "Hald image": Lut((Cube(nodes[64]),)).write(folder / "hald.png"),
+    }
+    text = files[".cube"].read_text()
+    curve = Curve(np.sqrt(np.linspace(0.0, 1.0, 1024))[:, None].repeat(3, axis=1))
+    shaped = Lut((curve, Cube(look(grid(uniform_levels(33)) ** 2.0))))
+    files[".cube, shaper"] = shaped.write(folder / "a.resolve.cube")
+    silent = "".join(row for row in files[".cube, shaper"].read_text().splitlines(True) if "RANGE" not in row)
+    domain = ("DOMAIN_MIN 0.0 0.0 0.0\nDOMAIN_MAX 1.0 1.0 1.0", "DOMAIN_MIN -1.0 -1.0 -1.0\nDOMAIN_MAX 1.0 1.0 1.0")
+    wide = Lut((Cube(look(np.clip(2.0 * grid(uniform_levels(33)) - 1.0, 0.0, 1.0))),), title="a")
+    range_only = text.replace(domain[0], "LUT_3D_INPUT_RANGE 0.0 1.0").replace('TITLE "a"\n', "")
+    for kind, name, written in (
+        (".cube, shaper without ranges", "silent.cube", silent),
+        (".cube, range", "range.cube", range_only),
+        (".cube, domain", "domain.cube", wide.write(folder / "wide.cube").read_text().replace(*domain)),
+    ):
+        files[kind] = folder / name
+        files[kind].write_text(written)
+    return files
+
+
+RUNS: dict[str, tuple[str, Callable[[str, Path, Path], Path]]] = {
+    "ffmpeg": ("ffmpeg", _ffmpeg),
+    "mpv": ("mpv", _mpv),
+    "kdenlive": ("melt", _melt),
+    "imagemagick": ("convert-im6.q16", _imagemagick),
+    "graphicsmagick": ("gm", _graphicsmagick),
+    "gmic": ("gmic", _gmic),
+    "darktable": ("darktable-cli", _darktable),
+}
+"""How the programs of the table are run: the command, and what makes a picture with it."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RUNS)
+def test_programs_do_with_other_files_what_the_table_says(tmp_path: Path, name: str) -> None:
+    command, apply = RUNS[name]
+    if shutil.which(command) is None:
+        pytest.skip(f"{command} is not installed")
+    picture = colours()
+    for kind_of_file in ("png", "tif"):
+        write_picture(tmp_path / f"in.{kind_of_file}", kind="uint16", pixels=picture)
+    x, wanted = picture.astype(np.float64), look(picture)
+    for kind, path in write_kinds(tmp_path).items():
+        says = LUT_PROGRAMS[name].does.get(kind, LUT_PROGRAMS[name].otherwise)
+        shown = None
+        for old in ("out.png", "out.tif", "00000001.png"):
+            (tmp_path / old).unlink(missing_ok=True)
+        with suppress(AssertionError):
+            shown = apply(command, tmp_path, path)
+        if shown is None or not shown.is_file():
+            assert "refuses" in says, (kind, says)
+            continue
+        pixels = read_image(shown).pixels[..., :3].astype(np.float64)
+        right, same = (255 * np.abs(pixels - other).mean() for other in (wanted, x))
+        assert ("as it is" in says) == (same < 1.0) or kind == "Hald image", (kind, says, same)
+        assert ("wrong colours" in says) == (right > 4.0 and same > 4.0), (kind, says, right)

@@ -4,6 +4,7 @@ import io
 import json
 import pickle
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -379,3 +380,62 @@ def write_small(folder: Path) -> None:
         (folder / f"{side}_coefs.txt").write_text(f"5\n0 0 0\n0 0 0\n{identity}")
         rows = "".join(f"{i / 255} {i / 255} {i / 255}\n" for i in range(256))
         (folder / f"{side}_respFcns.txt").write_text("256\n" + rows)
+
+
+# --- Limits, judged before anything is unpacked -----------------------------------------------------------------------
+
+
+def _document(path: Path) -> dict[str, Any]:
+    with zipfile.ZipFile(path) as archive:
+        document: dict[str, Any] = json.loads(archive.read("profile.json"))
+    return document
+
+
+MANY: dict[str, Callable[[dict[str, Any]], object]] = {
+    "styles": lambda document: {f"s{n}": document["styles"]["vivid"] for n in range(3000)},
+    "white_balances": lambda document: {f"b{n}": document["white_balances"]["daylight"] for n in range(3000)},
+    "notes": lambda _: ["note"] * 10_000,
+    "shots": lambda _: ["a"] * 100_000,
+    "vignettings": lambda document: document["vignettings"][:1] * 10_000,
+    "diagnoses": lambda document: document["diagnoses"][:1] * 10_000,
+    "options": lambda _: {f"o{n}": 1 for n in range(10_000)},
+}
+
+
+@pytest.mark.parametrize("part", MANY)
+def test_parts_of_a_profile_have_as_many_entries_as_a_camera_gives(saved: Path, part: str) -> None:
+    _edit(saved, **{part: MANY[part](_document(saved))})
+    assert "more than any profile's" in _refused(saved)
+
+
+def test_models_arrays_and_texts_have_limits(saved: Path) -> None:
+    document = _document(saved)
+    original = saved.read_bytes()
+    models = document["styles"]["standard"]["models"]
+    for count, says in ((3000, "3000 models"), (2, "named twice")):
+        styles = document["styles"] | {"standard": document["styles"]["standard"] | {"models": models * count}}
+        _edit(saved, styles=styles)
+        assert says in _refused(saved)
+        saved.write_bytes(original)
+    _edit(saved, styles=document["styles"] | {"again": document["styles"]["vivid"]})
+    assert "named twice" in _refused(saved)
+    saved.write_bytes(original)
+    _edit(saved, notes=["a long note " * 1000])
+    assert "longer than any profile's" in _refused(saved)
+
+
+def test_the_sum_of_a_profile_is_judged_before_it_is_unpacked(saved: Path) -> None:
+    """2 million numbers in each of six arrays that nobody names: 96 MB of a small file."""
+    _rewrite(saved, {f"spare{n}.npy": _npy(np.zeros((126, 126, 126))) for n in range(6)})
+    assert saved.stat().st_size < 1 << 20
+    assert "it unpacks to" in _refused(saved)
+
+
+@pytest.mark.parametrize("packing", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_a_packing_that_asks_for_memory_is_refused(saved: Path, packing: int) -> None:
+    with zipfile.ZipFile(saved) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(saved, "w", packing) as archive:
+        for name, data in entries.items():
+            archive.writestr(name, data)
+    assert "packed as no profile is" in _refused(saved)

@@ -11,6 +11,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PIL.Image
 import pytest
 
+import lutforge as lf
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError, LutError, LutForgeError, SampleError
 from lutforge.grading.inputs import find_inputs
@@ -93,9 +94,8 @@ REFUSALS: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "standard/candle", "-o", "out.cube"),
         ("multipliers of red, green and blue, such as 2.1,1,1.4",),
     ),
-    "line ends of old": (("apply", "mac.cube", "a.jpg", "-o", "out"), ("save it with line feeds",)),
     "a damaged profile": (
-        ("apply", "look.dcp", "a.jpg", "-o", "out"), ("`lutforge check` shows which programs do",)
+        ("apply", "look.dcp", "a.jpg", "-o", "out"), ("`lutforge check` shows which programs read it",)
     ),
     "no number in a LUT": (("apply", "nan.cube", "a.jpg", "-o", "out"), ("not finite",)),
     "a device": (("apply", "look.cube", "a.jpg", "-o", "/dev/full"), ("/dev/full", "folder")),
@@ -177,6 +177,16 @@ def test_closed_streams_are_no_fault(profile: Path) -> None:
     assert subprocess.run(f"{words} >&- 2>&-", shell=True).returncode == 0
 
 
+@pytest.mark.parametrize("closed", ["<&- 2>&-", "<&- >&-", "<&- >&- 2>&-"])
+def test_pictures_are_graded_while_any_streams_are_closed(tmp_path: Path, closed: str) -> None:
+    Lut((Cube(grid(uniform_levels(3)) ** 0.9),)).write(tmp_path / "look.cube")
+    picture(tmp_path / "a.jpg")
+    environment = {**os.environ, "PYTHONPATH": str(Path(lf.__file__).parents[1])}
+    words = f'"{sys.executable}" -m lutforge apply look.cube a.jpg -o out {closed}'
+    assert subprocess.run(words, shell=True, cwd=tmp_path, env=environment).returncode == 0
+    assert (tmp_path / "out" / "a.jpg").is_file()
+
+
 def test_scene_linear_is_told_where_encoded_is_graded(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
     write_picture(tmp_path / "a.exr", (16, 16), "half")
     words = ("--from", "standard/daylight", "--to", "vivid/daylight", "-o", tmp_path / "out")
@@ -200,6 +210,29 @@ def test_tables_and_luts_on_a_full_disk(tmp_path: Path) -> None:
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["ocio", "a.ocioz"])
+def test_a_config_on_a_full_disk_leaves_nothing(tmp_path: Path, name: str) -> None:
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        with pytest.raises(LutForgeError, match=name):
+            lf.write_config([small_profile()], tmp_path / name)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_link_to_itself_among_pictures_fails_alone(lutforge: CommandLine, tmp_path: Path) -> None:
+    Lut((Cube(grid(uniform_levels(3)) ** 0.9),)).write(tmp_path / "look.cube")
+    for name in "abc":
+        picture(tmp_path / "in" / f"{name}.jpg")
+    (tmp_path / "in" / "loop.jpg").symlink_to("loop.jpg")
+    told = lutforge("apply", "look.cube", "in", "-o", "out", cwd=tmp_path, status=1)
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.jpg")) == ["a.jpg", "b.jpg", "c.jpg"]
+    assert "loop.jpg" in told.stderr
 
 
 def test_a_folder_that_cannot_be_read_stops_a_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

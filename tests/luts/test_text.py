@@ -1,0 +1,201 @@
+"""Tables of text: every word is a whole number, or the file is refused with the line; what is unusual is said."""
+
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import pytest
+
+from lutforge.errors import LutError
+from lutforge.grading.grade import LutRecipe
+from lutforge.luts.check import check_lut
+from lutforge.luts.reading import read_lut
+from lutforge.luts.sequence import evaluate
+from tests.cases.lut_texts import PRELUTS, SOUND, table
+from tests.conftest import CommandLine
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    """A file in a folder of its own: the two halves of a pair stand alone."""
+    path = folder / name
+    path.write_text(text, encoding="utf-8", newline="")
+    return path
+
+
+def messages(path: Path) -> tuple[str, str]:
+    """What `check` and `apply` say of a file, be it a refusal or problems."""
+    try:
+        checked = "; ".join(check_lut(path).problems)
+    except LutError as error:
+        checked = str(error)
+    try:
+        applied = "; ".join(LutRecipe(path).grade(Path()).notes)
+    except LutError as error:
+        applied = str(error)
+    return checked, applied
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_sound_tables_are_read_without_a_word(tmp_path: Path, name: str) -> None:
+    checked, applied = messages(write(tmp_path, name, SOUND[name]))
+    assert checked == applied.replace(f"{tmp_path / name}: ", "") == ""
+
+
+WORDS = {
+    "0,5": "decimal comma",
+    "0.5x": "is no number",
+    "1e": "is no number",
+    "0x1": "is no number",
+    "nan": "not finite",
+}
+"""Words that begin like numbers, or are numbers that no table holds, and what is said of them."""
+
+
+@pytest.mark.parametrize("word", WORDS)
+@pytest.mark.parametrize("name", SOUND)
+def test_a_word_that_is_no_whole_number_is_refused_by_its_line(tmp_path: Path, name: str, word: str) -> None:
+    """The last number of the file's table, and one in the middle."""
+    text = SOUND[name]
+    for mark in ("1.0", "0.5", "1023\n", "255\n", "4095\n"):
+        if mark.strip() not in text:
+            continue
+        at = text.rindex(mark)
+        path = write(tmp_path, name, text[:at] + word + text[at + len(mark.strip()) :])
+        for message in messages(path):
+            assert WORDS[word] in message, (mark, message)
+            assert f"line {text[:at].count(chr(10)) + 1}" in message
+            assert str(path) in message
+
+
+def without_last_row(text: str) -> str:
+    rows = text.splitlines(keepends=True)
+    last = max(n for n, row in enumerate(rows) if row[0].isdecimal())
+    return "".join(rows[:last] + rows[last + 1 :])
+
+
+def with_last_row_twice(text: str) -> str:
+    rows = text.splitlines(keepends=True)
+    last = max(n for n, row in enumerate(rows) if row[0].isdecimal())
+    return "".join(rows[: last + 1] + rows[last:])
+
+
+def with_a_word_more(text: str) -> str:
+    rows = text.splitlines(keepends=True)
+    last = max(n for n, row in enumerate(rows) if row[0].isdecimal())
+    return "".join([*rows[:last], rows[last].rstrip("\n") + " 0\n", *rows[last + 1 :]])
+
+
+def with_a_word_less(text: str) -> str:
+    rows = text.splitlines(keepends=True)
+    last = max(n for n, row in enumerate(rows) if row[0].isdecimal())
+    return "".join([*rows[:last], " ".join(rows[last].split()[:-1]) + "\n", *rows[last + 1 :]])
+
+
+CUTS = (without_last_row, with_last_row_twice, with_a_word_more, with_a_word_less)
+
+
+@pytest.mark.parametrize("spoil", CUTS, ids=lambda function: function.__name__)
+@pytest.mark.parametrize("name", [name for name in SOUND if name != "a.cc"])
+def test_rows_are_as_many_and_as_long_as_the_file_says(tmp_path: Path, name: str, spoil: Callable[[str], str]) -> None:
+    for message in messages(write(tmp_path, name, spoil(SOUND[name]))):
+        assert str(tmp_path / name) in message, message
+
+
+@pytest.mark.parametrize("top", [255, 1023, 4095, 65535])
+@pytest.mark.parametrize(
+    "name", ["a.cube", "1d.cube", "a.itx", "a.csp", "curve.spi1d", "a.spi3d", "a.cub", "a.vf", "a.clf"]
+)
+def test_codes_for_numbers_from_0_to_1_are_a_problem_for_check_and_for_apply(
+    tmp_path: Path, name: str, top: int
+) -> None:
+    text = SOUND[name]
+    before = ("DOMAIN_MAX 1.0 1.0 1.0", PRELUTS, "From 0.0 1.0", "# Cube", "<LUT3D")
+    head = max([0, *(text.find(mark) + len(mark) for mark in before if mark in text)])
+    spoilt = text[:head] + text[head:].replace("1.0", f"{top}").replace("0.5", f"{top // 2}")
+    for message in messages(write(tmp_path, name, spoilt)):
+        assert f"run to {top}, as codes" in message, message
+
+
+@pytest.mark.parametrize("top", [255, 1023])
+def test_inputs_in_codes_are_a_problem(tmp_path: Path, top: int) -> None:
+    text = SOUND["a.cube"].replace("DOMAIN_MAX 1.0 1.0 1.0", f"DOMAIN_MAX {top} {top} {top}")
+    for message in messages(write(tmp_path, "a.cube", text)):
+        assert f"its inputs run to {top}, as codes" in message
+
+
+def test_a_cube_of_zeros_and_ones_alone_is_a_problem(tmp_path: Path) -> None:
+    rows = "".join(f"{int(r > 1)} {int(g > 1)} {int(b > 1)}\n" for b, g, r in product(range(4), repeat=3))
+    for message in messages(write(tmp_path, "a.cube", "LUT_3D_SIZE 4\n" + rows)):
+        assert "100 % of the nodes are at a limit" in message
+
+
+# --- Text as other programs write it ----------------------------------------------------------------------------------
+
+
+WRITTEN: dict[str, tuple[Callable[[str], bytes], str]] = {
+    "a mark": (lambda text: b"\xef\xbb\xbf" + text.encode(), "byte order mark"),
+    "UTF-16": (lambda text: text.encode("utf-16"), "UTF-16"),
+    "UTF-16, the other way": (lambda text: b"\xfe\xff" + text.encode("utf-16-be"), "UTF-16"),
+    "UTF-16 without a mark": (lambda text: text.encode("utf-16-le"), "UTF-16"),
+    "carriage returns": (lambda text: text.replace("\n", "\r").encode(), "carriage returns alone"),
+    "both line ends": (lambda text: text.replace("\n", "\r\n").encode(), ""),
+    "the end of a DOS file": (lambda text: text.encode() + b"\x1a", "bytes that are no text"),
+}
+
+
+@pytest.mark.parametrize("way", WRITTEN)
+@pytest.mark.parametrize(
+    "name", ["a.cube", "shaper.cube", "a.3dl", "a.csp", "curve.spi1d", "a.spi3d", "a.cub", "a.vlt"]
+)
+def test_text_is_read_however_it_is_encoded_and_what_stumbles_over_it_is_said(
+    tmp_path: Path, name: str, way: str
+) -> None:
+    encode, says = WRITTEN[way]
+    wanted = read_lut(write(tmp_path, name, SOUND[name]))
+    path = tmp_path / name
+    path.write_bytes(encode(SOUND[name]))
+    x = np.random.default_rng(0).random((100, 3)).astype(np.float32)
+    np.testing.assert_array_equal(read_lut(path)(x.astype(np.float64)), wanted(x.astype(np.float64)))
+    graded = evaluate(LutRecipe(path).grade(Path()).processor, x)
+    np.testing.assert_allclose(graded, wanted(x.astype(np.float64)), atol=1e-5)
+    checked, applied = messages(path)
+    assert bool(checked) == bool(applied) == bool(says)
+    assert says in checked and says in applied
+
+
+@pytest.mark.parametrize("name", ["shaper.cube", "a.csp", "curve.spi1d", "houdini.lut"])
+def test_comments_between_numbers_tabs_and_indents_are_read(tmp_path: Path, name: str) -> None:
+    wanted = read_lut(write(tmp_path, name, SOUND[name])).ops
+    at = SOUND[name].rindex("1.0")
+    line = SOUND[name].rindex("\n", 0, at) + 1
+    commented = SOUND[name][:line] + "# a note, 0,5\n" + SOUND[name][line:]
+    path = write(tmp_path, name, commented)
+    assert "comments between its numbers" in messages(path)[0]
+    assert repr(read_lut(path).ops) == repr(wanted)
+    path.write_text(SOUND[name].replace(".0 ", ".0\t"))
+    assert repr(read_lut(path).ops) == repr(wanted)
+
+
+def test_a_cube_in_two_dialects_at_once_is_read(tmp_path: Path) -> None:
+    """As LUTCalc writes for Resolve: a title beside an input range."""
+    text = 'TITLE "SLog3 to 709"\nLUT_3D_SIZE 2\nLUT_3D_INPUT_RANGE 0.0 1.0\n' + table("0.{r} 0.{g} 0.{b}\n")
+    path = write(tmp_path, "calc.cube", text)
+    lut = read_lut(path)
+    assert lut.title == "SLog3 to 709"
+    np.testing.assert_allclose(lut([1.0, 0.0, 1.0]), [0.1, 0.0, 0.1], atol=1e-6)
+    for message in messages(path):
+        assert "TITLE beside LUT_3D_INPUT_RANGE" in message and "delete the line" in message
+    shaped = 'TITLE "x"\nDOMAIN_MIN 0 0 0\nDOMAIN_MAX 1 1 1\n' + SOUND["shaper.cube"]
+    assert read_lut(write(tmp_path, "shaped.cube", shaped)).summary == "Curve 2 → Cube 2³"
+    contradicting = text.replace("LUT_3D_SIZE", "DOMAIN_MAX 2 2 2\nLUT_3D_SIZE")
+    with pytest.raises(LutError, match="another range"):
+        read_lut(write(tmp_path, "calc.cube", contradicting))
+
+
+def test_the_command_prints_what_check_calls_a_problem(lutforge: CommandLine, tmp_path: Path) -> None:
+    write(tmp_path, "look.cube", "LUT_3D_SIZE 2\n" + table("{r}023 {g}023 {b}023\n").replace("0023", "0"))
+    PIL.Image.new("RGB", (8, 8)).save(tmp_path / "a.jpg")
+    told = lutforge("apply", "look.cube", "a.jpg", "-o", "out", cwd=tmp_path).stderr
+    assert "look.cube: its numbers are whole and run to 1023, as codes" in told

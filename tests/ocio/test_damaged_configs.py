@@ -1,0 +1,73 @@
+"""Configs of strangers: `check` says what they hold and what is missing; damaged ones are one line in every command."""
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from lutforge.errors import ConfigError
+from lutforge.pipeline.configs import write_config
+from lutforge.pipeline.inspection import check
+from tests.cases.profiles import plain_profile
+from tests.conftest import CommandLine, Refused
+
+
+@pytest.fixture
+def archive(tmp_path: Path) -> Path:
+    """An archive of one camera."""
+    write_config([plain_profile("Nikon D40")], tmp_path / "a.ocioz")
+    return tmp_path / "a.ocioz"
+
+
+def repacked(path: Path, old: bytes, new: bytes) -> None:
+    """Change the text of an archive's config."""
+    with zipfile.ZipFile(path) as source:
+        entries = {name: source.read(name) for name in source.namelist()}
+    assert old in entries["config.ocio"]
+    with zipfile.ZipFile(path, "w") as target:
+        for name, data in entries.items():
+            target.writestr(name, data.replace(old, new) if name == "config.ocio" else data)
+
+
+def test_check_says_what_a_config_holds_and_who_reads_it(lutforge: CommandLine, tmp_path: Path) -> None:
+    write_config([plain_profile("Nikon D40")], tmp_path / "ocio")
+    write_config([plain_profile("Nikon D40")], tmp_path / "a.ocioz")
+    for path, since in ((tmp_path / "ocio" / "config.ocio", "2.1 (August 2021)"), (tmp_path / "a.ocioz", "2.2")):
+        for command in ("check", "inspect"):
+            said = lutforge(command, path).stdout
+            assert "Nikon D40" in said and "profile version 2.1" in said
+            assert "all found" in said and "problem" not in said
+            assert f"OpenColorIO {since}" in said
+    lut = next((tmp_path / "ocio").rglob("*.clf"))
+    lut.unlink()
+    said = "\n".join(check(tmp_path / "ocio" / "config.ocio"))
+    assert "1 missing" in said and f"file {lut.name}: missing" in said
+
+
+@pytest.mark.parametrize("place", [60, 0.2, 0.5, 0.8])
+def test_a_damaged_archive_is_one_line_wherever_it_is_damaged(
+    refused: Refused, archive: Path, tmp_path: Path, place: float
+) -> None:
+    data = bytearray(archive.read_bytes())
+    at = int(place * len(data) if place < 1 else place)
+    data[at : at + 40] = b"\xff" * 40
+    (tmp_path / "bad.ocioz").write_bytes(data)
+    plain_profile("Canon EOS 5D").save(tmp_path / "camera.npz")
+    assert "bad.ocioz" in refused(tmp_path, "config", "camera.npz", "--merge", "bad.ocioz", "-o", "out.ocioz")
+    try:
+        said = "\n".join(check(tmp_path / "bad.ocioz"))
+    except ConfigError as error:
+        said = str(error)
+    assert "problem" in said or "cannot be read" in said
+
+
+@pytest.mark.parametrize("name", ["bad.ocioz", "bad.ocio"])
+def test_names_that_are_no_text_are_one_line(refused: Refused, archive: Path, tmp_path: Path, name: str) -> None:
+    repacked(archive, b"Nikon", b"Nik\xf6n")
+    if name == "bad.ocioz":
+        archive.rename(tmp_path / name)
+    else:
+        (tmp_path / name).write_bytes(zipfile.ZipFile(archive).read("config.ocio"))
+    plain_profile("Canon EOS 5D").save(tmp_path / "camera.npz")
+    for words in (("config", "camera.npz", "--merge", name, "-o", "out"), ("check", name), ("inspect", name)):
+        assert "bytes that are not text" in refused(tmp_path, *words)
