@@ -28,6 +28,7 @@ from lutforge.grading.grade import Grade
 from lutforge.images.heif import is_heif
 from lutforge.images.icc import codes_moved, foreign_profile, is_srgb, pixels_to_srgb, profile_name
 from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours
+from lutforge.images.orientation import upright
 from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
 from lutforge.images.write import (
     IN_ANOTHER_SPACE,
@@ -38,7 +39,6 @@ from lutforge.images.write import (
     format_of,
     image_writer,
     keeps_orientation,
-    upright,
     with_shape,
 )
 from lutforge.model.highlights import clipped
@@ -46,9 +46,6 @@ from lutforge.shots.discover import RAW_SUFFIXES
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
-
-_ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
-"""LibRaw's flip → EXIF orientation."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +142,7 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageRea
             vignetting = vignetting_of(grade.vignettings, lens_of(source, image), image.focal_mm, image.aperture)
             if vignetting is not None:
                 image.pixels[:] *= vignetting.gain(*image.pixels.shape[:2])[..., None]
-            pixels = upright(image.pixels, _ORIENTATION_OF_FLIP.get(image.flip, 1))
+            pixels = upright(image.pixels, image.orientation)
             spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
             for name, value in raw_attributes(source, image).items():
                 spec[name] = value

@@ -16,6 +16,7 @@ from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.jpeg import metadata_end
+from lutforge.images.orientation import upright
 from lutforge.images.read import Image, ImageReader, Region
 
 SOFTWARE = "LutForge"
@@ -286,10 +287,3 @@ def _is_whole(path: Path, name: str) -> bool:
     except ImageError:
         return False
     return True
-
-
-def upright(array: Pixels, orientation: int) -> Pixels:
-    """Turn a stored image (h, w, c) the way its EXIF orientation (1–8) asks for."""
-    turns = {2: (1, 0), 3: (0, 2), 4: (1, 2), 5: (1, 1), 6: (0, 3), 7: (1, 3), 8: (0, 1)}
-    mirrored, quarters = turns.get(orientation, (0, 0))
-    return np.ascontiguousarray(np.rot90(array[:, ::-1] if mirrored else array, quarters))
