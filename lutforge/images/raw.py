@@ -131,7 +131,8 @@ def _translated(path: Path) -> Iterator[None]:
             yield
     except ImageError as error:
         if isinstance(error.__cause__, rawpy.LibRawFileUnsupportedError):
-            raise ImageError(f"{path}: not a RAW file that LibRaw can read") from error
+            way_out = "; convert it to DNG with Adobe DNG Converter" if path.suffix.lower() == ".gpr" else ""
+            raise ImageError(f"{path}: not a RAW file that LibRaw can read{way_out}") from error
         raise
 
 
