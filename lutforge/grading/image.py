@@ -27,7 +27,9 @@ from lutforge.errors import ImageError
 from lutforge.grading.grade import Grade
 from lutforge.images.heif import is_heif
 from lutforge.images.icc import codes_moved, foreign_profile, is_srgb, pixels_to_srgb, profile_name, stored_profile
-from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours
+from lutforge.images.jpeg import APP1, APP2, JpegHeader, decode, encode, read_header, stored_metadata, with_colours
+from lutforge.images.orientation import upright
+from lutforge.images.packets import XMP_SEGMENT, Packets, declares_film, read_packets, without_further_pictures
 from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
 from lutforge.images.write import (
     IN_ANOTHER_SPACE,
@@ -38,7 +40,6 @@ from lutforge.images.write import (
     format_of,
     image_writer,
     keeps_orientation,
-    upright,
     with_shape,
 )
 from lutforge.model.highlights import clipped
@@ -46,9 +47,6 @@ from lutforge.shots.discover import RAW_SUFFIXES
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
-
-_ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
-"""LibRaw's flip → EXIF orientation."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +88,12 @@ def apply_image(
             converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
             grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
         check_colours(source, spec)
+        packets = Packets() if grade.raw or is_heif(source) else read_packets(source)
+        if grade.for_srgb and packets.encoding:
+            raise ImageError(
+                f"{source}: says that it is encoded as {packets.encoding}, and this grade is for sRGB; "
+                "convert it to sRGB first"
+            )
         jpeg = read_header(source.read_bytes()) if image.format == format_of(target) == "jpeg" else None
         attributes = {**colour_space(source, spec, image.format, jpeg), **grade.attributes}
         if not spec.get_string_attribute("DateTime"):
@@ -117,7 +121,10 @@ def apply_image(
             grade_whole(source, jpeg, grade, target, threads)
         else:
             start = None if jpeg is None else jpeg_metadata(jpeg, grade)
-            writer = stack.enter_context(image_writer(target, output, start))
+            xmp = b"" if start is not None else without_further_pictures(packets.xmp)
+            if packets.lossless and format_of(target) == "webp":
+                output.attribute("compression", "lossless")
+            writer = stack.enter_context(image_writer(target, output, start, xmp))
             broken = _grade_regions(grade, image, writer, threads, region_samples, count > 1)
         parts = image.parts
     notes = (
@@ -125,6 +132,7 @@ def apply_image(
         *notes_on(grade, image.format, spec, output, space, broken),
         *((f"the first of {parts} images in the file was used",) if parts != 1 else ()),
         *(() if jpeg is None else jpeg.notes),
+        *notes_on_packets(packets, spec, image.format, format_of(target)),
     )
     return GradedImage(source, target, spec.width, spec.height, notes)
 
@@ -145,7 +153,7 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageRea
             vignetting = vignetting_of(grade.vignettings, lens_of(source, image), image.focal_mm, image.aperture)
             if vignetting is not None:
                 image.pixels[:] *= vignetting.gain(*image.pixels.shape[:2])[..., None]
-            pixels = upright(image.pixels, _ORIENTATION_OF_FLIP.get(image.flip, 1))
+            pixels = upright(image.pixels, image.orientation)
             spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
             for name, value in raw_attributes(source, image).items():
                 spec[name] = value
@@ -250,7 +258,15 @@ def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:
         adobe_rgb = attributes.get("Exif:ColorSpace") == IN_ANOTHER_SPACE
         segments = with_colours(segments, new if isinstance(new, bytes) else None, adobe_rgb)
     comment = f"{attributes.get('Software', SOFTWARE)}\n{' '.join(grade.history.split())}"
-    return stored_metadata(segments, header.plain, comment)
+    # What follows the picture, a gain map or a film, is left out, and XMP does not declare it.
+    kept = []
+    for segment in segments:
+        if segment.holds((APP1, XMP_SEGMENT)):
+            body = XMP_SEGMENT + without_further_pictures(segment.body[len(XMP_SEGMENT) :])
+            segment = replace(segment, body=body)
+        if not segment.holds((APP2, b"urn:iso:std:iso:ts:21496:-1")):
+            kept.append(segment)
+    return stored_metadata(kept, header.plain, comment)
 
 
 def grade_whole(
@@ -327,6 +343,34 @@ def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, o
     if not profile or is_srgb(profile):
         return ""
     return source.get_string_attribute("ICCProfile:profile_description").strip() or "a space without a name"
+
+
+def notes_on_packets(packets: Packets, source: oiio.ImageSpec, format: str, written: str) -> Iterator[str]:
+    """Yield what of a file besides its picture is not in the graded one. format, written: of source and result."""
+    if packets.encoding:
+        yield f"the picture says that it is encoded as {packets.encoding}, and was graded as it is"
+    if packets.animated and format == "png":
+        yield "an animation: its first frame was graded, the others were left out"
+    if declares_film(packets.xmp):
+        yield "the film of the motion photo was left out"
+    names = [attribute.name for attribute in source.extra_attribs]
+    lost = ["EXIF"] if any(name.startswith("Exif:") for name in names) and written not in _HOLDS_EXIF else []
+    lost += ["GPS"] if any(name.startswith("GPS:") for name in names) and written not in _HOLDS_EXIF else []
+    lost += ["XMP"] if packets.xmp and written not in _HOLDS_XMP else []
+    # Of other formats, OpenImageIO calls a part of XMP by IPTC's names.
+    iptc = format in ("jpeg", "tiff") and any(name.startswith("IPTC:") for name in names)
+    lost += ["IPTC"] if iptc and written not in _HOLDS_IPTC else []
+    lost += list(packets.unread)
+    lost += ["ICC profile"] if "ICCProfile" in names and written not in _HOLDS_ICC else []
+    if lost:
+        yield f"metadata that the graded file does not hold were left out: {', '.join(dict.fromkeys(lost))}"
+
+
+_HOLDS_EXIF = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr", "jpegxl"})
+_HOLDS_XMP = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr"})
+_HOLDS_IPTC = frozenset({"jpeg", "openexr"})
+_HOLDS_ICC = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr", "jpegxl"})
+"""Formats, by OpenImageIO's names, that a graded picture's metadata are written to."""
 
 
 def notes_on(

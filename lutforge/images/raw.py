@@ -14,6 +14,7 @@ from lutforge.arrays import Array, Index, Pixels, Single
 from lutforge.boundary import reading, require_file
 from lutforge.compiled import compiled
 from lutforge.errors import ImageError
+from lutforge.images.orientation import ORIENTATION_OF_FLIP
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +23,13 @@ class RawImage:
 
     pixels: (h, w, 3) float32, linear; 0 = black level, 1 = sensor saturation; saturated pixels are exactly 1.
     pixel_size: side of one array pixel in full-resolution pixels of the visible area: 1, or 2 at half size. Array pixel
-    i covers [pixel_size * i, pixel_size * (i + 1)]. flip: LibRaw's code of the rotation to display the picture upright:
-    0, 3 (180°), 5 (90° left) or 6 (90° right). multipliers: (3,) as-shot white balance with green = 1; None where the
-    file has none that is valid. preview: the embedded JPEG, else `preview_note` says why there is none. exposure_s,
-    iso, focal_mm, aperture (f-number): NaN where unknown. lens: its name; taken: EXIF's form of the time of the
-    exposure; "" where unknown. d65: (3,) multipliers with green = 1 that make light D65 neutral, where LibRaw or a DNG
-    file knows the camera's colours. clip_level: (3,) level above which this file's pixels were taken for saturated.
+    i covers [pixel_size * i, pixel_size * (i + 1)]. flip: LibRaw's code of what displays the picture upright, a key of
+    `ORIENTATION_OF_FLIP`; orientation: the same as EXIF numbers it. multipliers: (3,) as-shot white balance with green
+    = 1; None where the file has none that is valid. preview: the embedded JPEG, else `preview_note` says why there is
+    none. exposure_s, iso, focal_mm, aperture (f-number): NaN where unknown. lens: its name; taken: EXIF's form of the
+    time of the exposure; "" where unknown. d65: (3,) multipliers with green = 1 that make light D65 neutral, where
+    LibRaw or a DNG file knows the camera's colours. clip_level: (3,) level above which this file's pixels were taken
+    for saturated.
     """
 
     pixels: Pixels
@@ -44,6 +46,11 @@ class RawImage:
     lens: str = ""
     taken: str = ""
     d65: Array | None = None
+
+    @property
+    def orientation(self) -> int:
+        """Orientation (1 … 8) of the pixels."""
+        return ORIENTATION_OF_FLIP.get(self.flip, 1)
 
 
 def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
@@ -67,7 +74,8 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
         if raw.num_colors != 3 or not set("RGB") <= set(names):
             colours_of = f"a mosaic of {raw.num_colors} colours ({names})"
             raise ImageError(f"{path}: {colours_of}; only red-green-blue sensors are supported")
-        # Before postprocess, which leaves sizes and colour indices changed.
+        # Before postprocess, which leaves sizes, colour indices and the flip changed.
+        flip = int(raw.sizes.flip)
         colours = np.zeros((0, 0), np.uint8)  # indices of the pattern that repeats over the visible mosaic
         if raw.raw_type is rawpy.RawType.Flat and raw.raw_pattern is not None and raw.raw_image_visible.ndim == 2:
             colours = np.roll(raw.raw_pattern, (-raw.sizes.top_margin, -raw.sizes.left_margin), axis=(0, 1))
@@ -100,7 +108,7 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
         # LibRaw's multipliers of daylight are those of its own table, or of the ColorMatrix that a DNG file states.
         stated = path.suffix.lower() == ".dng" and np.any(raw.color_matrix)
         return RawImage(
-            pixels, 2.0 if half_size else 1.0, int(raw.sizes.flip), _multipliers(list(raw.camera_whitebalance)),
+            pixels, 2.0 if half_size else 1.0, flip, _multipliers(list(raw.camera_whitebalance)),
             preview, preview_note, exposure_s, iso, clip_level, focal_mm, aperture,
             lens=" ".join(str(raw.lens.model).split()),
             taken="" if date is None or date.year < 1980 else date.strftime("%Y:%m:%d %H:%M:%S"),  # the epoch: unknown
@@ -123,7 +131,8 @@ def _translated(path: Path) -> Iterator[None]:
             yield
     except ImageError as error:
         if isinstance(error.__cause__, rawpy.LibRawFileUnsupportedError):
-            raise ImageError(f"{path}: not a RAW file that LibRaw can read") from error
+            way_out = "; convert it to DNG with Adobe DNG Converter" if path.suffix.lower() == ".gpr" else ""
+            raise ImageError(f"{path}: not a RAW file that LibRaw can read{way_out}") from error
         raise
 
 

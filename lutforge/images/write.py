@@ -16,6 +16,8 @@ from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.jpeg import metadata_end
+from lutforge.images.orientation import upright
+from lutforge.images.packets import add_packets
 from lutforge.images.read import Image, ImageReader, Region
 
 SOFTWARE = "LutForge"
@@ -131,7 +133,8 @@ def _output_spec(path: Path, target: oiio.ImageOutput, source: oiio.ImageSpec, f
     spec.set_format(oiio.TypeDesc(depth))
     if name == "tiff" and spec.get_string_attribute("compression").startswith("jpeg"):
         spec.attribute("compression", "zip")
-    if name == "tiff" and (iso := spec.get_int_attribute("Exif:PhotographicSensitivity", 0)):
+    known = spec.get_int_attribute("Exif:RecommendedExposureIndex", 0)
+    if name == "tiff" and not known and (iso := spec.get_int_attribute("Exif:PhotographicSensitivity", 0)):
         spec.attribute("Exif:RecommendedExposureIndex", iso)  # OpenImageIO's TIFF writer knows no other tag for it
     if name == "pnm":
         spec.attribute("pnm:pfmflip", 0)  # OpenImageIO 3.2 else writes them upside down
@@ -217,13 +220,23 @@ def _cut_short(path: Path) -> ImageError:
 
 
 @contextmanager
-def image_writer(path: Path, described: oiio.ImageSpec, start: bytes | None = None) -> Iterator[ImageWriter]:
+def image_writer(
+    path: Path, described: oiio.ImageSpec, start: bytes | None = None, xmp: bytes = b""
+) -> Iterator[ImageWriter]:
     """Open an output under a temporary name; the file appears, whole, when the block ends without an error.
 
     described: what is written, as `describe_output` gives it. start: SOI and the metadata segments of a JPEG, in place
-    of those that OpenImageIO makes.
+    of those that OpenImageIO makes. xmp: a packet for PNG, WebP and JPEG 2000, which get EXIF here, too.
     """
-    with atomic_path(path) as temporary, _safe_place(path, temporary, described, start) as place:
+    with atomic_path(path) as temporary:
+        with _opened(path, temporary, described, start) as writer:
+            yield writer
+        add_packets(temporary, format_of(path), described, xmp)
+
+
+@contextmanager
+def _opened(path: Path, temporary: Path, described: oiio.ImageSpec, start: bytes | None) -> Iterator[ImageWriter]:
+    with _safe_place(path, temporary, described, start) as place:
         target = create_output(path)
         if not target.open(str(place), described):
             raise ImageError(f"{path}: {target.geterror() or 'cannot be written'}")
@@ -286,10 +299,3 @@ def _is_whole(path: Path, name: str) -> bool:
     except ImageError:
         return False
     return True
-
-
-def upright(array: Pixels, orientation: int) -> Pixels:
-    """Turn a stored image (h, w, c) the way its EXIF orientation (1–8) asks for."""
-    turns = {2: (1, 0), 3: (0, 2), 4: (1, 2), 5: (1, 1), 6: (0, 3), 7: (1, 3), 8: (0, 1)}
-    mirrored, quarters = turns.get(orientation, (0, 0))
-    return np.ascontiguousarray(np.rot90(array[:, ::-1] if mirrored else array, quarters))

@@ -15,6 +15,7 @@ from lutforge.atomic_write import scratch_folder
 from lutforge.child_processes import run_command
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError, ShotError
+from lutforge.images.orientation import inverse, orientation_between, upright
 from lutforge.images.read import Development, read_image
 from lutforge.kits.kit import Kit, Look, look_of, write_develop_script
 from lutforge.kits.programs import KITS, lumix_kit
@@ -164,12 +165,12 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     samples = extract(shot).samples
     samples = samples.select(np.char.startswith(samples.patch.astype(np.str_), "tile_"))
     developed = read_shot(raw, Development(pixels, "srgb", picture.name), source=shot.jpeg_source)
-    turns = [turn for turn in range(4) if np.array_equal(np.rot90(shot.jpeg, turn), developed.jpeg)]
-    if not turns:
+    orientation = orientation_between(shot.jpeg, developed.jpeg)
+    if orientation is None:
         raise ShotError(f"{raw}: {picture.name} matches another JPEG than the RAW does")
-    if turns[0]:
-        upright = np.ascontiguousarray(np.rot90(pixels, -turns[0]))
-        developed = read_shot(raw, Development(upright, "srgb", picture.name), source=shot.jpeg_source)
+    if orientation != 1:
+        as_the_sensor = upright(pixels, inverse(orientation))
+        developed = read_shot(raw, Development(as_the_sensor, "srgb", picture.name), source=shot.jpeg_source)
     cell = cell_size(shot.registration)
     corners = np.array([name.split("_")[1:] for name in samples.patch], dtype=np.intp).reshape(-1, 2)
     shown = developed.raw_cells(cell).mean[corners[:, 1] // cell, corners[:, 0] // cell]

@@ -29,6 +29,7 @@ from lutforge.evaluation.further_errors import response_deltas
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, MODEL, compared_fits, lattice_name
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.evaluation.predictions import Predictions, with_compared
+from lutforge.images.orientation import upright
 from lutforge.model.camera_profile import CameraProfile, is_response_alone, through_camera
 from lutforge.model.coverage import linearizing_error
 from lutforge.model.gamut_map import GamutMap
@@ -51,7 +52,7 @@ from lutforge.samples.extract import ShotSamples, places_in_picture
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.tiles import clipping
 from lutforge.settings import setting_name
-from lutforge.shots.read import TURNS, read_shot
+from lutforge.shots.read import read_shot
 from lutforge.thesis.lattice import error_histogram
 from lutforge.thesis.options import ThesisOptions, stated_options
 
@@ -332,10 +333,9 @@ def error_map(
         gain = gain * 2.0 ** vignetting.stops(places_in_picture(shot, centres))[:, None]
     balanced, encoded = raw.mean[usable] * gain, jpeg.mean[usable] / 255.0
     fold = np.repeat(of_shot[:1], len(balanced))
-    turns = -TURNS.get(shot.raw.flip, 0)
 
     def panel(title: str, values: Array, **scale: Any) -> Panel:
-        return Panel(title, (Raster(np.rot90(values, turns)),), bare=True, equal=True, **scale)
+        return Panel(title, (Raster(upright(values, shot.raw.orientation)),), bare=True, equal=True, **scale)
 
     rows: list[tuple[Panel, ...]] = []
     for direction, predict, source, wanted, picture, most in (
@@ -357,7 +357,7 @@ def error_map(
             words = f"{direction}\n{method}: mean {np.nanmean(errors):.4f}"
             panels.append(panel(words, errors, scale=(0.0, most), scale_name=" "))
         rows.append(tuple(panels))
-    height, width = np.rot90(jpeg.mean, turns).shape[:2]
+    height, width = upright(jpeg.mean, shot.raw.orientation).shape[:2]
     drawing = Drawing(tuple(rows), 11 / len(rows[0]) * height / width + 0.6, 11.0)
     held_out = "not seen by the fits" if predictions.held_out[of_shot].all() else "the fit had seen it"
     setting = f"{samples.style[of_shot[0]]}/{samples.white_balance[of_shot[0]]}"

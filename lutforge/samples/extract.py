@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import srgb_encode
+from lutforge.images.orientation import upright, upright_places
 from lutforge.samples.chart import ChartKind, detector_note, find_chart, sample_chart
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.tiles import (
@@ -19,7 +20,7 @@ from lutforge.samples.tiles import (
     flatness,
     one_sided,
 )
-from lutforge.shots.read import TURNS, Shot
+from lutforge.shots.read import Shot
 
 FEW_TILES = 100
 """A shot with fewer tiles within the first two limits may use the hard bound, and is searched for a chart."""
@@ -159,11 +160,11 @@ def _tiles(shot: Shot) -> ShotSamples:
     step = max(1, round(max(height, width) / 500))
     whole = shot.jpeg[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
     picture = np.rint(whole.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
-    turns = -TURNS.get(shot.raw.flip, 0)
     clipped = {reason: int(np.count_nonzero(mask & counted)) for reason, mask in clips.items()}
     return ShotSamples(
         shot.name, samples, len(samples), 0, clipped, rejected, tuple(notes),
-        ShotCells(np.rot90(raw8, turns), np.rot90(picture, turns)), places, shot.metadata.notes,
+        ShotCells(upright(raw8, shot.raw.orientation), upright(picture, shot.raw.orientation)), places,
+        shot.metadata.notes,
     )  # fmt: skip
 
 
@@ -195,10 +196,7 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres:
         wb=np.tile(np.asarray(multipliers, dtype=np.float64), (count, 1)),
         position=places_in_picture(shot, centres),
     )
-    upright = centres / shot.jpeg.shape[1::-1]
-    for _ in range(TURNS.get(shot.raw.flip, 0)):  # numpy.rot90 to the right
-        upright = np.column_stack([1.0 - upright[:, 1], upright[:, 0]])
-    return samples, upright
+    return samples, upright_places(centres / shot.jpeg.shape[1::-1], shot.raw.orientation)
 
 
 def places_in_picture(shot: Shot, centres: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.shots.tags import MAKE, MAKER_NOTE, SOFTWARE, Tags, Value, key_of, maker_table
+from lutforge.shots.tags import MAKE, MAKER_NOTE, SOFTWARE, TOOLS, Tags, Value, key_of, maker_table
 
 ADOBE_RGB = "adobe rgb"
 """What the name of a style ends in where the JPEG is in Adobe RGB."""
@@ -87,9 +87,10 @@ def notes_of(tags: Tags) -> Iterator[str]:
 
 def edited_notes(tags: Tags) -> tuple[str, ...]:
     """What to say of a file that a program wrote, and not the camera's firmware: one line, or none."""
-    software = str(tags.get(SOFTWARE, "")).strip()
+    by_exif, by_xmp = str(tags.get(SOFTWARE, "")).strip(), str(tags.get(TOOLS, "")).strip()
+    software = by_exif if _EDITORS.search(by_exif) else by_xmp[:80]
     wrote = f"{software} wrote this file: its colours may not be those that the camera made"
-    return (wrote,) if _EDITORS.search(software) else ()
+    return (wrote,) if _EDITORS.search(by_exif) or _EDITORS.search(by_xmp) else ()
 
 
 def _table(name: str) -> Any:

@@ -91,7 +91,7 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
         camera=tidy_camera(make or UNKNOWN, model or "camera"), style=style or "standard",
         white_balance=white_balance_of(found) or UNKNOWN, multipliers=raw.multipliers,
         exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else time_s or math.nan,
-        iso=raw.iso if math.isfinite(raw.iso) else iso or math.nan,
+        iso=raw.iso if math.isfinite(raw.iso) and raw.iso != 65535 else iso or raw.iso,
         notes=tuple(notes), lens=raw.lens or str(found.get(_LENS, "")).strip(),
         focal_mm=raw.focal_mm, aperture=raw.aperture, d65=raw.d65,
     )  # fmt: skip
@@ -168,14 +168,45 @@ def read_picture_settings(path: Path) -> ShotMetadata:
 
 
 def _exposure_of(found: Tags) -> list[float]:
-    """Time, f-number and ISO, which EXIF stores as one or two integers; 0 where there is none."""
-    stated = []
-    for tag in (0x829A, 0x829D, 0x8827):
-        value = found.get(("Photo", tag))
-        parts = value[: 1 if tag == 0x8827 else 2] if isinstance(value, tuple) and value else (0,)
-        number, unit = (*parts, 1)[:2]
-        stated.append(number / unit if number > 0 and unit > 0 else 0.0)
-    return stated
+    """Time, f-number and ISO by the tags of Exif 2.32, 4.6.5; 0 where there is none."""
+    time_s, aperture = _ratio(found, 0x829A), _ratio(found, 0x829D)
+    if not time_s > 0:  # ShutterSpeedValue, of APEX: −log2 of the time
+        shutter = _ratio(found, 0x9201)
+        time_s = 2.0**-shutter if math.isfinite(shutter) and abs(shutter) < 30 else 0.0
+    if not aperture > 0:  # ApertureValue, of APEX: 2 log2 of the f-number
+        value = _ratio(found, 0x9202)
+        aperture = 2.0 ** (value / 2) if 0 <= value < 20 else 0.0
+    return [time_s, aperture, _iso_of(found)]
+
+
+_SENSITIVITIES = {1: (0x8831,), 2: (0x8832,), 3: (0x8833,), 4: (0x8831, 0x8832), 5: (0x8831, 0x8833),
+                  6: (0x8832, 0x8833), 7: (0x8831, 0x8832, 0x8833)}  # fmt: skip
+"""SensitivityType → the tags that PhotographicSensitivity repeats: StandardOutputSensitivity, RecommendedExposureIndex,
+ISOSpeed (Exif 2.32, table 9)."""
+
+
+def _iso_of(found: Tags) -> float:
+    """PhotographicSensitivity, which ends at 65535; there, or without it, the tag that SensitivityType names; or 0."""
+    iso = _ratio(found, 0x8827)
+    if 0 < iso < 65535:
+        return iso
+    kind = found.get(("Photo", 0x8830))
+    named = _SENSITIVITIES.get(kind[0], ()) if isinstance(kind, tuple) and kind else ()
+    for tag in (*named, 0x8831, 0x8832, 0x8833):
+        value = _ratio(found, tag)
+        if value > 0:
+            return value
+    return iso if iso > 0 else 0.0
+
+
+def _ratio(found: Tags, tag: int) -> float:
+    """A number of the EXIF directory, stored as one integer or two; NaN where there is none."""
+    value = found.get(("Photo", tag))
+    if not isinstance(value, tuple) or not value:
+        return math.nan
+    if tag in (0x829A, 0x829D, 0x9201, 0x9202):
+        return value[0] / value[1] if len(value) > 1 and value[1] > 0 else math.nan
+    return float(value[0])
 
 
 def camera_of(found: Tags) -> str:
@@ -221,9 +252,11 @@ def _picture_tags(path: Path) -> Tags:
         (0x829D, ("FNumber", "Exif:FNumber")),
         (0x8827, ("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")),
     ):
-        value = float(next(filter(None, map(spec.getattribute, words)), 0.0))
+        # An attribute of an OpenEXR file may be of any type.
+        stated = [value for value in map(spec.getattribute, words) if isinstance(value, int | float)]
+        value = float(next(filter(None, stated), 0.0))
         if value > 0 and math.isfinite(value):
-            header["Photo", tag] = value.as_integer_ratio()
+            header["Photo", tag] = (round(value),) if tag == 0x8827 else value.as_integer_ratio()
     if "adobe rgb" in spec.get_string_attribute("ICCProfile:profile_description").lower():
         header["Iop", 0x0001] = "R03"
     return {**header, **tags(path)}

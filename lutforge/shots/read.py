@@ -16,6 +16,7 @@ from lutforge.errors import ImageError, ShotError
 from lutforge.images.heif import is_heif, read_heif
 from lutforge.images.icc import is_srgb, profile_name, to_srgb
 from lutforge.images.jpeg import decode, read_header
+from lutforge.images.orientation import MIRRORED, QUARTER_TURNS, inverse, orientation_between, upright
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import Development, read_image
 from lutforge.shots.align import IS_WARPED, register_rotated
@@ -95,10 +96,7 @@ class Shot:
 
 
 EMBEDDED = "embedded preview"
-
-TURNS = {0: 0, 3: 2, 5: 3, 6: 1}
-"""LibRaw's flip → quarter turns (numpy.rot90) that bring an upright picture back to the sensor's
-orientation."""
+MIRROR_IMAGE = "the picture is the mirror image of the RAW, and was mirrored back"
 
 
 def read_shot(
@@ -159,8 +157,10 @@ def read_pair(picture: Path, development: Development) -> Shot:
     ones = np.ones(3)
     left = RawImage(development.pixels, 1.0, 0, ones, None, "a developed picture", math.nan, math.nan, ones)
     codes = np.rint(np.clip(read_image(picture).pixels[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
-    turned, registration = register_rotated(left, codes)
+    turned, registration, mirrored = _in_any_orientation(left, codes)
     metadata = read_metadata(picture, left, None)
+    if mirrored:
+        metadata = replace(metadata, notes=(*metadata.notes, MIRROR_IMAGE))
     return Shot(picture.stem, picture, left, turned, str(picture), metadata, registration, development).straightened()
 
 
@@ -188,16 +188,31 @@ def _registered(
         jpeg, fine = to_srgb(jpeg, profile), None
         so = "converted to sRGB, so grade pictures that are converted"
         notes.append(f"the picture is in {profile_name(profile)}: {so}")
-    # Previews lie like the sensor or upright; a file beside may have been turned by any program.
-    likely = (0, TURNS.get(raw.flip, 0), 1, 2, 3)
     try:
-        turned, registration = register_rotated(raw, jpeg, tuple(dict.fromkeys(likely)), expected)
+        turned, registration, mirrored = _in_any_orientation(raw, jpeg, expected)
     except ShotError as error:
         raise ShotError(f"{source}: {error}") from None
+    if mirrored and raw.orientation not in MIRRORED:
+        notes.append(MIRROR_IMAGE)
     if fine is not None:
-        turn = next(turn for turn in range(4) if np.array_equal(np.rot90(jpeg, turn), turned))
-        fine = np.ascontiguousarray(np.rot90(fine, turn))
+        fine = upright(fine, orientation_between(jpeg, turned) or 1)
     return turned, fine, registration, tuple(notes)
+
+
+def _in_any_orientation(
+    raw: RawImage, jpeg: Codes, expected: Placement | None = None
+) -> tuple[Codes, Registration, bool]:
+    """Register a picture turned, or mirrored and turned: as the sensor has it, where it lies, if it was mirrored."""
+    # Previews lie like the sensor or upright; a file beside may have been turned by any program. A camera that mirrors
+    # its pictures, for those who photograph themselves, leaves the RAW as it is.
+    turns = tuple(dict.fromkeys((0, QUARTER_TURNS[inverse(raw.orientation)], 1, 2, 3)))
+    try:
+        return *register_rotated(raw, jpeg, turns, expected), False
+    except ShotError as error:
+        try:
+            return *register_rotated(raw, np.ascontiguousarray(jpeg[:, ::-1]), turns, expected), True
+        except ShotError:
+            raise error from None
 
 
 def _decoded(data: bytes, source: str) -> tuple[NDArray[np.uint8], bytes]:

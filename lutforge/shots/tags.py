@@ -7,6 +7,7 @@ nothing: what cannot be read is not there.
 import contextlib
 import json
 import mmap
+import re
 import struct
 from collections.abc import Iterator
 from functools import cache
@@ -20,6 +21,7 @@ from lutforge.boundary import reading
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif, read_heif_exif
 from lutforge.images.jpeg import SOI, read_header
+from lutforge.images.packets import packets_of
 from lutforge.images.tiff import SIZES, Entry, byte_order, number, offset_in, read_directory
 
 Buffer = bytes | mmap.mmap
@@ -30,7 +32,10 @@ Tags = dict[Key, Value]
 
 MAKE, MODEL, SOFTWARE = ("Image", 0x010F), ("Image", 0x0110), ("Image", 0x0131)
 MAKER_NOTE = ("Photo", 0x927C)
+TOOLS = ("Xmp", 0)
+"""The programs that XMP names: its CreatorTool, and those of its history."""
 
+_TOOLS = re.compile(rb"""(?:xmp:CreatorTool|stEvt:softwareAgent)(?:\s*=\s*["']|\s*>)\s*([^"'<]{1,200})""")
 _LARGEST = 8192
 """Bytes of a value that are kept: longer ones are pictures and tables."""
 _TIFF_MAGIC = (42, 0x55, 0x4F52, 0x5352)  # TIFF, RW2, ORF, ORF
@@ -57,6 +62,8 @@ def tags_of(data: Buffer) -> Tags:
             return _ciff_tags(data)
         for block, group in _tiff_blocks(data):
             _Structure(block, found).read(group)
+        if tools := " ".join(text.decode("utf-8", "replace") for text in _TOOLS.findall(packets_of(data).xmp)[:200]):
+            found[TOOLS] = tools
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
             # A JPEG that LutForge graded has its source's EXIF, and tells in a comment what it is now.
             for comment in header.comments:

@@ -15,8 +15,8 @@ from lutforge.errors import CalibrationError, ImageError, LutForgeError, Setting
 from lutforge.grading.profile_recipe import choose_camera, source_selector
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
+from lutforge.images.orientation import upright
 from lutforge.images.read import ImageReader, read_image
-from lutforge.images.write import upright
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
@@ -90,7 +90,9 @@ def picture_bytes(path: Path) -> bytes:
     """A picture in sRGB as a file that browsers read: itself, or PNG of at most 8 million pixels. Raises ImageError."""
     if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
         with ImageReader(path) as image:
-            as_it_is = not foreign_profile(image.spec)
+            # Browsers turn JPEGs as they say; not all do so with PNG.
+            turned = image.format == "png" and image.spec.get_int_attribute("Orientation", 1) != 1
+            as_it_is = not turned and not foreign_profile(image.spec)
         if as_it_is:
             return path.read_bytes()
     pixels, buffer = read_small(path, 8_000_000), BytesIO()

@@ -193,8 +193,8 @@ def test_wrong_values_in_the_description(saved: Path, fields: dict[str, Any]) ->
         ("render_coverage", _npy(np.full((5, 5, 5), -1.0)), "negative"),
         ("render_coverage", _npy(np.ones((3, 3, 3))), "coverage of shape"),
         ("render_coverage", _npy(np.zeros((130, 130, 130))), "refused, the array style0_render_coverage"),
-        ("physical0_gamut_map_centres", _npy(np.zeros((20_001, 3))), "refused, the array style0_physical0_gamut_map"),
-        ("physical0_response", _npy(np.zeros((2, 2, 2, 2, 2))), "refused, the array style0_physical0_response"),
+        ("model0_gamut_map_centres", _npy(np.zeros((20_001, 3))), "refused, the array style0_model0_gamut_map"),
+        ("model0_response", _npy(np.zeros((2, 2, 2, 2, 2))), "refused, the array style0_model0_response"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",  # bytes would make names of megabytes
 )  # fmt: skip
