@@ -7,7 +7,6 @@ A config is loaded by every program at every start, so curves in its files hold 
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import permutations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -64,10 +63,16 @@ class Rendering:
         return self.file(file_stem(self.camera.balances[source], "to", self.camera.balances[target]))
 
     def refinishes(self) -> Iterator[tuple[str, str, Transform]]:
-        """Pairs of white balances that render differently, and the refinish; none without a calibrated JPEG → RAW."""
+        """Pairs of white balances that looks change, both ways, and the refinish, where it changes anything.
+
+        None without a calibrated JPEG → RAW.
+        """
         if self.render is None or self.camera.profile.styles[self.style].linearize is None:
             return
-        for source, target in permutations(self.white_balances, 2):
+        pairs = self.camera.look_pairs
+        for source, target in dict.fromkeys([*pairs, *(pair[::-1] for pair in pairs)]):
+            if not {source, target} <= set(self.white_balances):
+                continue
             refinish = self.camera.profile.refinish(Selector(self.style, source), Selector(self.style, target))
             if not refinish.is_identity:
                 yield source, target, refinish

@@ -48,7 +48,7 @@ def test_what_the_d40_renders_comes_back(published_d40: CameraProfile) -> None:
     config = load_config(CONFIGS / "nikon_d40" / "config.ocio")
     to_reference = from_linear_srgb("aces2065-1") @ profile.matrix * profile.multipliers("standard/daylight")
     for balance in profile.white_balances:
-        space, selector = f"Nikon D40 standard {balance}", f"standard/{balance}"
+        space, selector = f"Nikon D40 JPEG standard {balance}", f"standard/{balance}"
         raw = np.random.default_rng(4).random((20000, 3)) / profile.multipliers(selector)
         jpeg = profile.render(selector)(raw)
         unclipped = np.all((jpeg > 1 / 255) & (jpeg < 254 / 255), axis=1)
@@ -69,7 +69,7 @@ def test_the_d40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> N
     assert list(again.getColorSpaceNames()) == list(published.getColorSpaceNames())
     assert list(again.getLookNames()) == list(published.getLookNames())
     for balance in ("tungsten", "fluorescent"):
-        space = f"Nikon D40 standard {balance}"
+        space = f"Nikon D40 JPEG standard {balance}"
         for pair in (("ACEScg", space), (space, "ACEScg")):
             difference = np.linalg.norm(convert(again, *pair) - convert(published, *pair), axis=1)
             assert difference.mean() < 0.25 / 255
@@ -81,7 +81,7 @@ def test_the_s40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> N
     folder = CONFIGS / "canon_powershot_s40"
     published, again = (load_config(at) for at in (folder / "config.ocio", made_again(folder, shared_data, tmp_path)))
     assert list(again.getColorSpaceNames()) == list(published.getColorSpaceNames())
-    space = "Canon PowerShot S40 standard auto"
+    space = "Canon PowerShot S40 JPEG standard auto"
     jpeg = convert(published, "ACEScg", space)
     assert np.linalg.norm(convert(again, "ACEScg", space) - jpeg, axis=1).mean() < 0.014
     there = [convert(config, space, "ACEScg", pixels=jpeg) for config in (published, again)]
