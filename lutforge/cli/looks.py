@@ -129,7 +129,8 @@ def config(
     profiles: Annotated[list[Path], argument("Profiles (.npz).")],
     output: Annotated[Path, option("A folder, or one archive (.ocioz).", "-o", "--output")] = Path("ocio"),
     merge: Annotated[
-        str | None, option("A config (.ocio, .ocioz, or the name of a built-in one) to add the cameras to.")
+        str | None,
+        option("A config to add the cameras to: a file, the name of a built-in one, or blender, for its own."),
     ] = None,
     replace: Annotated[bool, option("Replace the config that the folder holds.", "--replace")] = False,
     looks: Annotated[

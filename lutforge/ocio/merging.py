@@ -20,9 +20,11 @@ from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
 from lutforge.luts.sequence import OCIO_ERRORS
 from lutforge.ocio import spaces
+from lutforge.ocio.blender import blender_config
 from lutforge.ocio.check import file_names, try_file
 
 BUILTIN = "ocio://"
+BLENDER = "blender"
 MOST_BYTES = 2 << 30
 """Most that is unpacked from an archive."""
 
@@ -69,7 +71,10 @@ class BaseConfig:
 
 @contextmanager
 def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
-    """The config to merge into: a file, an archive (unpacked while the block runs), a built-in one by name, or none."""
+    """The config to merge into: a file, an archive (unpacked while the block runs), one by name, or none.
+
+    Names are those of built-in configs, and "blender", the config of the Blender that is installed.
+    """
     if source is None:
         yield None
         return
@@ -79,8 +84,14 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
         yield _read(f"{BUILTIN}{label.removeprefix(BUILTIN)}", label, None)
         return
     path = Path(source)
+    if label == BLENDER and not path.exists():
+        found = blender_config()
+        if found is None:
+            raise ConfigError("no Blender is found here; name its datafiles/colormanagement/config.ocio")
+        path = found
     if not path.is_file():
-        raise ConfigError(f"{path}: no such config; name a .ocio or .ocioz file, or one of {', '.join(built_in)}")
+        known = ", ".join([BLENDER, *built_in])
+        raise ConfigError(f"{path}: no such config; name a .ocio or .ocioz file, or one of {known}")
     if not zipfile.is_zipfile(path):
         yield _read(str(path), label, path.absolute().parent)
         return

@@ -1,8 +1,9 @@
-"""Other versions of OpenColorIO and OpenImageIO, each in an environment of its own in the user's cache.
+"""Other versions of OpenColorIO, OpenImageIO and Blender, each in an environment of its own in the user's cache.
 
 `python -m tests.cases.other_versions`, or `make other-versions`, installs them; tests skip those that are missing.
 """
 
+import shutil
 import subprocess
 import sys
 import venv
@@ -13,6 +14,7 @@ import pytest
 
 OPENCOLORIO = ("2.2.1", "2.3.2", "2.4.2", "2.5.2", "2.6.0")
 OPENIMAGEIO = ("3.0.3.1",)
+BLENDER = ("4.2.0",)
 SYSTEM = Path("/usr/bin")
 """Where Debian has OpenColorIO 2.1 (python3-pyopencolorio) and oiiotool 2.4 (openimageio-tools)."""
 
@@ -43,9 +45,20 @@ def oiiotool(version: str) -> Path:
     return tool
 
 
+def blender(version: str) -> list[str]:
+    """The words that run a script in Blender: "3.4", the program, or a version of its Python module. Skips without."""
+    program = shutil.which("blender")
+    if version == "3.4" and program is not None:
+        return [program, "--background", "--factory-startup", "--python-exit-code", "3", "--python"]
+    python = folder("bpy", version) / "bin" / "python"
+    if not python.exists():
+        pytest.skip(f"Blender {version} is not installed: make other-versions, for 3.4 Debian's blender")
+    return [str(python)]
+
+
 def install() -> None:
     """Install what is missing; a version without a wheel for this Python is named and left out."""
-    for package, versions in (("opencolorio", OPENCOLORIO), ("openimageio", OPENIMAGEIO)):
+    for package, versions in (("opencolorio", OPENCOLORIO), ("openimageio", OPENIMAGEIO), ("bpy", BLENDER)):
         for version in versions:
             place = folder(package, version)
             if (place / "installed").exists():
