@@ -48,7 +48,7 @@ def oiiotool(output: str, *actions: str) -> None:
 
 
 oiiotool("linear.exr", "--colorconvert", taken, "ACEScg")
-oiiotool("daylight.tif", "--ociolook", "Nikon D40 tungsten to daylight")
+oiiotool("daylight.tif", "--ociolook", "Nikon D40 scene tungsten → daylight")
 oiiotool("refinish.tif", "--colorconvert", taken, wanted)
 oiiotool("p3.tif", "--ociodisplay", "Display P3 - Display", "Nikon D40 standard")
 oiiotool("lut.tif", "--ociofiletransform", str(path.parent / "luts" / "nikon_d40_standard_linearize.clf"))

@@ -40,6 +40,23 @@ def with_short_curves(lut: Lut) -> Lut:
     return replace(lut, ops=tuple(ops))
 
 
+NEAR_WHITE = 2.0 / 255
+"""A model that renders saturated RAW this near to white means white; a style whose white is darker keeps its own."""
+
+
+def with_white(lut: Lut) -> Lut:
+    """The render's LUT with white where all RAW channels are saturated, if the model comes near to it.
+
+    JPEGs have white there, which else comes back from the scene one or two codes darker, and not quite neutral.
+    """
+    lacking = 1.0 - lut(np.ones((1, 3)))
+    if lut.cube is None or lacking.max() > NEAR_WHITE:
+        return lut
+    values = lut.cube.values.copy()
+    values[-1, -1, -1] = np.maximum(values[-1, -1, -1], 1.0)
+    return replace(lut, ops=tuple(replace(op, values=values) if op is lut.cube else op for op in lut.ops))
+
+
 @dataclass(frozen=True, eq=False)
 class Rendering:
     """What shares its LUTs: a style, and the white balances that one model of it covers.
@@ -127,7 +144,7 @@ def baked(
     luts: dict[str, Lut] = {}
     errors: list[str] = []
     if rendering.render is not None:
-        render = with_short_curves(bake(rendering.render, title=f"{title} render"))
+        render = with_white(with_short_curves(bake(rendering.render, title=f"{title} render")))
         errors.append(f"render LUT against the model: {_error(render, rendering.render)}")
         luts[rendering.file("render")] = replace(render, comments=tuple(errors))
     if rendering.linearize is not None:
@@ -141,14 +158,14 @@ def baked(
             inverse.values[-1, -1, -1] = BEYOND
             calibrated = model
 
-            def with_white(x: ArrayLike) -> Array:
+            def with_burnt_white(x: ArrayLike) -> Array:
                 """Light of encoded colours, with burnt-out white `BEYOND` saturation, as the last half code rises."""
                 least = np.min(np.asarray(x), axis=-1, keepdims=True)
                 burnt = np.clip((least - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
                 light = calibrated(x)
                 return np.asarray(light + burnt * (BEYOND - light))
 
-            model = with_white
+            model = with_burnt_white
             linearize = inverse.as_lut(f"{title} linearize")
             style = rendering.camera.profile.styles[rendering.style]
             tell("measuring what comes back")

@@ -1,5 +1,6 @@
 """The configs in ocio_configs/: sound, small, fast to load, and what their commands make."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -36,6 +37,16 @@ def test_sound_and_explained(folder: Path) -> None:
     readme = (folder / "README.md").read_text()
     assert "Made by" in readme
     assert any(licence in readme for licence in ("MIT", "CC0"))
+
+
+def test_the_table_has_the_figures_of_the_descriptions() -> None:
+    """The worst of a config's colour spaces, as the config states it."""
+    table = (CONFIGS / "README.md").read_text()
+    for folder in FOLDERS:
+        text = (folder / "config.ocio").read_text()
+        mean, largest = (max(re.findall(rf"round trip {key}: (\S+)", text), key=float) for key in ("mean", "max"))
+        (row,) = [line for line in table.splitlines() if f"]({folder.name})" in line]
+        assert f"| {mean} / {largest} |" in row
 
 
 def test_the_d40_is_small() -> None:
