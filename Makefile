@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
 
-.PHONY: demo docs test test-all check benchmark accuracy field clean
+.PHONY: demo docs test test-all check other-versions benchmark accuracy field clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
@@ -26,6 +26,10 @@ check: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# Further versions of OpenColorIO, oiiotool and Blender for the tests, in the user's cache: 2.3 GB. Without them tests skip.
+other-versions: .venv/ready
+	$(BIN)/python -m tests.cases.other_versions
 
 benchmark: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'

@@ -23,7 +23,7 @@ config = OCIO.Config.CreateFromFile(str(path))
 photo = folder / "photo.tif"
 pixels = np.random.default_rng(1).uniform(0.05, 0.95, (32, 48, 3)).astype(np.float32)
 oiio.ImageBuf(pixels).write(str(photo), oiio.UINT16)
-taken, wanted = "Nikon D40 standard tungsten", "Nikon D40 standard daylight"
+taken, wanted = "Nikon D40 JPEG standard tungsten", "Nikon D40 JPEG standard daylight"
 
 
 def mean(name: str) -> float:
@@ -48,7 +48,7 @@ def oiiotool(output: str, *actions: str) -> None:
 
 
 oiiotool("linear.exr", "--colorconvert", taken, "ACEScg")
-oiiotool("daylight.tif", "--ociolook", "Nikon D40 tungsten to daylight")
+oiiotool("daylight.tif", "--ociolook", "Nikon D40 scene tungsten → daylight")
 oiiotool("refinish.tif", "--colorconvert", taken, wanted)
 oiiotool("p3.tif", "--ociodisplay", "Display P3 - Display", "Nikon D40 standard")
 oiiotool("lut.tif", "--ociofiletransform", str(path.parent / "luts" / "nikon_d40_standard_linearize.clf"))

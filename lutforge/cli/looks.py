@@ -130,13 +130,24 @@ def config(
     profiles: Annotated[list[Path], argument("Profiles (.npz).")],
     output: Annotated[Path, option("A folder, or one archive (.ocioz).", "-o", "--output")] = Path("ocio"),
     merge: Annotated[
-        str | None, option("A config (.ocio, .ocioz, or the name of a built-in one) to add the cameras to.")
+        str | None,
+        option("A config to add the cameras to: a file, the name of a built-in one, or blender, for its own."),
     ] = None,
     replace: Annotated[bool, option("Replace the config that the folder holds.", "--replace")] = False,
+    looks: Annotated[
+        str | None,
+        option("White balances, such as daylight,tungsten: looks change the others to the first, and back."),
+    ] = None,
+    profile_version: Annotated[str, option("2.1, or 2.5 with interoperability IDs and rules of views.")] = "2.1",
 ) -> None:
     """Write an OpenColorIO config with the cameras' RAW and JPEG colour spaces, views and refinish looks."""
+    chosen = [] if looks is None else [name.strip() for name in looks.split(",")]
     with progress_bar("config") as progress:
-        written = lf.write_config(profiles, output, merge=merge, replace=replace, progress=progress)
+        written = lf.write_config(
+            profiles, output, merge=merge, replace=replace, looks=chosen, profile_version=profile_version,
+            progress=progress,
+        )  # fmt: skip
+    note(*written.notes)
     counts = ((written.spaces, "input colour spaces"), (written.views, "view transforms"), (written.looks, "looks"))
     held = ", ".join(f"{len(entries)} {title}" for entries, title in counts)
     say(f"{written.path}: profile version {written.version}, checked: {held}")
@@ -163,6 +174,10 @@ def apply(
     exposure: Annotated[
         str | None, option("With --space: exif divides by time, ISO and aperture, so that pictures of a scene agree.")
     ] = None,
+    view: Annotated[
+        str | None, option("With a config, in place of --to: the view through which the images are seen.")
+    ] = None,
+    display: Annotated[str | None, option("With --view: the display that shows it, else the config's first.")] = None,
     look: Annotated[Path | None, option("The profile of the camera whose look is wanted.", "--as")] = None,
     transfer: Annotated[Path | None, option("With --as: RAW to RAW, from `lutforge transfer`.")] = None,
     suffix: Annotated[str | None, option("Another format for the output, such as .png or .exr.")] = None,
@@ -179,7 +194,7 @@ def apply(
 
     grading = Grading(
         (grade, *images), output, source, target, ev, look, transfer, suffix, workers, resume,
-        scheduler, space, exposure,
+        scheduler, space, exposure, view, display,
     )  # fmt: skip
     failed = False
     if print_commands:

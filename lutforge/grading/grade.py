@@ -2,7 +2,7 @@
 
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -135,7 +135,7 @@ class LutRecipe(Recipe):
             grade,
             processor=processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
             codes=of_codes(processor),
-            oiiotool=("--ociofiletransform", str(self.path)),
+            oiiotool=("--ociofiletransform", str(self.path.absolute())),
         )
 
 
@@ -151,12 +151,11 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
-class ConfigRecipe(Recipe):
-    """Grade from one colour space of an OpenColorIO config to another."""
+class OfConfig(Recipe):
+    """Grade by a conversion of an OpenColorIO config, from one of its colour spaces."""
 
     path: Path
     source: str | None
-    target: str | None
 
     @cached_property
     def key(self) -> str:
@@ -169,29 +168,103 @@ class ConfigRecipe(Recipe):
 
     @cached_property
     def _grade(self) -> Grade:
-        from lutforge.ocio.check import load_config, make_processor  # a LUT does without what is known of configs
+        from lutforge.ocio.check import load_config  # a LUT does without what is known of configs
 
         config = load_config(self.path)
-        names = config.getColorSpaceNames()
-        if self.source is None or self.target is None:
-            raise ConfigError(f"{self.path}: name two of its colour spaces with --from and --to: {', '.join(names)}")
-        for name in (self.source, self.target):
-            if config.getColorSpace(name) is None:
-                raise ConfigError(f'{self.path}: no colour space "{name}"; {alternatives(name, names)}')
         try:
-            guarded(make_processor, str(self.path), self.source, self.target)
-            processor = config.getProcessor(self.source, self.target)
-            floats = processor.getDefaultCPUProcessor()
-            takes_linear, gives_linear = (
-                config.isColorSpaceLinear(name, OCIO.REFERENCE_SPACE_SCENE) for name in (self.source, self.target)
-            )
+            return self._conversion(config)
+        except ConfigError:
+            raise
         except (LutForgeError, *OCIO_ERRORS) as error:
             raise ConfigError(f"{self.path}: {error}") from error
+
+    @abstractmethod
+    def _conversion(self, config: OCIO.Config) -> Grade:
+        """The grade. Raises ConfigError, OpenColorIO's errors, and those of `guarded`."""
+
+    def _space(self, config: OCIO.Config, name: str) -> OCIO.ColorSpace:
+        space = config.getColorSpace(name)
+        if space is None:
+            raise ConfigError(
+                f'{self.path}: no colour space "{name}"; {alternatives(name, config.getColorSpaceNames())}'
+            )
+        return space
+
+    def _graded(
+        self, processor: OCIO.Processor, history: str, linear: tuple[bool, bool], words: Sequence[str]
+    ) -> Grade:
+        """The grade of a processor. linear: what it takes and gives; words: how oiiotool does the same."""
+        takes_linear, gives_linear = linear
         return Grade(
-            floats,
-            f"{self.source} to {self.target}",
+            processor.getDefaultCPUProcessor(),
+            history,
             takes_linear=takes_linear,
             gives_linear=gives_linear,
-            oiiotool=("--colorconfig", str(self.path), "--colorconvert", self.source, self.target),
+            oiiotool=("--colorconfig", str(self.path.absolute()), *words),
             codes=of_codes(processor, OCIO.OPTIMIZATION_DEFAULT),
         )
+
+
+@dataclass(frozen=True)
+class ConfigRecipe(OfConfig):
+    """Grade from one colour space of an OpenColorIO config to another."""
+
+    target: str | None
+
+    def _conversion(self, config: OCIO.Config) -> Grade:
+        from lutforge.ocio.check import try_conversion
+
+        if self.source is None or self.target is None:
+            names = ", ".join(config.getColorSpaceNames())
+            raise ConfigError(f"{self.path}: name two of its colour spaces with --from and --to: {names}")
+        spaces = [self._space(config, name) for name in (self.source, self.target)]
+        guarded(try_conversion, str(self.path), self.source, self.target)
+        takes_linear, gives_linear = (_is_linear(config, space) for space in spaces)
+        words = ("--colorconvert", self.source, self.target)
+        processor = config.getProcessor(self.source, self.target)
+        return self._graded(processor, f"{self.source} to {self.target}", (takes_linear, gives_linear), words)
+
+
+@dataclass(frozen=True)
+class ViewRecipe(OfConfig):
+    """Grade from a colour space of an OpenColorIO config to what a display shows through a view.
+
+    display: without one, the config's first.
+    """
+
+    view: str
+    display: str | None
+
+    def _conversion(self, config: OCIO.Config) -> Grade:
+        from lutforge.ocio.check import try_view
+
+        if self.source is None:
+            names = ", ".join(config.getColorSpaceNames())
+            raise ConfigError(f"{self.path}: name the colour space of the images with --from: {names}")
+        source = self._space(config, self.source)
+        display = self._named("display", self.display or config.getDefaultDisplay(), config.getDisplaysAll())
+        kinds = (OCIO.VIEW_SHARED, OCIO.VIEW_DISPLAY_DEFINED)
+        views = [view for kind in kinds for view in config.getViews(kind, display)]
+        view = self._named(f"view of {display}", self.view, views)
+        guarded(try_view, str(self.path), self.source, display, view)
+
+        shown = config.getDisplayViewColorSpaceName(display, view)
+        space = config.getColorSpace(display if shown == OCIO.OCIO_VIEW_USE_DISPLAY_NAME else shown)
+        takes_linear = _is_linear(config, source)
+        gives_linear = takes_linear if space.isData() else _is_linear(config, space)
+        words = ("--iscolorspace", self.source, "--ociodisplay", display, view)
+        processor = config.getProcessor(self.source, display, view, OCIO.TRANSFORM_DIR_FORWARD)
+        return self._graded(
+            processor, f"{self.source} through {view} on {display}", (takes_linear, gives_linear), words
+        )
+
+    def _named(self, kind: str, name: str, names: Iterable[str]) -> str:
+        """The name among those of a config, whatever its case. Raises ConfigError."""
+        known = {entry.lower(): entry for entry in names}
+        if name.lower() not in known:
+            raise ConfigError(f'{self.path}: no {kind} is called "{name}"; {alternatives(name, known.values())}')
+        return known[name.lower()]
+
+
+def _is_linear(config: OCIO.Config, space: OCIO.ColorSpace) -> bool:
+    return bool(config.isColorSpaceLinear(space.getName(), space.getReferenceSpaceType()))

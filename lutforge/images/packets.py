@@ -8,7 +8,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from mmap import mmap
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +69,10 @@ def read_packets(path: Path) -> Packets:
     """Read what a picture's file stores; nothing of a damaged one or another format."""
     try:
         with reading(path, "metadata", ImageError):
-            return packets_of(path.read_bytes())
+            if path.stat().st_size == 0:  # which cannot be mapped
+                return Packets()
+            with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+                return packets_of(data)
     except ImageError:
         return Packets()
 

@@ -100,8 +100,9 @@ MAX_GOAL = 0.02
 class RoundTrip:
     """JPEG → RAW → JPEG: mean, 99.9th percentile and maximum of the RGB norm of the encoded difference.
 
-    worst: the 8-bit code nearest to the colour of the maximum; shown: the maximum of the colours that samples showed,
-    0 where it is within the goal, None where the samples are not known.
+    All of the colours that the render makes. beyond: the share of the whole JPEG cube that comes back with more than
+    MAX_GOAL, the colours that no RAW renders to. worst: the 8-bit code nearest to the colour of the maximum; shown: the
+    maximum of the colours that samples showed, 0 where it is within the goal, None where the samples are not known.
     """
 
     mean: float
@@ -109,10 +110,14 @@ class RoundTrip:
     maximum: float
     worst: tuple[int, ...] = ()
     shown: float | None = None
+    beyond: float = 0.0
 
     def __str__(self) -> str:
         """Lines of a key and a value each."""
-        text = f"round trip mean: {rounded_up(self.mean)}\nround trip max: {rounded_up(self.maximum)}"
+        text = "round trip of: the JPEG colours that the render makes"
+        if self.beyond >= 5e-4:
+            text += f"; of all codes {100 * self.beyond:.1f} % are others, and come back with more than {MAX_GOAL:g}"
+        text += f"\nround trip mean: {rounded_up(self.mean)}\nround trip max: {rounded_up(self.maximum)}"
         text += f"\nround trip quantile: 99.9 % within {rounded_up(self.p999)}"
         if self.maximum <= MAX_GOAL:
             return text
@@ -163,4 +168,5 @@ def measure(
         float(every[largest]),
         tuple(int(code) for code in np.rint(255 * colours[largest])),
         None if shown is None else float(np.max(every[beyond], where=shown(colours[beyond]), initial=0.0)),
+        float(np.mean(lost(sobol(count, seed=seed)) > MAX_GOAL)),
     )

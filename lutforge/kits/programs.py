@@ -21,6 +21,7 @@ from lutforge.luts.check import verify
 from lutforge.luts.reading import read_lut
 from lutforge.model.camera_profile import CameraProfile, match
 from lutforge.model.transform import Transform
+from lutforge.ocio.blender import blender_config
 from lutforge.ocio.config import write_config
 
 
@@ -234,13 +235,18 @@ def over_base(camera: CameraProfile, base: str, look: Look) -> Transform:
 
 
 def _blender(look: Look, folder: Path) -> list[str]:
-    """Write a config, whose views show scene-linear renders as the camera would, and a script that starts Blender."""
+    """Write a config, whose views show scene-linear renders as the camera would, and a script that starts Blender.
+
+    Where Blender is installed, the camera is added to its own config: everything else in a file looks as before.
+    """
+    own = blender_config()
     if not (folder / "ocio").exists():
-        write_config([look.profile], folder / "ocio")
+        write_config([look.profile], folder / "ocio", merge=own)
+    display = "sRGB - Display" if own is None else "sRGB"
     write_script(folder / "blender.sh", "blender", 'OCIO="$here/ocio/config.ocio" exec blender "$@"\n')
     return [
         "Start Blender by blender.sh, or with the environment variable OCIO set to ocio/config.ocio.",
-        f'Render properties → Color Management: display device "sRGB - Display", view transform "{look.title}".',
+        f'Render properties → Color Management: display device "{display}", view transform "{look.title}".',
     ]
 
 

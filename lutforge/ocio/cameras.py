@@ -13,7 +13,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb
-from lutforge.errors import ConfigError
+from lutforge.errors import ConfigError, alternatives
 from lutforge.model.camera_profile import CameraProfile, as_profile, has_own_raw
 
 _SIGNS = " ._()-"
@@ -81,17 +81,24 @@ def config_names(config: OCIO.Config) -> set[str]:
     return {name.lower() for name in (*names, *config.getRoleNames())}
 
 
-RAW, LINEAR = "RAW", "linear"
+JPEG, RAW, LINEAR = "JPEG", "RAW", "linear"
+"""What a colour space is of: finished pictures, RAW values, or the linear values of a camera without RAW."""
+UNBALANCED = "unbalanced"
+"""The word for RAW before white balance, in place of the name of one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A profile and its names: of the camera, its styles and its white balances, each the profile's name → ours."""
+    """A profile and its names: of the camera, its styles and its white balances, each the profile's name → ours.
+
+    look_pairs: the white balances (from, to) that looks change, by the profile's names.
+    """
 
     profile: CameraProfile
     name: str
     styles: dict[str, str]
     balances: dict[str, str]
+    look_pairs: tuple[tuple[str, str], ...] = ()
 
     @property
     def family(self) -> str:
@@ -101,23 +108,16 @@ class Camera:
     @property
     def own(self) -> str:
         """The white balance under which this camera's neutral is the reference's: daylight, or what comes nearest."""
-        balances = self.profile.white_balances
-
-        def distance(name: str) -> tuple[bool, float]:
-            kelvin = balances[name].kelvin
-            daylight = 5200.0
-            return (kelvin is None, abs(1e6 / (kelvin or daylight) - 1e6 / daylight))
-
-        return "daylight" if "daylight" in balances else min(balances, key=distance)
+        return _daylight(self.profile)
 
     def raw(self, balance: str | None = None) -> str:
-        """The colour space of its RAW, or of its JPEGs' light, before white balance or after one."""
-        light = RAW if has_own_raw(self.profile) else LINEAR
-        return space_name(self.name, light, self.balances[balance] if balance is not None else "")
+        """The colour space of its RAW, or of its JPEGs' linear values, before white balance or after one."""
+        kind = RAW if has_own_raw(self.profile) else LINEAR
+        return space_name(self.name, kind, self.balances[balance] if balance is not None else UNBALANCED)
 
     def jpeg(self, style: str, balance: str) -> str:
         """The colour space of its JPEGs in a style and white balance."""
-        return space_name(self.name, self.styles[style], self.balances[balance])
+        return space_name(self.name, JPEG, self.styles[style], self.balances[balance])
 
     def spaces(self) -> Iterator[str]:
         """Every colour space name that it takes."""
@@ -139,6 +139,17 @@ class Camera:
         return np.asarray((from_linear_srgb("aces2065-1") @ self.profile.matrix) * gain)
 
 
+def _daylight(profile: CameraProfile) -> str:
+    balances = profile.white_balances
+
+    def distance(name: str) -> tuple[bool, float]:
+        kelvin = balances[name].kelvin
+        daylight = 5200.0
+        return (kelvin is None, abs(1e6 / (kelvin or daylight) - 1e6 / daylight))
+
+    return "daylight" if "daylight" in balances else min(balances, key=distance)
+
+
 def as_profiles(profiles: Sequence[CameraProfile | str | Path]) -> list[CameraProfile]:
     """Profiles as they are, or of files. Raises ConfigError where they are no list or none, ProfileError."""
     if isinstance(profiles, CameraProfile | str | Path) or not isinstance(profiles, Sequence):
@@ -148,19 +159,27 @@ def as_profiles(profiles: Sequence[CameraProfile | str | Path]) -> list[CameraPr
     return [as_profile(profile) for profile in profiles]
 
 
-def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable[str] = ()) -> tuple[Camera, ...]:
-    """Names for profiles; a camera gets a number where a colour space or alias is taken. Raises ConfigError."""
+def name_cameras(
+    profiles: Sequence[CameraProfile | str | Path], taken: Iterable[str] = (), looks: Sequence[str] = ()
+) -> tuple[Camera, ...]:
+    """Names for profiles; a camera gets a number where a colour space or alias is taken. Raises ConfigError.
+
+    looks: the white balances whose looks are asked for; see `_look_pairs`.
+    """
     used = {name.lower() for name in taken}
     cameras: list[Camera] = []
-    for profile in as_profiles(profiles):
+    loaded = as_profiles(profiles)
+    _require_balances(loaded, looks)
+    for profile in loaded:
         if any(_are_one(profile, camera.profile) for camera in cameras):
             raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")
-        styles, balances = UniqueNames((RAW, LINEAR)), UniqueNames()
+        styles, balances = UniqueNames(), UniqueNames((UNBALANCED,))
         first = camera = Camera(
             profile,
             part_name(profile.camera, "camera"),
             {name: styles(part_name(name)) for name in profile.styles},
             {name: balances(part_name(name)) for name in profile.white_balances},
+            _look_pairs(profile, looks),
         )
         for number in count(2):
             names = {name.lower() for name in (camera.name, *camera.spaces())}
@@ -171,6 +190,29 @@ def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable
         used |= names
         cameras.append(camera)
     return tuple(cameras)
+
+
+def _require_balances(profiles: Sequence[CameraProfile], looks: Sequence[str]) -> None:
+    """Raise ConfigError where the white balances asked for are unknown to all profiles, or fewer than two."""
+    known = dict.fromkeys(name for profile in profiles for name in profile.white_balances)
+    for name in looks:
+        if name.lower() not in map(str.lower, known):
+            raise ConfigError(f'looks: no white balance "{name}"; {alternatives(name, known)}')
+    if looks and len({name.lower() for name in looks}) < 2:
+        raise ConfigError(f"looks: name two white balances or more, such as {','.join([*looks[:1], *known][:2])}")
+
+
+def _look_pairs(profile: CameraProfile, looks: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """The white balances (from, to) that looks change: of those asked for the others to the first, and back.
+
+    Without any: from every white balance to daylight, which grows with their number only, not with its square.
+    """
+    if not looks:
+        hub = _daylight(profile)
+        return tuple((name, hub) for name in profile.white_balances if name != hub)
+    by_lower = {name.lower(): name for name in profile.white_balances}
+    known = [by_lower[name] for name in dict.fromkeys(map(str.lower, looks)) if name in by_lower]
+    return tuple(pair for name in known[1:] for pair in ((name, known[0]), (known[0], name)))
 
 
 def _are_one(first: CameraProfile, second: CameraProfile) -> bool:

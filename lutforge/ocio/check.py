@@ -1,7 +1,8 @@
-"""Check a config of any origin: it must be valid and complete, and each transform must work on pixels both ways."""
+"""Checks of configs of any origin: valid, complete, and each transform works on pixels both ways."""
 
 import zipfile
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -45,39 +46,61 @@ def _require_text(path: Path) -> None:
         archive.read("config.ocio").decode("utf-8")
 
 
-def make_processor(path: str, *names: str) -> None:
-    """Make the processor between two spaces of a config, or of a file that it names: for `guarded`."""
-    arguments = names if len(names) == 2 else (OCIO.FileTransform(*names),)
-    OCIO.Config.CreateFromFile(path).getProcessor(*arguments).getDefaultCPUProcessor()
+def try_file(path: str, name: str) -> None:
+    """Make the processor of a file that a config names: for `guarded`."""
+    OCIO.Config.CreateFromFile(path).getProcessor(OCIO.FileTransform(name)).getDefaultCPUProcessor()
 
 
-def check_config(config: OCIO.Config) -> list[str]:
-    """What ociocheck checks and more, a line for each thing with which an application will fail; none: it is sound.
+def try_conversion(path: str, source: str, target: str) -> None:
+    """Make the processor between two spaces of a config: for `guarded`."""
+    OCIO.Config.CreateFromFile(path).getProcessor(source, target).getDefaultCPUProcessor()
+
+
+def try_view(path: str, source: str, display: str, view: str) -> None:
+    """Make the processor from a space of a config to a display and view: for `guarded`."""
+    way = OCIO.TRANSFORM_DIR_FORWARD
+    OCIO.Config.CreateFromFile(path).getProcessor(source, display, view, way).getDefaultCPUProcessor()
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something with which an application will fail. where: the part of the config, such as a colour space."""
+
+    where: str
+    reason: str
+
+    def __str__(self) -> str:
+        """One line."""
+        return f"{self.where}: {self.reason}"
+
+
+def check_config(config: OCIO.Config) -> list[Problem]:
+    """What ociocheck checks and more: all with which an application will fail; empty where the config is sound.
 
     Pixels go through each colour space, named transform, view and look, in both directions; files are looked for.
     OpenColorIO loads no config in which a name stands for two things.
     """
-    problems: list[str] = []
+    problems: list[Problem] = []
     try:
         config.validate()
     except OCIO_ERRORS as error:
-        problems.append(f"config: {one_line(str(error), 400)}")
+        problems.append(Problem("config", one_line(str(error), 400)))
     context = config.getCurrentContext()
     for source, where in sorted(file_names(config).items()):
         try:
             if "$" not in source:  # else a context variable names it
                 context.resolveFileLocation(source)
         except OCIO_ERRORS:
-            problems.append(f"file {source}: missing; {where} needs it")
+            problems.append(Problem(f"file {source}", f"missing; {where} needs it"))
     for where, make in _transforms(config):
         pixels = _PIXELS.copy()
         try:
             make().getDefaultCPUProcessor().applyRGB(pixels)
         except OCIO_ERRORS as error:
-            problems.append(f"{where}: {one_line(str(error), 400)}")
+            problems.append(Problem(where, one_line(str(error), 400)))
             continue
         if not np.all(np.isfinite(pixels)):
-            problems.append(f"{where}: ordinary pixels come out as NaN or infinity")
+            problems.append(Problem(where, "ordinary pixels come out as NaN or infinity"))
     return problems
 
 

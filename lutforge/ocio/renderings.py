@@ -7,7 +7,6 @@ A config is loaded by every program at every start, so curves in its files hold 
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import permutations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,6 +40,23 @@ def with_short_curves(lut: Lut) -> Lut:
     return replace(lut, ops=tuple(ops))
 
 
+NEAR_WHITE = 2.0 / 255
+"""A model that renders saturated RAW this near to white means white; a style whose white is darker keeps its own."""
+
+
+def with_white(lut: Lut) -> Lut:
+    """The render's LUT with white where all RAW channels are saturated, if the model comes near to it.
+
+    JPEGs have white there, which else comes back from the scene one or two codes darker, and not quite neutral.
+    """
+    lacking = 1.0 - lut(np.ones((1, 3)))
+    if lut.cube is None or lacking.max() > NEAR_WHITE:
+        return lut
+    values = lut.cube.values.copy()
+    values[-1, -1, -1] = np.maximum(values[-1, -1, -1], 1.0)
+    return replace(lut, ops=tuple(replace(op, values=values) if op is lut.cube else op for op in lut.ops))
+
+
 @dataclass(frozen=True, eq=False)
 class Rendering:
     """What shares its LUTs: a style, and the white balances that one model of it covers.
@@ -64,10 +80,16 @@ class Rendering:
         return self.file(file_stem(self.camera.balances[source], "to", self.camera.balances[target]))
 
     def refinishes(self) -> Iterator[tuple[str, str, Transform]]:
-        """Pairs of white balances that render differently, and the refinish; none without a calibrated JPEG → RAW."""
+        """Pairs of white balances that looks change, both ways, and the refinish, where it changes anything.
+
+        None without a calibrated JPEG → RAW.
+        """
         if self.render is None or self.camera.profile.styles[self.style].linearize is None:
             return
-        for source, target in permutations(self.white_balances, 2):
+        pairs = self.camera.look_pairs
+        for source, target in dict.fromkeys([*pairs, *(pair[::-1] for pair in pairs)]):
+            if not {source, target} <= set(self.white_balances):
+                continue
             refinish = self.camera.profile.refinish(Selector(self.style, source), Selector(self.style, target))
             if not refinish.is_identity:
                 yield source, target, refinish
@@ -122,7 +144,7 @@ def baked(
     luts: dict[str, Lut] = {}
     errors: list[str] = []
     if rendering.render is not None:
-        render = with_short_curves(bake(rendering.render, title=f"{title} render"))
+        render = with_white(with_short_curves(bake(rendering.render, title=f"{title} render")))
         errors.append(f"render LUT against the model: {_error(render, rendering.render)}")
         luts[rendering.file("render")] = replace(render, comments=tuple(errors))
     if rendering.linearize is not None:
@@ -136,14 +158,14 @@ def baked(
             inverse.values[-1, -1, -1] = BEYOND
             calibrated = model
 
-            def with_white(x: ArrayLike) -> Array:
+            def with_burnt_white(x: ArrayLike) -> Array:
                 """Light of encoded colours, with burnt-out white `BEYOND` saturation, as the last half code rises."""
                 least = np.min(np.asarray(x), axis=-1, keepdims=True)
                 burnt = np.clip((least - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
                 light = calibrated(x)
                 return np.asarray(light + burnt * (BEYOND - light))
 
-            model = with_white
+            model = with_burnt_white
             linearize = inverse.as_lut(f"{title} linearize")
             style = rendering.camera.profile.styles[rendering.style]
             tell("measuring what comes back")

@@ -5,19 +5,24 @@ reference RAW of a scene does not change with the dial. RAW → JPEG is the rend
 back, and from one JPEG space to another is a refinish (thesis, equation 6.1).
 """
 
-from collections.abc import Sequence
-from itertools import permutations
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
+from lutforge.errors import ConfigError
 from lutforge.luts.sequence import matrix_transform
 from lutforge.model.camera_profile import has_own_raw
-from lutforge.ocio.cameras import Camera, UniqueNames, file_stem, space_name
+from lutforge.ocio.cameras import JPEG, Camera, UniqueNames, file_stem, space_name
 from lutforge.ocio.renderings import Rendering
 
-MINOR_VERSION = 1
-"""Profile version 2.1, read by every OpenColorIO since 2021; newer ones add names, not colours."""
+OLDEST = "2.1"
+PROFILE_VERSIONS = {OLDEST: 1, "2.5": 5}
+"""Versions of a config, and their minor numbers. 2.1 is read by every OpenColorIO since August 2021."""
+NEW_NAMES = 5
+"""The minor version from which configs hold interoperability IDs, negative values mirrored, and rules of views."""
 
 LUT_FOLDER = "luts"
 LUT_SUFFIXES = {
@@ -30,45 +35,93 @@ DISPLAY = "sRGB - Display"
 WORKING = "ACEScg"
 TEXTURE = "sRGB Encoded Rec.709 (sRGB)"
 DATA = "Raw"
+LINEAR_REC709 = "Linear Rec.709 (sRGB)"
 DISPLAY_REFERENCE = "CIE XYZ-D65 - Display-referred"
 UN_TONE_MAPPED = "Un-tone-mapped"
+SCENE_RULE = "scene-referred"
+"""The rule of views for linear and logarithmic scenes, and not for finished pictures."""
 
-SRGB_IMAGES = ("jpg", "jpeg", "png")
-"""Files of these kinds are sRGB where nothing says otherwise."""
+FILE_KINDS = {"exr": WORKING, "jpg": TEXTURE, "jpeg": TEXTURE, "png": TEXTURE}
+"""The colour spaces of files by their suffixes, where their names say nothing."""
+
+BLENDER_NAMES = {
+    REFERENCE: ("Linear ACES",),
+    WORKING: ("Linear ACEScg",),
+    LINEAR_REC709: ("Linear", "Linear Rec.709", "Linear BT.709"),
+    TEXTURE: ("sRGB",),
+    DATA: ("Non-Color", "Non-Colour Data", "Generic Data"),
+}
+"""What Blender's own config calls these spaces: .blend files name the spaces of their textures so."""
+BLENDER_ROLES = {"default_byte": TEXTURE, "default_float": LINEAR_REC709, "default_sequencer": TEXTURE}
 
 STUDIO = "ocio://studio-config-v5.0.0_aces-v2.1_ocio-v2.6"
 """OpenColorIO's own config, from which the spaces of scenes and displays are."""
-SCENE_SPACES = (REFERENCE, WORKING, "ACEScct", "Linear Rec.709 (sRGB)", TEXTURE, DATA)
+SCENE_SPACES = (REFERENCE, WORKING, "ACEScct", LINEAR_REC709, TEXTURE, DATA)
 DISPLAYS = (DISPLAY, "Display P3 - Display", "Gamma 2.6 P3-D65 - Display", "Rec.1886 Rec.709 - Display")
 
 
-def base_config() -> OCIO.Config:
-    """Reference spaces, roles, displays, file rules: what is there before any camera."""
+def minor_version(text: str) -> int:
+    """The minor number of a profile version, "2.1" or "2.5". Raises ConfigError."""
+    if text not in PROFILE_VERSIONS:
+        raise ConfigError(f'unknown profile version "{text}"; known: {", ".join(PROFILE_VERSIONS)}')
+    return PROFILE_VERSIONS[text]
+
+
+def base_config(minor: int = PROFILE_VERSIONS[OLDEST]) -> OCIO.Config:
+    """Reference spaces, roles, displays, rules for files without names: what is there before any camera."""
     config = OCIO.Config()
-    config.setVersion(2, MINOR_VERSION)
+    config.setVersion(2, minor)
     config.setName("lutforge")
     config.setDescription("Cameras calibrated by LutForge: their RAW and JPEGs as colour spaces, views and looks.")
     config.setSearchPath(LUT_FOLDER)
     studio = OCIO.Config.CreateFromFile(STUDIO)
     for name in (*SCENE_SPACES, DISPLAY_REFERENCE, *DISPLAYS):
-        config.addColorSpace(_in_version(studio.getColorSpace(name)))
+        space = studio.getColorSpace(name)
+        for alias in BLENDER_NAMES.get(name, ()):
+            space.addAlias(alias)
+        config.addColorSpace(space if minor >= NEW_NAMES else _in_oldest_version(space))
     for role in studio.getRoleNames():
         config.setRole(role, studio.getRoleColorSpace(role))
     config.setRole(OCIO.ROLE_RENDERING, WORKING)
+    for role, name in BLENDER_ROLES.items():
+        config.setRole(role, name)
     config.setInactiveColorSpaces(DISPLAY_REFERENCE)
     config.addViewTransform(studio.getViewTransform(UN_TONE_MAPPED))
     config.setDefaultViewTransformName(UN_TONE_MAPPED)
     config.addSharedView(UN_TONE_MAPPED, UN_TONE_MAPPED, OCIO.OCIO_VIEW_USE_DISPLAY_NAME, "", "", "")
-    rules = OCIO.FileRules()  # sRGB for the files that are so unless told otherwise; others pass as they are
-    for index, kind in enumerate(SRGB_IMAGES):
-        either_case = "".join(f"[{letter}{letter.upper()}]" for letter in kind)
-        rules.insertRule(index, f"sRGB {kind}", TEXTURE, "*", either_case)
-    rules.setDefaultRuleColorSpace(DATA)
-    config.setFileRules(rules)
+    if minor >= NEW_NAMES:
+        viewing = OCIO.ViewingRules()
+        viewing.insertRule(0, SCENE_RULE)
+        for encoding in ("scene-linear", "log"):
+            viewing.addEncoding(0, encoding)
+        config.setViewingRules(viewing)
+    add_file_rules(config, ())
     return config
 
 
-def _in_version(space: OCIO.ColorSpace) -> OCIO.ColorSpace:
+def add_file_rules(config: OCIO.Config, camera_spaces: Iterable[str]) -> None:
+    """Set the rules that give files a colour space: by its name within their path, then by their suffix.
+
+    Names count as whole words. OpenColorIO's own search for names takes any part of a path: "raw/a.jpg" would be data.
+    Files without a rule pass as they are.
+    """
+    words = {name: [name, file_stem(name)] for name in camera_spaces}
+    for name in SCENE_SPACES:
+        if name != DATA:
+            aliases = config.getColorSpace(name).getAliases()
+            words[name] = [name, name.lower(), *(alias for alias in aliases if "_" in alias and ":" not in alias)]
+    rules = OCIO.FileRules()
+    for index, name in enumerate(sorted(words, key=len, reverse=True)):  # the longest name that is there
+        either = "|".join(re.sub(r"([.()])", r"\\\1", word) for word in dict.fromkeys(words[name]))
+        rules.insertRule(index, name, name, f"(.*[^A-Za-z0-9])?({either})([^A-Za-z0-9].*)?")
+    for kind, space in FILE_KINDS.items():
+        either_case = "".join(f"[{letter}{letter.upper()}]" for letter in kind)
+        rules.insertRule(rules.getNumEntries() - 1, f"{space} {kind}", space, "*", either_case)
+    rules.setDefaultRuleColorSpace(DATA)
+    config.setFileRules(rules)
+
+
+def _in_oldest_version(space: OCIO.ColorSpace) -> OCIO.ColorSpace:
     """A space of the studio config as a config of version 2.1 can hold it: no IDs, and negative values are clamped."""
     space.setInteropID("")
     space.setInterchangeAttribute("amf_transform_ids", "")
@@ -84,9 +137,6 @@ def _in_version(space: OCIO.ColorSpace) -> OCIO.ColorSpace:
     return space
 
 
-# --- What every config starts from: reference spaces, roles, displays, the default of the file rules ------------------
-
-
 def file_transform(name: str) -> OCIO.FileTransform:
     """A LUT file of the config."""
     return OCIO.FileTransform(src=name, interpolation=OCIO.INTERP_BEST)
@@ -96,8 +146,8 @@ def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> N
     """The camera's RAW before white balance, and after each. groups: equality groups, by what decides them."""
     for balance in (None, *camera.profile.white_balances):
         name, matrix = camera.raw(balance), camera.to_reference(balance)
-        light = "RAW" if has_own_raw(camera.profile) else "light of the JPEGs"
-        what = f"Linear {light} of the {camera.profile.camera}, black 0, saturation 1, "
+        kind = "RAW" if has_own_raw(camera.profile) else "values of the JPEGs"
+        what = f"Linear {kind} of the {camera.profile.camera}, black 0, saturation 1, "
         if balance is None:
             what += f"before white balance. Neutral in the reference under {camera.own}"
         else:
@@ -113,7 +163,7 @@ def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> N
 def _add(config: OCIO.Config, name: str, family: str, what: str, encoding: str, **more: object) -> None:
     """Add a colour space of files."""
     space = OCIO.ColorSpace(
-        name=name, aliases=[file_stem(name)], family=family, encoding=encoding, categories=["file-io"],
+        name=name, aliases=[file_stem(name)], family=family, encoding=encoding, categories=["file-io", "texture"],
         description=what, bitDepth=OCIO.BIT_DEPTH_F32, **more,
     )  # fmt: skip
     config.addColorSpace(space)
@@ -163,10 +213,19 @@ def _default_balances(renderings: Sequence[Rendering]) -> dict[tuple[str, str], 
     return found
 
 
-def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: UniqueNames) -> tuple[str, ...]:
-    """A view transform and a shared view for each style of each camera; their names. views: names taken."""
+@dataclass(frozen=True)
+class View:
+    """The view of a camera's style: its name, and the colour space of the JPEG that it shows."""
+
+    name: str
+    jpeg: str
+
+
+def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: UniqueNames) -> tuple[View, ...]:
+    """A view transform and a shared view for each style of each camera. views: names taken."""
     # The camera's JPEG is sRGB: it is taken to CIE XYZ, and from there to each display by OpenColorIO's own spaces.
     added, defaults = [], _default_balances(renderings)
+    rule = SCENE_RULE if config.getViewingRules().getNumEntries() else ""
     for rendering in renderings:
         camera, style = rendering.camera, rendering.style
         balance = defaults[camera.name, style]
@@ -184,23 +243,33 @@ def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: Uniqu
             fromReference=to_display, **properties,
         )  # fmt: skip
         config.addViewTransform(view)
-        config.addSharedView(name, name, OCIO.OCIO_VIEW_USE_DISPLAY_NAME, "", "", "")
-        added.append(name)
+        config.addSharedView(name, name, OCIO.OCIO_VIEW_USE_DISPLAY_NAME, "", rule, "")
+        added.append(View(name, camera.jpeg(style, balance)))
     return tuple(added)
+
+
+def arrange_views(config: OCIO.Config, views: Sequence[str]) -> None:
+    """Offer the views on each display in this order, then the one without a tone scale, and the values as such."""
+    for display in DISPLAYS:
+        for view in (*views, UN_TONE_MAPPED):
+            config.addDisplaySharedView(display, view)
+        config.addDisplayView(display, DATA, DATA, "")
+        config.addActiveDisplay(display)
+    for view in (*views, UN_TONE_MAPPED, DATA):  # the order of the menus; the first is the default
+        config.addActiveView(view)
 
 
 def _srgb(direction: OCIO.TransformDirection) -> OCIO.BuiltinTransform:
     return OCIO.BuiltinTransform("DISPLAY - CIE-XYZ-D65_to_sRGB", direction)
 
 
-# --- Refinish looks: another white balance, or another style ----------------------------------------------------------
-# A look changes colours of its process space into colours of that same space, so that programs can apply it between any
-# two spaces. With source and target the JPEG space that a photograph was taken in, the result is the JPEG that the
-# camera would have made with the other setting.
-
-
 def add_looks(config: OCIO.Config, camera: Camera, renderings: Sequence[Rendering], looks: UniqueNames) -> None:
-    """Add all looks of a camera with these renderings. looks: the names that are taken."""
+    """Add the looks of a camera with these renderings: another white balance, or another style. looks: names taken.
+
+    A look changes colours of its process space into colours of that same space, so that programs can apply it between
+    any two spaces. With source and target the JPEG space that a photograph was taken in, the result is the JPEG that
+    the camera would have made with the other setting. Every look has its way back.
+    """
 
     def add(name: str, space: str, transform: OCIO.Transform, back: OCIO.Transform | None, what: str) -> None:
         inverse = {} if back is None else {"inverseTransform": back}
@@ -208,31 +277,45 @@ def add_looks(config: OCIO.Config, camera: Camera, renderings: Sequence[Renderin
         config.addLook(look)
 
     names, styles = camera.balances, camera.styles
-    # From each white balance to each other, in RAW: exact, for any light, and the same for all styles.
-    for source, target in permutations(camera.profile.white_balances, 2):
-        ratio = matrix_transform(np.diag(camera.gain(target) / camera.gain(source)))
-        name = space_name(camera.name, names[source], "to", names[target])
-        add(name, camera.raw(), ratio, None, f"White balance {target} instead of {source}")
-    # For photographs, from each white balance of a style to each other: as `apply` refinishes. Colour space
-    # conversions pass the light of the scene alone, which does not tell burnt-out white under one white balance
-    # from a coloured highlight under another; these know both.
+    # For photographs, as `apply` refinishes. Colour space conversions pass the linear values of the scene alone, which
+    # do not tell burnt-out white under one white balance from a coloured highlight under another; these know both.
     for rendering in renderings:
         render = rendering.file("render")
-        for source, target, _ in rendering.refinishes():
+        refinishes = {(source, target) for source, target, _ in rendering.refinishes()}
+        for source, target in camera.look_pairs:
+            if (source, target) not in refinishes:
+                continue
             there, back = (
                 OCIO.GroupTransform([file_transform(file) for file in (rendering.file("calibrated"), step, render)])
                 for step in (rendering.balance_file(source, target), rendering.balance_file(target, source))
             )
-            name = space_name(camera.name, styles[rendering.style], names[source], "to", names[target])
+            style = styles[rendering.style]
+            name = space_name(camera.name, JPEG, style, f"{names[source]} → {names[target]}")
             what = f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}"
             add(name, camera.jpeg(rendering.style, source), there, back, what)
-    # From each style to each other, under each white balance that both have.
+    # Between the standard style and each other.
+    for source, target, balance in _style_pairs(camera, renderings):
+        before, after = camera.jpeg(source, balance), camera.jpeg(target, balance)
+        there, back = OCIO.ColorSpaceTransform(before, after), OCIO.ColorSpaceTransform(after, before)
+        name = space_name(before, "→", styles[target], names[balance])
+        what = f"A JPEG in picture style {target} instead of {source}, white balance {balance}"
+        add(name, before, there, back, what)
+    # In RAW: exact, for any linear values, such as those of a rendered scene, and the same for all styles.
+    for source, target in camera.look_pairs:
+        ratio = matrix_transform(np.diag(camera.gain(target) / camera.gain(source)))
+        name = space_name(camera.name, "scene", f"{names[source]} → {names[target]}")
+        add(name, camera.raw(), ratio, None, f"A scene as white balance {target} shows it, instead of {source}")
+
+
+def _style_pairs(camera: Camera, renderings: Sequence[Rendering]) -> Iterator[tuple[str, str, str]]:
+    """The styles (from, to) that looks change, with the white balance: the standard style and each other, both ways."""
     whole = [part for part in renderings if part.render is not None and part.linearize is not None]
-    jpegs = [(part.style, balance) for part in whole for balance in part.white_balances]
-    for (source, balance), (target, other) in permutations(jpegs, 2):
-        if balance == other:
-            before, after = camera.jpeg(source, balance), camera.jpeg(target, balance)
-            there, back = OCIO.ColorSpaceTransform(before, after), OCIO.ColorSpaceTransform(after, before)
-            name = space_name(camera.name, styles[source], names[balance], "to", styles[target])
-            what = f"A JPEG in picture style {target} instead of {source}, white balance {balance}"
-            add(name, before, there, back, what)
+    balance = camera.look_pairs[0][1] if camera.look_pairs else camera.own
+    styles = list(dict.fromkeys(part.style for part in whole if balance in part.white_balances))
+    if not styles:
+        return
+    hub = "standard" if "standard" in styles else styles[0]
+    for style in styles:
+        if style != hub:
+            yield hub, style, balance
+            yield style, hub, balance

@@ -14,6 +14,8 @@ from lutforge.ocio.cameras import as_profiles
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
+from lutforge.ocio.merging import open_base
+from lutforge.ocio.spaces import OLDEST
 from lutforge.pipeline.outputs import check_output
 from lutforge.pipeline.sampling import CHART
 from lutforge.progress import Progress, silent, telling_of_compilation
@@ -21,7 +23,7 @@ from lutforge.progress import Progress, silent, telling_of_compilation
 
 @dataclass(frozen=True)
 class WrittenConfig:
-    """A config that was written. spaces: the cameras' colour spaces."""
+    """A config that was written. spaces: the cameras' colour spaces; notes: faults that the base had before."""
 
     path: Path
     config: OCIO.Config
@@ -29,6 +31,7 @@ class WrittenConfig:
     spaces: tuple[str, ...]
     views: tuple[str, ...]
     looks: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def write_config(
@@ -37,6 +40,8 @@ def write_config(
     *,
     merge: str | Path | None = None,
     replace: bool = False,
+    looks: Sequence[str] = (),
+    profile_version: str = OLDEST,
     progress: Progress = silent,
 ) -> WrittenConfig:
     """Write an OpenColorIO config of profiles, and check it as `ociocheck` would.
@@ -46,10 +51,12 @@ def write_config(
         output: a new folder, or an archive (.ocioz).
         merge: a config to add the cameras to: a file, or the name of a built-in one.
         replace: the config that the folder holds.
+        looks: white balances; looks change all others to the first, and back. Without them: all to daylight.
+        profile_version: "2.1", or "2.5" with interoperability IDs and rules of views.
         progress: called with what is being done, and the share that is done.
 
     Returns:
-        The path, the cameras' colour spaces, views and looks, and `config`, as OpenColorIO reads it.
+        The path, the cameras' colour spaces, views and looks, `config`, as OpenColorIO reads it, and notes.
 
     Raises:
         ConfigError: profiles, folder and config to merge do not go together, or the check failed.
@@ -69,10 +76,16 @@ def write_config(
                 "lutforge calibrate SHOT… -o camera.npz"
             )
     with telling_of_compilation(progress) as telling:
-        path = write(loaded, output, merge=merge, replace=replace, progress=telling)
+        # Before anything is written: the base may be in the same place.
+        with open_base(merge) as base:
+            faults = {} if base is None else {problem.where: problem for problem in check_config(base.config)}
+        path = write(
+            loaded, output, merge=merge, replace=replace, looks=looks, profile_version=profile_version, progress=telling
+        )
     config = load_config(path)
-    if problems := check_config(config):
-        raise ConfigError(f"{path}: the config was written, but does not pass its check: {'; '.join(problems)}")
+    if problems := [problem for problem in check_config(config) if problem.where not in faults]:
+        listed = "; ".join(map(str, problems))
+        raise ConfigError(f"{path}: the config was written, but does not pass its check: {listed}")
     return WrittenConfig(
         path,
         config,
@@ -80,4 +93,5 @@ def write_config(
         tuple(space.getName() for space in config.getColorSpaces() if space.getFamily().startswith("Input/")),
         tuple(config.getViewTransformNames()),
         tuple(config.getLookNames()),
+        tuple(f"{merge}: {problem}; it was so before, and stays" for problem in faults.values()),
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lutforge.errors import ImageError, SettingsError
 from lutforge.grading.batch import BatchResult, apply_batch, plan_jobs
-from lutforge.grading.grade import ConfigRecipe, LutRecipe, Recipe
+from lutforge.grading.grade import ConfigRecipe, LutRecipe, Recipe, ViewRecipe
 from lutforge.grading.inputs import Failure, find_inputs, is_picture
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, check_output, one_of, several
 from lutforge.progress import Progress, silent
@@ -38,6 +38,8 @@ class Grading:
     scheduler: str | None = None
     space: str | None = None
     exposure: str | None = None
+    view: str | None = None
+    display: str | None = None
 
     def __post_init__(self) -> None:
         if self.words and is_picture(self.words[0]) and not _is_lut(self.words[0]):
@@ -48,6 +50,7 @@ class Grading:
             raise SettingsError(f"--workers {self.workers}: at least one thread is needed")
         if self.exposure is not None:
             one_of("exposure", self.exposure, ("exif",))
+        self._check_view()
         if self.space is None:
             if self.exposure is not None:
                 raise SettingsError("--exposure goes with --space: it scales linear light")
@@ -57,6 +60,16 @@ class Grading:
             raise SettingsError("--as goes without --space: light of a scene is of no camera")
         elif self.suffix is not None and self.suffix.lower().lstrip(".") != "exr":
             raise SettingsError(f"--suffix {self.suffix}: linear light is written as .exr")
+
+    def _check_view(self) -> None:
+        """Raise SettingsError where --view and --display do not go with the other words."""
+        if self.view is None:
+            if self.display is not None:
+                raise SettingsError(f"--display {self.display}: goes with --view, the view that the display shows")
+        elif not _is_config(self.words[0]):
+            raise SettingsError("--view goes with a config (.ocio, .ocioz)")
+        elif self.target is not None:
+            raise SettingsError("--view goes without --to: the view says what comes out")
 
     @property
     def images(self) -> tuple[Path, ...]:
@@ -68,7 +81,6 @@ class Grading:
         """The recipe of the profiles, LUT or config, checked. Raises LutForgeError where an option does not fit it."""
         recipe: Recipe
         path, *others = self.words[0], *filter(_is_profile, self.words[1:])  # LUT, config or profile; further profiles
-        is_config = path.suffix.lower() in (".ocio", ".ocioz")
         if _is_profile(path):
             from lutforge.grading.profile_recipe import ProfileRecipe, SceneRecipe
 
@@ -79,10 +91,13 @@ class Grading:
                 recipe = ProfileRecipe(*settings, self.look, self.transfer)
         elif self.look is not None or self.transfer is not None or others:
             raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
-        elif is_config:
+        elif _is_config(path):
             if self.ev:
                 raise SettingsError("--ev goes with a profile; a config converts from one colour space to another")
-            recipe = ConfigRecipe(path, self.source, self.target)
+            if self.view is not None:
+                recipe = ViewRecipe(path, self.source, self.view, self.display)
+            else:
+                recipe = ConfigRecipe(path, self.source, self.target)
         elif self.source is not None or self.target is not None or self.ev:
             raise SettingsError(
                 "--from and --to go with a profile or a config, --ev with a profile; a LUT is applied as it is"
@@ -139,6 +154,10 @@ def _is_profile(path: Path) -> bool:
     return path.suffix.lower() in TABLE_SUFFIXES
 
 
+def _is_config(path: Path) -> bool:
+    return path.suffix.lower() in (".ocio", ".ocioz")
+
+
 def apply(
     grade: Paths,
     images: Paths,
@@ -150,6 +169,8 @@ def apply(
     look: str | Path | None = None,
     space: str | None = None,
     exposure: str | None = None,
+    view: str | None = None,
+    display: str | None = None,
     suffix: str | None = None,
     workers: int | None = None,
 ) -> BatchResult:
@@ -165,6 +186,8 @@ def apply(
         look: the profile of the camera whose look is wanted.
         space: linear light in this colour space instead of a look, with profiles, in .exr.
         exposure: with `space`, "exif" divides by the stated exposures, so that pictures of a scene agree.
+        view: with a config, the view through which the images are seen, in place of `target`.
+        display: with `view`, the display that shows it; the config's first without.
         suffix: another format for the output, such as ".exr".
         workers: threads; one per core without.
 
@@ -176,5 +199,6 @@ def apply(
     """
     words, beside = (*several(grade), *several(images)), None if look is None else Path(look)
     return Grading(
-        words, Path(output), source, target, ev, beside, suffix=suffix, workers=workers, space=space, exposure=exposure
-    ).run()
+        words, Path(output), source, target, ev, beside, suffix=suffix, workers=workers, space=space, exposure=exposure,
+        view=view, display=display,
+    ).run()  # fmt: skip

@@ -3,22 +3,20 @@
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
-import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
 
 from lutforge.errors import ImageError
-from lutforge.grading.batch import apply_batch, oiiotool_commands, plan_jobs
-from lutforge.grading.grade import ConfigRecipe, Grade, LutRecipe, Recipe
+from lutforge.grading.batch import apply_batch, plan_jobs
+from lutforge.grading.grade import Grade, LutRecipe
 from lutforge.grading.image import BLOCK, apply_image
-from lutforge.grading.inputs import JOURNAL, Failure
+from lutforge.grading.inputs import JOURNAL
 from lutforge.images.read import is_premultiplied, read_image
-from lutforge.luts.ops import SHAPER_SIZE, Cube
+from lutforge.luts.ops import SHAPER_SIZE
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, snap_levels
@@ -182,74 +180,3 @@ def test_memory_does_not_grow_with_the_image(tmp_path: Path) -> None:
     words = [sys.executable, "-c", code, str(cube), str(tmp_path / "a.tif"), str(tmp_path / "b.tif")]
     run = subprocess.run(words, capture_output=True, text=True, check=True)
     assert int(run.stdout) < 450 * 1024  # kB
-
-
-# --- The printed oiiotool lines run as they are, and give the pixels of apply -----------------------------------------
-
-
-@dataclass(frozen=True)
-class BakedRecipe(Recipe):
-    """Gives a LUT that is in no file, as a profile does."""
-
-    @cached_property
-    def _lut(self) -> Lut:
-        axis = np.linspace(0, 1, 5)
-        cube = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1) ** 2
-        return Lut((Cube(cube),))
-
-    def grade(self, source: Path) -> Grade:
-        return Grade(self._lut.processor(), "baked", {"Artist": "it's {me}"}, lut=self._lut)
-
-
-def recipe_of(kind: str, folder: Path) -> Recipe:
-    cube = write_cube(folder / "a look's {1}.cube")
-    if kind == "LUT":
-        return LutRecipe(cube)
-    if kind == "baked":
-        return BakedRecipe()
-    config = OCIO.Config.CreateRaw()
-    space = OCIO.ColorSpace(name="log look")
-    space.setTransform(OCIO.ExponentTransform([2.0, 2.0, 2.0, 1.0]), OCIO.COLORSPACE_DIR_TO_REFERENCE)
-    config.addColorSpace(space)
-    (folder / "config.ocio").write_text(config.serialize())
-    return ConfigRecipe(folder / "config.ocio", "log look", config.getColorSpaceNames()[0])
-
-
-@pytest.mark.parametrize("kind", ["LUT", "baked", "config"])
-def test_the_lines_give_the_pixels_of_apply(tmp_path: Path, kind: str) -> None:
-    recipe = recipe_of(kind, tmp_path)
-    (tmp_path / "in").mkdir()
-    sources = [tmp_path / "in" / name for name in ("it's #1 {a}.png", "b.exr", "c.tif", "d.jpg", "%04d.png")]
-    write_picture(sources[0], (60, 80), "uint16", channels=4, oiio_UnassociatedAlpha=1)
-    write_picture(sources[1], (60, 80), "half", 16, channels=4)
-    write_picture(sources[2], (60, 80), "uint8", Orientation=6)
-    write_picture(sources[3], (60, 80))
-    write_picture(sources[4], (60, 80))
-    here = apply_batch(recipe, sources, tmp_path / "here")
-    assert not here.failed
-    lines = list(oiiotool_commands(recipe, plan_jobs(sources, tmp_path / "farm"), tmp_path / "farm" / "luts"))
-    assert all(isinstance(line, str) for line in lines), lines
-    program = Path(sys.executable).with_name("oiiotool")
-    assert program.exists()
-    environment = os.environ | {"PATH": f"{program.parent}:{os.environ['PATH']}"}
-    script = "set -e\n" + "\n".join(map(str, lines))
-    subprocess.run(["bash", "-c", script], check=True, env=environment, timeout=100)
-    for done in here.done:
-        mine, theirs = read_image(done.target), read_image(tmp_path / "farm" / done.target.name)
-        assert theirs.spec.format == mine.spec.format
-        assert theirs.spec.channelnames == mine.spec.channelnames
-        step = {"uint8": 1 / 255, "uint16": 1 / 65535, "half": 1e-3}[str(mine.spec.format)]
-        difference = np.abs(mine.pixels - theirs.pixels)
-        assert difference.max() <= (2.5 if done.target.suffix == ".jpg" else 1.01) * step, done.target
-        assert (difference > 0.01 * step).mean() < 0.01, done.target  # of the rounding of a value between two codes
-        assert theirs.spec.get_string_attribute("Software") == "LutForge"
-    luts = list((tmp_path / "farm" / "luts").glob("*.clf")) if kind == "baked" else []
-    assert len(luts) == (kind == "baked")
-
-
-def test_what_oiiotool_cannot_do_is_said(tmp_path: Path) -> None:
-    write_picture(tmp_path / "a.png")
-    jobs = plan_jobs([tmp_path / "a.png"], tmp_path / "out")
-    (line,) = oiiotool_commands(LutRecipe(write_cube(tmp_path / "l$HOME.cube")), jobs, tmp_path)
-    assert isinstance(line, Failure)
-    assert "variables" in line.reason

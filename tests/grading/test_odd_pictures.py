@@ -157,7 +157,7 @@ def test_scene_linear_light_in_eight_bits_is_told(tmp_path: Path) -> None:
 
 def test_a_config_knows_which_of_its_spaces_are_linear() -> None:
     config = Path(__file__).parents[2] / "ocio_configs" / "nikon_d40" / "config.ocio"
-    grade = ConfigRecipe(config, "Nikon D40 standard daylight", "ACEScg").grade(Path())
+    grade = ConfigRecipe(config, "Nikon D40 JPEG standard daylight", "ACEScg").grade(Path())
     assert (grade.takes_linear, grade.gives_linear) == (False, True)
 
 
@@ -302,7 +302,7 @@ def test_a_config_that_names_an_endless_lut_is_refused(tmp_path: Path) -> None:
     (path.parent / "luts" / "endless.csp").write_text("CSPLUTV100\n3D\n\nBEGIN METADATA\nx\n")
     path.write_text(path.read_text().replace("test_one_standard_linearize.clf", "endless.csp"))
     with pytest.raises(ConfigError, match=r"config\.ocio: .*seconds"):
-        ConfigRecipe(path, "Test One standard daylight", "ACEScg").check()
+        ConfigRecipe(path, "Test One JPEG standard daylight", "ACEScg").check()
 
 
 def test_an_exr_whose_attributes_are_no_text_is_one_line(tmp_path: Path) -> None:

@@ -1,11 +1,14 @@
 """Configs: valid for OpenColorIO's own checker, and each conversion is the profile's own transform."""
 
+import copy
+import gc
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +30,6 @@ from lutforge.model.white_balance import WhiteBalance
 from lutforge.ocio import config as written_config
 from lutforge.ocio.cameras import file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config
-from lutforge.ocio.config import build_config
 from lutforge.ocio.spaces import DISPLAYS, base_config
 from tests.cases.profiles import MATRIX, plain_profile, small_profile
 from tests.conftest import CommandLine, Refused
@@ -58,6 +60,11 @@ SMALL = 17
 def write_config(profiles: Sequence[CameraProfile], target: Path, **options: Any) -> Path:
     """As the package does, with a JPEG → scene that takes a tenth of the time."""
     return written_config.write_config(profiles, target, inverse_size=SMALL, **options)
+
+
+def build_config(profiles: Sequence[CameraProfile], **options: Any) -> OCIO.Config:
+    """As the package does, with a JPEG → scene that takes a tenth of the time."""
+    return written_config.build_config(profiles, inverse_size=SMALL, **options)
 
 
 Written = tuple[CameraProfile, OCIO.Config, Path, dict[str, Lut]]
@@ -95,7 +102,7 @@ def colours() -> NDArray[np.float32]:
 @pytest.mark.parametrize("style", ["standard", "vivid"])
 def test_raw_to_jpeg_is_the_render_and_back_the_linearization(written: Written, style: str, balance: str) -> None:
     profile, config, _, luts = written
-    raw, jpeg, selector = "Nikon D40 RAW", f"Nikon D40 {style} {balance}", f"{style}/{balance}"
+    raw, jpeg, selector = "Nikon D40 RAW unbalanced", f"Nikon D40 JPEG {style} {balance}", f"{style}/{balance}"
     render = luts[f"nikon_d40_{style}_render.clf"]
     assert_renders(convert(config, raw, jpeg), profile, selector, colours(), render)
     back = luts[f"nikon_d40_{style}_linearize.clf"](colours()) / GAINS[balance]
@@ -108,7 +115,7 @@ def test_a_jpeg_comes_back_from_the_reference(written: Written, style: str) -> N
     """On what the camera makes of any scene, other than the colours that the inverse was fitted on."""
     profile, config, _, _ = written
     jpeg = profile.render(f"{style}/tungsten")(np.random.default_rng(8).random((20000, 3)))
-    space = f"Nikon D40 {style} tungsten"
+    space = f"Nikon D40 JPEG {style} tungsten"
     there = convert(config, space, "ACES2065-1", pixels=jpeg)
     error = np.linalg.norm(convert(config, "ACES2065-1", space, pixels=there) - jpeg, axis=1)
     assert error.mean() < 0.002
@@ -120,13 +127,13 @@ def test_jpeg_to_scene_linear_spaces_agree(written: Written) -> None:
     raw = luts["nikon_d40_standard_linearize.clf"](colours()) / GAINS["daylight"]
     for space, known in (("ACEScg", "acescg"), ("ACES2065-1", "aces2065-1"), ("lin_rec709", "linear-srgb")):
         wanted = raw @ (from_linear_srgb(known) @ MATRIX * GAINS["daylight"]).T
-        np.testing.assert_allclose(convert(config, "nikon_d40_standard_daylight", space), wanted, atol=3e-5)
+        np.testing.assert_allclose(convert(config, "nikon_d40_jpeg_standard_daylight", space), wanted, atol=3e-5)
 
 
 def test_from_jpeg_to_jpeg_is_a_refinish(written: Written) -> None:
     profile, config, _, luts = written
     raw = luts["nikon_d40_standard_linearize.clf"](colours()) / GAINS["tungsten"]
-    got = convert(config, "Nikon D40 standard tungsten", "Nikon D40 vivid daylight")
+    got = convert(config, "Nikon D40 JPEG standard tungsten", "Nikon D40 JPEG vivid daylight")
     assert_renders(got, profile, "vivid/daylight", raw, luts["nikon_d40_vivid_render.clf"])
     model = profile.refinish("standard/tungsten", "vivid/daylight")(colours())
     assert np.linalg.norm(got - model, axis=1).mean() < 0.01
@@ -139,35 +146,34 @@ def look(config: OCIO.Config, name: str, space: str) -> NDArray[np.float32]:
 def test_a_look_changes_the_white_balance_of_any_style(written: Written) -> None:
     _, config, _, _ = written
     for style in ("standard", "vivid"):
-        source, target = f"Nikon D40 {style} tungsten", f"Nikon D40 {style} daylight"
-        got = look(config, "Nikon D40 tungsten to daylight", source)
+        source, target = f"Nikon D40 JPEG {style} tungsten", f"Nikon D40 JPEG {style} daylight"
+        got = look(config, "Nikon D40 scene tungsten → daylight", source)
         np.testing.assert_allclose(got, convert(config, source, target), atol=2e-5)
 
 
 def test_a_look_of_a_style_refinishes_photographs_and_back(written: Written) -> None:
     profile, config, _, _ = written
     for style in ("standard", "vivid"):
-        name, source = f"Nikon D40 {style} tungsten to daylight", f"Nikon D40 {style} tungsten"
+        name, source = f"Nikon D40 JPEG {style} tungsten → daylight", f"Nikon D40 JPEG {style} tungsten"
         wanted = np.clip(profile.refinish(f"{style}/tungsten", f"{style}/daylight")(colours()), 0.0, 1.0)
         assert np.linalg.norm(look(config, name, source) - wanted, axis=1).mean() < 0.002
         wanted = np.clip(profile.refinish(f"{style}/daylight", f"{style}/tungsten")(colours()), 0.0, 1.0)
         assert np.linalg.norm(look(config, f"-{name}", source) - wanted, axis=1).mean() < 0.002
 
 
-def test_a_look_changes_the_style_under_each_white_balance(written: Written) -> None:
+def test_a_look_changes_the_style(written: Written) -> None:
     _, config, _, _ = written
-    for balance in ("tungsten", "daylight"):
-        before, after = f"Nikon D40 standard {balance}", f"Nikon D40 vivid {balance}"
-        name = f"{before} to vivid"
-        np.testing.assert_allclose(look(config, name, before), convert(config, before, after), atol=2e-5)
-        np.testing.assert_allclose(look(config, f"-{name}", before), convert(config, after, before), atol=2e-5)
+    before, after = "Nikon D40 JPEG standard daylight", "Nikon D40 JPEG vivid daylight"
+    name = f"{before} → vivid daylight"
+    np.testing.assert_allclose(look(config, name, before), convert(config, before, after), atol=2e-5)
+    np.testing.assert_allclose(look(config, f"-{name}", before), convert(config, after, before), atol=2e-5)
 
 
 def test_daylight_neutral_is_neutral_in_scene_linear(written: Written) -> None:
     """What daylight makes neutral has equal ACES values, as RAW before and after any white balance."""
     _, config, _, _ = written
     grey = 0.18 / np.array([GAINS["daylight"]])
-    for name, multipliers in (("RAW", (1, 1, 1)), *((f"RAW {name}", gain) for name, gain in GAINS.items())):
+    for name, multipliers in (("RAW unbalanced", (1, 1, 1)), *((f"RAW {name}", gain) for name, gain in GAINS.items())):
         pixels = (grey * np.array(multipliers)).astype(np.float32)
         config.getProcessor(f"Nikon D40 {name}", "ACES2065-1").getDefaultCPUProcessor().applyRGB(pixels)
         np.testing.assert_allclose(pixels, 0.18, atol=1e-3)
@@ -188,27 +194,27 @@ def test_any_footage_is_seen_through_the_camera(written: Written) -> None:
     """On the sRGB display as the camera's JPEG; on the others the same colour."""
     _, config, _, _ = written
     view, forward = "Nikon D40 standard", OCIO.TRANSFORM_DIR_FORWARD
-    jpeg = convert(config, "Nikon D40 RAW", "Nikon D40 standard daylight")
-    shown = convert(config, "Nikon D40 RAW", "sRGB - Display", view, forward)
+    jpeg = convert(config, "Nikon D40 RAW unbalanced", "Nikon D40 JPEG standard daylight")
+    shown = convert(config, "Nikon D40 RAW unbalanced", "sRGB - Display", view, forward)
     np.testing.assert_allclose(shown, jpeg, atol=1e-4)
     for display in DISPLAYS:
-        on_display = convert(config, "Nikon D40 RAW", display, view, forward)
+        on_display = convert(config, "Nikon D40 RAW unbalanced", display, view, forward)
         np.testing.assert_allclose(on_display, convert(config, "sRGB - Display", display, pixels=jpeg), atol=1e-3)
         assert list(config.getViews(display)) == ["Nikon D40 standard", "Nikon D40 vivid", "Un-tone-mapped", "Raw"]
 
 
 def test_what_a_colour_space_says_of_itself(written: Written) -> None:
     _, config, _, _ = written
-    space = config.getColorSpace("Nikon D40 standard tungsten")
+    space = config.getColorSpace("Nikon D40 JPEG standard tungsten")
     assert space.getFamily() == "Input/Nikon D40"
     assert space.getEncoding() == "sdr-video"
-    assert list(space.getCategories()) == ["file-io"]
+    assert list(space.getCategories()) == ["file-io", "texture"]  # offered for textures
     assert "held-out error of the profile: render mean 0.0123; linearize mean 0.0045\n" in space.getDescription()
     assert "render LUT against the model: mean" in space.getDescription()
     assert "round trip mean" in space.getDescription()
-    assert "not measured" in config.getColorSpace("Nikon D40 vivid daylight").getDescription()
+    assert "not measured" in config.getColorSpace("Nikon D40 JPEG vivid daylight").getDescription()
     assert "multipliers 1.2000, 1.0000, 2.4000" in config.getColorSpace("Nikon D40 RAW tungsten").getDescription()
-    assert config.getColorSpace("Nikon D40 RAW").getEncoding() == "scene-linear"
+    assert config.getColorSpace("Nikon D40 RAW unbalanced").getEncoding() == "scene-linear"
 
 
 def test_equality_groups_hold_what_is_equal() -> None:
@@ -217,10 +223,10 @@ def test_equality_groups_hold_what_is_equal() -> None:
     balance = profile.white_balances["daylight"]
     both = CameraProfile("X", MATRIX, {"daylight": balance, "flash": balance}, profile.styles)
     config = build_config([both])
-    names = ("RAW daylight", "RAW flash", "RAW", "standard daylight", "standard flash")
+    names = ("RAW daylight", "RAW flash", "RAW unbalanced", "JPEG standard daylight", "JPEG standard flash")
     groups = {name: config.getColorSpace(f"X {name}").getEqualityGroup() for name in names}
-    assert groups["RAW daylight"] == groups["RAW flash"] != groups["RAW"]
-    assert groups["standard daylight"] == groups["standard flash"] != groups["RAW daylight"]
+    assert groups["RAW daylight"] == groups["RAW flash"] != groups["RAW unbalanced"]
+    assert groups["JPEG standard daylight"] == groups["JPEG standard flash"] != groups["RAW daylight"]
 
 
 def test_roles_are_complete(written: Written) -> None:
@@ -229,17 +235,25 @@ def test_roles_are_complete(written: Written) -> None:
     assert roles["scene_linear"] == "ACEScg"
     assert roles["aces_interchange"] == "ACES2065-1"
     wanted = {"cie_xyz_d65_interchange", "data", "color_picking", "texture_paint", "compositing_log", "matte_paint"}
-    assert wanted <= set(roles)
+    assert wanted | {"default_byte", "default_float", "default_sequencer"} <= set(roles)
     assert config.getColorSpace(roles["data"]).isData()
 
 
 @pytest.mark.parametrize(
     ("path", "space"),
     [
-        ("Nikon D40 standard tungsten.JPG", "sRGB Encoded Rec.709 (sRGB)"),  # names of files tell nothing
+        ("shots/Nikon D40 JPEG standard tungsten/DSC_0001.JPG", "Nikon D40 JPEG standard tungsten"),
+        ("DSC_0001_nikon_d40_raw_tungsten.v002.exr", "Nikon D40 RAW tungsten"),
+        ("nikon_d40_raw_unbalanced.1001.exr", "Nikon D40 RAW unbalanced"),
+        ("plate_acescct.exr", "ACEScct"),
+        ("plate_lin_rec709.0001.EXR", "Linear Rec.709 (sRGB)"),
         ("scan.png", "sRGB Encoded Rec.709 (sRGB)"),
-        ("unknown.exr", "Raw"),
+        ("DSC_0001.JPG", "sRGB Encoded Rec.709 (sRGB)"),
+        ("unknown.exr", "ACEScg"),  # as `apply --space acescg` writes it
         ("DSC_0001.NEF", "Raw"),
+        ("raw/nonlinear/a.jpg", "sRGB Encoded Rec.709 (sRGB)"),  # words of everyday that are aliases, or parts of one
+        ("aces/srgb/none/a.exr", "ACEScg"),
+        ("nikon_d40_jpeg_standard_tungstens.png", "sRGB Encoded Rec.709 (sRGB)"),
     ],
 )
 def test_file_rules(written: Written, path: str, space: str) -> None:
@@ -288,7 +302,7 @@ def test_ociocheck_passes_without_warnings(tmp_path: Path, form: str) -> None:
     config = load_config(path)
     assert (config.getMajorVersion(), config.getMinorVersion()) == (2, 1)
     assert check_config(config) == []
-    wanted = {"Nikon D40 standard daylight", "Nikon D40 standard shade", "Canon EOS 5D e vivid daylight"}
+    wanted = {"Nikon D40 JPEG standard daylight", "Nikon D40 JPEG standard shade", "Canon EOS 5D e JPEG vivid daylight"}
     assert wanted <= set(config.getColorSpaceNames())
 
 
@@ -298,7 +312,7 @@ def test_a_style_with_one_direction_only(tmp_path: Path) -> None:
     profile = CameraProfile("One Way", full.matrix, full.white_balances, {"standard": style})
     path = write_config([profile], tmp_path / "ocio")
     assert [file.name for file in (path.parent / "luts").iterdir()] == ["one_way_standard_render.clf"]
-    assert load_config(path).getColorSpace("One Way standard tungsten") is not None
+    assert load_config(path).getColorSpace("One Way JPEG standard tungsten") is not None
 
 
 def test_what_cannot_be_built_or_read(tmp_path: Path) -> None:
@@ -347,7 +361,121 @@ def test_spaces_of_a_camera_without_raw_are_of_the_light_of_its_jpegs() -> None:
     assert any("daylight" in name and "linear" not in name for name in names if own.camera in name)
 
 
-# --- `lutforge config` as users type it ------------------------------------------------------------------------------
+# --- In memory: the same config, which converts without a file --------------------------------------------------------
+
+
+def test_a_config_in_memory_converts_as_the_written_one(tmp_path: Path) -> None:
+    """Also copies of it, once nothing else holds it, and beside another camera of the same name."""
+    profile = made_profile()
+    darker = replace(profile, styles=dict.fromkeys(profile.styles, profile.styles["vivid"]))
+    path = write_config([profile], tmp_path / "ocio")
+    written, copies = load_config(path), [copy.deepcopy(build_config([camera])) for camera in (profile, darker)]
+    gc.collect()
+    names = ("Nikon D40 JPEG standard tungsten", "ACEScg")
+    for pair in (names, names[::-1]):
+        assert np.array_equal(convert(copies[0], *pair), convert(written, *pair))
+        assert np.abs(convert(copies[1], *pair) - convert(written, *pair)).max() > 0.01
+    assert check_config(copies[0]) == []
+    assert copies[0].serialize() == written.serialize()
+
+
+def test_a_merged_config_in_memory_has_the_files_of_its_base(tmp_path: Path) -> None:
+    base = write_config([plain_profile("Canon", "vivid")], tmp_path / "base")
+    archive = write_config([plain_profile("Canon", "vivid")], tmp_path / "base.ocioz")
+    for merge in (base, archive):
+        config = build_config([plain_profile("Nikon D40")], merge=merge)
+        assert check_config(config) == []
+        pair = ("Canon JPEG vivid daylight", "ACEScg")
+        assert np.array_equal(convert(config, *pair), convert(load_config(base), *pair))
+
+
+# --- Looks: few, and those that were asked for ------------------------------------------------------------------------
+
+
+def many_settings(styles: int, balances: int) -> CameraProfile:
+    """A profile whose white balances all render differently."""
+    profile = made_profile(nodes=3)
+    style = profile.styles["standard"]
+    names = ["standard", *(f"style {number}" for number in range(1, styles))]
+    known = {
+        f"light {number}" if number else "daylight": WhiteBalance((2.0 - 0.1 * number, 1.0, 1.4 + 0.1 * number))
+        for number in range(balances)
+    }
+    return replace(profile, white_balances=known, styles=dict.fromkeys(names, style))
+
+
+def look_names(config: OCIO.Config) -> set[str]:
+    return {name.removeprefix("Nikon D40 ") for name in config.getLookNames()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", [False, True])
+def test_looks_of_every_style_and_ten_balances_are_below_a_hundred(asked: bool) -> None:
+    profile = many_settings(4, 10)
+    names = look_names(build_config([profile], looks=list(profile.white_balances) if asked else ()))
+    assert len(names) < 100
+    for style, balance in product(profile.styles, list(profile.white_balances)[1:]):
+        assert f"JPEG {style} {balance} → daylight" in names
+
+
+def test_looks_for_the_white_balances_asked_for() -> None:
+    names = look_names(build_config([many_settings(2, 4)], looks=("Light 2", "daylight")))
+    there, back = "light 2 → daylight", "daylight → light 2"
+    pairs = {f"{kind} {way}" for kind in ("JPEG standard", "JPEG style 1", "scene") for way in (there, back)}
+    styles = {"JPEG standard light 2 → style 1 light 2", "JPEG style 1 light 2 → standard light 2"}
+    assert names == pairs | styles
+
+
+def test_unknown_white_balances_and_versions_are_one_line(tmp_path: Path, refused: Refused) -> None:
+    profile = tmp_path / "camera.npz"
+    plain_profile("Nikon D40", balances=("daylight", "tungsten")).save(profile)
+    command = ("config", profile, "-o", tmp_path / "ocio")
+    assert "known: daylight, tungsten" in refused(tmp_path, *command, "--looks", "daylight,candle")
+    assert "two white balances" in refused(tmp_path, *command, "--looks", "daylight")
+    assert "known: 2.1, 2.5" in refused(tmp_path, *command, "--profile-version", "3")
+
+
+# --- Profile version 2.5 ----------------------------------------------------------------------------------------------
+
+
+def test_version_2_5_has_interoperability_ids_and_rules_of_views() -> None:
+    old, new = (build_config([made_profile()], profile_version=version) for version in ("2.1", "2.5"))
+    assert (new.getMajorVersion(), new.getMinorVersion()) == (2, 5)
+    assert check_config(new) == []
+    assert new.getColorSpace("ACEScg").getInteropID() == "lin_ap1_scene"
+    assert old.getColorSpace("ACEScg").getInteropID() == ""
+    assert "Nikon D40 standard" in list(new.getViews("sRGB - Display", "ACEScg"))
+    finished = list(new.getViews("sRGB - Display", "Nikon D40 JPEG standard daylight"))
+    assert "Nikon D40 standard" not in finished and "Un-tone-mapped" in finished
+    pair = ("Nikon D40 JPEG standard daylight", "ACEScg")
+    assert np.array_equal(convert(new, *pair), convert(old, *pair))
+
+
+# --- Blender's names --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name", ["sRGB", "Linear", "Linear Rec.709", "Non-Color", "Raw", "Linear ACES", "Linear ACEScg"]
+)
+def test_the_spaces_that_blender_files_name_are_there(written: Written, name: str) -> None:
+    """sRGB is its curve, what is linear a matrix, and data are data."""
+    _, config, _, _ = written
+    space = config.getColorSpace(name)
+    assert space is not None
+    assert space.isData() == (name in ("Non-Color", "Raw"))
+    if space.isData():
+        return
+    linear = convert(config, name, "Linear Rec.709 (sRGB)", pixels=np.full((1, 3), 0.5))
+    np.testing.assert_allclose(linear, 0.21404 if name == "sRGB" else 0.5, atol=1e-4)
+
+
+@pytest.mark.parametrize(("role", "name"), [("default_byte", "sRGB"), ("default_sequencer", "sRGB"), ("data", "Raw")])
+def test_roles_are_as_blender_has_them(written: Written, role: str, name: str) -> None:
+    config = written[1]
+    assert config.getColorSpace(role).getName() == config.getColorSpace(name).getName()
+
+
+# --- `lutforge config` as users type it -------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -360,7 +488,7 @@ def test_merging_and_folders_in_use(tmp_path: Path, lutforge: CommandLine, refus
     lutforge("config", profile, "-o", tmp_path / "ocio", "--replace")
     lutforge("config", profile, "-o", tmp_path / "all.ocioz", "--merge", tmp_path / "ocio" / "config.ocio")
     spaces = load_config(tmp_path / "all.ocioz").getColorSpaceNames()
-    assert any("Nikon D40 2 standard daylight" in name for name in spaces)
+    assert any("Nikon D40 2 JPEG standard daylight" in name for name in spaces)
     for says, *wrong in (("--replace",), ("nothing.ocio", "--merge", "nothing.ocio"), ("given twice", profile)):
         target = tmp_path / ("other" if wrong else "ocio")
         assert says in refused(tmp_path, "config", profile, "-o", target, *wrong)
@@ -376,29 +504,31 @@ def path(tmp_path: Path) -> Path:
 
 def said(config: OCIO.Config) -> str:
     problems = check_config(config)
-    assert all("\n" not in problem for problem in problems)
-    return "\n".join(problems)
+    assert all("\n" not in str(problem) for problem in problems)
+    return "\n".join(map(str, problems))
 
 
 def test_a_missing_file_is_named_with_what_needs_it(path: Path) -> None:
     (path.parent / "luts" / "canon_vivid_render.clf").unlink()
     found = said(load_config(path))
-    assert "file canon_vivid_render.clf: missing; colour space Canon vivid daylight needs it" in found
-    assert "colour space Canon vivid daylight, from the reference" in found
+    assert "file canon_vivid_render.clf: missing; colour space Canon JPEG vivid daylight needs it" in found
+    assert "colour space Canon JPEG vivid daylight, from the reference" in found
     assert "view sRGB - Display / Canon vivid" in found
-    assert "Nikon D40 standard daylight" not in found
+    assert "Nikon D40 JPEG standard daylight" not in found
 
 
 def test_a_broken_file_is_an_error(path: Path) -> None:
     (path.parent / "luts" / "canon_vivid_render.clf").write_text("<ProcessList>")
-    assert "colour space Canon vivid daylight, from the reference" in said(load_config(path))
+    assert "colour space Canon JPEG vivid daylight, from the reference" in said(load_config(path))
 
 
 def test_a_look_or_view_of_an_unknown_space_is_an_error(path: Path) -> None:
     plain = plain_profile("Nikon D40", balances=("daylight", "shade"))
     both = write_config([plain], path.parent.parent / "both")
     changed = both.with_name("changed.ocio")
-    changed.write_text(both.read_text().replace("process_space: Nikon D40 RAW", "process_space: Nikon D50 RAW"))
+    changed.write_text(
+        both.read_text().replace("process_space: Nikon D40 RAW unbalanced", "process_space: Nikon D50 RAW")
+    )
     assert "Nikon D50 RAW" in said(load_config(changed))
 
 
@@ -414,7 +544,7 @@ def test_the_built_in_studio_config_has_no_error() -> None:
     assert check_config(config) == []
 
 
-# --- Names from strangers: every camera keeps colour spaces that can be told apart, written, and found again ---------
+# --- Names from strangers: every camera keeps colour spaces that can be told apart, written, and found again ----------
 
 
 ROLES = {role.lower() for role in base_config().getRoleNames()}

@@ -11,9 +11,8 @@ import pytest
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.check import check_config, load_config
-from lutforge.ocio.config import build_config
 from tests.cases.profiles import MATRIX, plain_profile
-from tests.ocio.test_config import convert, ociocheck, write_config
+from tests.ocio.test_config import build_config, convert, ociocheck, write_config
 
 STUDIO = "studio-config-v5.0.0_aces-v2.1_ocio-v2.6"
 ANY = (OCIO.SEARCH_REFERENCE_SPACE_ALL, OCIO.COLORSPACE_ALL)
@@ -58,7 +57,7 @@ def test_the_studio_config_with_two_cameras(tmp_path: Path) -> None:
     forward = OCIO.TRANSFORM_DIR_FORWARD
     jpeg = two_cameras()[0].render("standard/daylight")(np.random.default_rng(3).random((4000, 3), dtype=np.float32))
     for display in ("sRGB - Display", "Gamma 2.2 Rec.709 - Display"):
-        shown = convert(config, "Nikon D40 RAW", display, "Nikon D40 standard", forward)
+        shown = convert(config, "Nikon D40 RAW unbalanced", display, "Nikon D40 standard", forward)
         np.testing.assert_allclose(shown, convert(config, "sRGB - Display", display, pixels=jpeg), atol=2e-4)
     assert "Nikon D40 standard" not in config.getViews("Rec.2100-PQ - Display")
 
@@ -70,7 +69,7 @@ def test_every_built_in_config_keeps_its_own(name: str) -> None:
     for space in base.getColorSpaces(*ANY):
         assert str(config.getColorSpace(space.getName())) == str(space)
     assert (config.getMajorVersion(), config.getMinorVersion()) == (base.getMajorVersion(), base.getMinorVersion())
-    assert convert(config, "Nikon D40 RAW", "aces_interchange").shape == (4000, 3)
+    assert convert(config, "Nikon D40 RAW unbalanced", "aces_interchange").shape == (4000, 3)
 
 
 @pytest.mark.slow
@@ -86,7 +85,11 @@ def test_cameras_added_to_cameras(tmp_path: Path) -> None:
         config = load_config(path)
         assert_kept(load_config(folder), config)
         assert check_config(config) == []
-        wanted = {"Nikon D40 standard daylight", "Nikon D40 2 standard daylight", "Canon standard daylight"}
+        wanted = {
+            "Nikon D40 JPEG standard daylight",
+            "Nikon D40 2 JPEG standard daylight",
+            "Canon JPEG standard daylight",
+        }
         assert wanted <= set(config.getColorSpaceNames())
         packed = write_config([other], tmp_path / f"packed {base.suffix}.ocioz", merge=base)
         assert check_config(load_config(packed)) == []
@@ -111,7 +114,7 @@ def test_a_base_with_another_reference(tmp_path: Path) -> None:
     for merge in (tmp_path / "linear.ocio", "cg-config-v1.0.0_aces-v1.3_ocio-v2.1"):
         path = write_config([profile], tmp_path / f"to {Path(merge).stem}", merge=merge)
         config = load_config(path)
-        for pair in (("Nikon D40 RAW", "ACEScg"), ("Nikon D40 standard daylight", "ACEScg")):
+        for pair in (("Nikon D40 RAW unbalanced", "ACEScg"), ("Nikon D40 JPEG standard daylight", "ACEScg")):
             np.testing.assert_allclose(convert(config, *pair), convert(own, *pair), atol=2e-5)
         assert check_config(config) == []
 
@@ -121,9 +124,12 @@ def write_base(folder: Path, change: str = "") -> Path:
     if change == "no role":
         config.setRole("aces_interchange", None)
     if change == "clash":
-        for name, aliases in (("Nikon D40 RAW", []), ("mine", ["nikon_d40_standard_daylight", "Camera RAW"])):
+        for name, aliases in (
+            ("Nikon D40 RAW unbalanced", []),
+            ("mine", ["nikon_d40_jpeg_standard_daylight", "Camera RAW"]),
+        ):
             config.addColorSpace(OCIO.ColorSpace(name=name, aliases=aliases))
-        config.addLook(OCIO.Look(name="Canon daylight to shade", processSpace="ACEScg"))
+        config.addLook(OCIO.Look(name="Canon scene shade → daylight", processSpace="ACEScg"))
         config.addViewTransform(
             OCIO.ViewTransform(
                 referenceSpace=OCIO.REFERENCE_SPACE_SCENE, name="Canon vivid", fromReference=OCIO.MatrixTransform()
@@ -142,10 +148,10 @@ def test_clashing_names_are_numbered_and_the_base_keeps_its_own(tmp_path: Path) 
     profiles = [plain_profile("Nikon D40"), plain_profile("Canon", "vivid", ("daylight", "shade"))]
     config = build_config(profiles, merge=path)
     base = load_config(path)
-    for name in ("Nikon D40 RAW", "mine", "ACEScg"):
+    for name in ("Nikon D40 RAW unbalanced", "mine", "ACEScg"):
         assert str(config.getColorSpace(name)) == str(base.getColorSpace(name))
-    assert "Nikon D40 2 standard daylight" in set(config.getColorSpaceNames())
-    assert {"Canon daylight to shade", "Canon daylight to shade 2"} <= set(config.getLookNames())
+    assert "Nikon D40 2 JPEG standard daylight" in set(config.getColorSpaceNames())
+    assert {"Canon scene shade → daylight", "Canon scene shade → daylight 2"} <= set(config.getLookNames())
     assert {"Canon vivid", "Canon vivid 2"} <= set(config.getViewTransformNames())
 
 
@@ -153,7 +159,7 @@ def test_a_config_of_context_variables_and_file_rules_is_merged_into(tmp_path: P
     """As earlier versions made them: a look between spaces that variables name, and a rule for a camera's files."""
     before, after = (" ".join(f"${{LUTFORGE_{to}{word}}}" for word in ("CAMERA", "WB")) for to in ("", "TO_"))
     base = build_config([plain_profile("Twin", balances=("daylight", "shade"))])
-    for variable, value in (("CAMERA", "Twin standard"), ("WB", "shade")):
+    for variable, value in (("CAMERA", "Twin JPEG standard"), ("WB", "shade")):
         base.addEnvironmentVar(f"LUTFORGE_{variable}", value)
         base.addEnvironmentVar(f"LUTFORGE_TO_{variable}", value)
     as_shot = OCIO.ColorSpaceTransform(src=before, dst="aces_interchange")
@@ -161,7 +167,7 @@ def test_a_config_of_context_variables_and_file_rules_is_merged_into(tmp_path: P
     refinish = OCIO.ColorSpaceTransform(src=before, dst=after)
     base.addLook(OCIO.Look(name="Camera refinish", processSpace="Camera (as shot)", transform=refinish))
     rules = base.getFileRules()
-    rules.insertRule(0, "Twin RAW", "Twin RAW", r"^twin_raw[.]exr$")
+    rules.insertRule(0, "Twin RAW", "Twin RAW unbalanced", r"^twin_raw[.]exr$")
     base.setFileRules(rules)
     folder = tmp_path / "base"
     write_config([plain_profile("Twin", balances=("daylight", "shade"))], folder)
@@ -169,13 +175,15 @@ def test_a_config_of_context_variables_and_file_rules_is_merged_into(tmp_path: P
     base = load_config(folder / "config.ocio")
     config = load_config(write_config([plain_profile("Canon")], tmp_path / "out", merge=folder / "config.ocio"))
     assert_kept(base, config)
-    assert config.getColorSpaceFromFilepath("twin_raw.exr")[0] == "Twin RAW"
+    assert config.getColorSpaceFromFilepath("twin_raw.exr")[0] == "Twin RAW unbalanced"
     assert check_config(config) == []
     context = copy.deepcopy(config.getCurrentContext())
     context["LUTFORGE_TO_WB"] = "daylight"
     look = OCIO.LookTransform(src="Camera (as shot)", dst="Camera (as shot)", looks="Camera refinish")
     got = convert(config, context, look, OCIO.TRANSFORM_DIR_FORWARD)
-    np.testing.assert_allclose(got, convert(config, "Twin standard shade", "Twin standard daylight"), atol=2e-5)
+    np.testing.assert_allclose(
+        got, convert(config, "Twin JPEG standard shade", "Twin JPEG standard daylight"), atol=2e-5
+    )
 
 
 def test_a_base_of_the_first_version_becomes_the_oldest_that_cameras_need(tmp_path: Path) -> None:

@@ -1,0 +1,226 @@
+"""Cameras added to a studio's own config, by OpenColorIO's ConfigMerger (2.5 and later).
+
+The base wins wherever both have something: its colour spaces, roles, rules and views stay bit for bit what they were.
+The cameras are named so that nothing clashes (`ocio.cameras`); where the base's scene reference is not ACES2065-1,
+the merger puts the change of reference between.
+"""
+
+import shutil
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge.atomic_write import scratch_folder
+from lutforge.boundary import reading
+from lutforge.child_processes import OverrunError, guarded
+from lutforge.errors import ConfigError, LutForgeError
+from lutforge.luts.sequence import OCIO_ERRORS
+from lutforge.ocio import spaces
+from lutforge.ocio.blender import blender_config
+from lutforge.ocio.check import file_names, try_file
+
+BUILTIN = "ocio://"
+BLENDER = "blender"
+MOST_BYTES = 2 << 30
+"""Most that is unpacked from an archive."""
+
+
+@dataclass(frozen=True, eq=False)
+class BaseConfig:
+    """A config to add to. label: how the user named it; folder: where its files are, or none (built in)."""
+
+    config: OCIO.Config
+    label: str
+    folder: Path | None
+
+    @property
+    def views(self) -> set[str]:
+        """Its views and view transforms."""
+        config = self.config
+        names = [*config.getViewTransformNames(), *config.getSharedViews()]
+        names += [view for display in config.getDisplaysAll() for view in config.getViews(display)]
+        return {name.lower() for name in names}
+
+    def contents(self) -> dict[str, bytes]:
+        """The contents of its LUT files, by their paths relative to its folder."""
+        return {file.as_posix(): (self.folder / file).read_bytes() for file in self.files} if self.folder else {}
+
+    @property
+    def files(self) -> list[Path]:
+        """Its LUT files, relative to its folder."""
+        if self.folder is None:
+            return []
+        found: set[Path] = set()
+        for entry in [*self.config.getSearchPaths()] or [""]:
+            if "$" in entry or Path(entry).is_absolute():
+                continue
+            place = self.folder / entry
+            if not place.resolve().is_relative_to(self.folder.resolve()):
+                raise ConfigError(
+                    f'{self.label}: its search path "{entry}" leaves its folder; pack it first (ocioarchive), and '
+                    "merge the archive"
+                )
+            files = place.rglob("*") if place.is_dir() else ()
+            found |= {path for path in files if path.suffix.lower() in spaces.LUT_SUFFIXES and path.is_file()}
+        return sorted(path.relative_to(self.folder) for path in found)
+
+
+@contextmanager
+def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
+    """The config to merge into: a file, an archive (unpacked while the block runs), one by name, or none.
+
+    Names are those of built-in configs, and "blender", the config of the Blender that is installed.
+    """
+    if source is None:
+        yield None
+        return
+    label = str(source)
+    built_in = [entry[0] for entry in OCIO.BuiltinConfigRegistry().getBuiltinConfigs()]
+    if label.startswith(BUILTIN) or label in built_in:
+        yield _read(f"{BUILTIN}{label.removeprefix(BUILTIN)}", label, None)
+        return
+    path = Path(source)
+    if label == BLENDER and not path.exists():
+        found = blender_config()
+        if found is None:
+            raise ConfigError("no Blender is found here; name its datafiles/colormanagement/config.ocio")
+        path = found
+    if not path.is_file():
+        known = ", ".join([BLENDER, *built_in])
+        raise ConfigError(f"{path}: no such config; name a .ocio or .ocioz file, or one of {known}")
+    if not zipfile.is_zipfile(path):
+        yield _read(str(path), label, path.absolute().parent)
+        return
+    with scratch_folder() as folder:
+        _unpack(path, folder)
+        inside = folder / "config.ocio"
+        if not inside.is_file():
+            raise ConfigError(f"{path}: not an OpenColorIO archive, there is no config.ocio in it")
+        yield _read(str(inside), label, folder)
+
+
+def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View]) -> OCIO.Config:
+    """The base with the cameras of another config of ours: spaces, looks and views. Raises ConfigError."""
+    displays = []  # that a shared view can be shown on: named as a colour space of video or cinema
+    for display in base.config.getDisplaysAll():
+        space = base.config.getColorSpace(display)
+        of_display = space is not None and space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
+        if of_display and space.getEncoding() in ("sdr-video", ""):
+            displays.append(display)
+    srgb_displays = [] if displays else list(_srgb_displays(base.config))
+    minor = cameras.getMinorVersion()
+    _strip(cameras, keep_displays=not (displays or srgb_displays))
+    parameters = OCIO.ConfigMergingParameters.Create()
+    parameters.setDefaultStrategy(OCIO.ConfigMergingParameters.STRATEGY_PREFER_BASE)
+    parameters.setInputFirst(False)
+    parameters.setAdjustInputReferenceSpace(True)
+    parameters.setAvoidDuplicates(False)
+    parameters.setErrorOnConflict(False)
+    level = OCIO.GetLoggingLevel()
+    OCIO.SetLoggingLevel(OCIO.LOGGING_LEVEL_NONE)  # it lists all that both have, which is what is wanted
+    try:
+        config = OCIO.ConfigMergingHelpers.MergeConfigs(parameters, base.config, cameras)
+    except OCIO_ERRORS as error:
+        raise ConfigError(f"{base.label}: OpenColorIO cannot merge it: {error}") from error
+    finally:
+        OCIO.SetLoggingLevel(level)
+    paths = [path for path in base.config.getSearchPaths() if path != spaces.LUT_FOLDER]
+    config.setSearchPath(":".join([*paths, spaces.LUT_FOLDER]))
+    active = [*base.config.getActiveViews()]
+    for view in views:
+        for display in displays:
+            config.addDisplaySharedView(display, view.name)
+        for display in srgb_displays:
+            config.addDisplayView(display, view.name, view.jpeg, "")
+        if active:
+            config.addActiveView(view.name)
+    config.setVersion(2, max(base.config.getMinorVersion(), minor))
+    return config
+
+
+def _srgb_displays(config: OCIO.Config) -> Iterator[str]:
+    """The displays that are named as a scene-referred colour space that is sRGB, as Blender's: the JPEG itself fits."""
+    srgb = spaces.base_config().getProcessor(spaces.TEXTURE, spaces.REFERENCE).getDefaultCPUProcessor()
+    for display in config.getDisplaysAll():
+        space = config.getColorSpace(display)
+        if space is None or space.isData() or space.getReferenceSpaceType() != OCIO.REFERENCE_SPACE_SCENE:
+            continue
+        here = config.getProcessor(space.getName(), OCIO.ROLE_INTERCHANGE_SCENE).getDefaultCPUProcessor()
+        codes = np.array([[0.02, 0.5, 0.9], [0.8, 0.1, 0.3], [0.4, 0.7, 0.05]], dtype=np.float32)
+        wanted = codes.copy()
+        srgb.applyRGB(wanted)
+        here.applyRGB(codes)
+        if np.allclose(codes, wanted, atol=2e-3):
+            yield display
+
+
+def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
+    """Leave what the base cannot have: the cameras. Their own common spaces would only clash with its."""
+    roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_INTERCHANGE_DISPLAY)
+    for role in [name for name in cameras.getRoleNames() if name not in roles]:
+        cameras.setRole(role, None)
+    searched = OCIO.SEARCH_REFERENCE_SPACE_SCENE if keep_displays else OCIO.SEARCH_REFERENCE_SPACE_ALL
+    kept = (spaces.REFERENCE, spaces.DISPLAY_REFERENCE)
+    for space in [*cameras.getColorSpaces(searched, OCIO.COLORSPACE_ALL)]:
+        if space.getName() not in kept and not space.getFamily().startswith("Input/"):
+            cameras.removeColorSpace(space.getName())
+    for entry in cameras.getDisplaysAll():
+        cameras.removeDisplayView(entry, spaces.DATA)
+    if not keep_displays:
+        cameras.clearDisplays()
+        cameras.clearActiveDisplays()
+        cameras.removeSharedView(spaces.UN_TONE_MAPPED)
+    cameras.setInactiveColorSpaces("")
+    cameras.setFileRules(OCIO.FileRules())
+
+
+def _read(source: str, label: str, folder: Path | None) -> BaseConfig:
+    """An untrusted config, whose files are read in a process of their own first. Raises ConfigError."""
+    with reading(label, "an OpenColorIO config", ConfigError):
+        if folder is not None:
+            Path(source).read_bytes().decode("utf-8")  # names that are no text fail only where they are asked for
+        try:
+            config = OCIO.Config.CreateFromFile(source)
+        except OCIO_ERRORS as error:
+            raise ConfigError(f"{label}: OpenColorIO cannot read it: {error}") from error
+        return _merged_into(config, source, label, folder)
+
+
+def _merged_into(config: OCIO.Config, source: str, label: str, folder: Path | None) -> BaseConfig:
+    """A config that cameras can be merged into. Raises ConfigError where they cannot."""
+    for name in file_names(config):
+        try:
+            guarded(try_file, source, name)
+        except OverrunError as error:
+            raise ConfigError(f"{label}: {name}: {error}") from error
+        except LutForgeError:
+            continue  # the check of the whole tells what is wrong with it, and where
+    if config.getMajorVersion() < 2:
+        raise ConfigError(f"{label}: is of OpenColorIO 1; bring it to profile version 2 first")
+    if not config.hasRole(OCIO.ROLE_INTERCHANGE_SCENE):
+        raise ConfigError(
+            f"{label}: has no role {OCIO.ROLE_INTERCHANGE_SCENE}, so nobody knows what its reference is; give that "
+            "role to its ACES2065-1 first"
+        )
+    return BaseConfig(config, label, folder)
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    """Unpack an untrusted archive: no entry outside of the folder, no more than MOST_BYTES."""
+    with reading(path, "an OpenColorIO archive", ConfigError), zipfile.ZipFile(path) as archive:
+        entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+        if sum(entry.file_size for entry in entries) > MOST_BYTES:
+            raise ConfigError(f"{path}: unpacks to more than {MOST_BYTES >> 30} GB, refused")
+        for entry in entries:
+            name = PurePosixPath(entry.filename.replace("\\", "/"))
+            if name.is_absolute() or ".." in name.parts or ":" in entry.filename:
+                raise ConfigError(f'{path}: holds an entry outside of itself, "{entry.filename[:80]}", refused')
+            place = folder / name
+            place.parent.mkdir(parents=True, exist_ok=True)
+            with archive.open(entry) as source, place.open("wb") as target:
+                shutil.copyfileobj(source, target)
