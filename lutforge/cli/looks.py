@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 PROGRAMS = (
     "resolve, nuke, ocio, oiio, baselight, flame, blender, photoshop, lightroom, premiere, aftereffects, finalcut, "
-    "ffmpeg, obs, darktable, rawtherapee, art, captureone, gmic, gimp"
+    "ffmpeg, mpv, mlt, kdenlive, shotcut, obs, darktable, rawtherapee, art, captureone, gmic, gimp"
 )
 """What `--for` takes: the programs of `lutforge.luts.programs`, written here because that takes a second to load."""
 
@@ -68,6 +68,9 @@ def bake(
     colours: Annotated[
         bool, option(".icc: without the camera's tone curve, scene-linear, for one's own tone mapper.", "--colours")
     ] = False,
+    clf_version: Annotated[
+        str | None, option(".clf: 3 for readers that know the Academy's namespace alone, not SMPTE's.")
+    ] = None,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.pipeline.baking import TransformRequest, bake_files
@@ -76,7 +79,7 @@ def bake(
     with progress_bar("baking") as progress:
         files, notes = bake_files(
             profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
-            colours=colours, progress=progress,
+            colours=colours, clf_version=clf_version, progress=progress,
         )  # fmt: skip
     for file in files:
         say(*str(file).splitlines())
@@ -91,7 +94,7 @@ def kit(
     program: Annotated[
         str,
         option(
-            "darktable, rawtherapee, art, lightroom, captureone, resolve, nuke, blender, ffmpeg, gimp or lumix.",
+            "darktable, rawtherapee, art, lightroom, captureone, resolve, nuke, blender, ffmpeg, gimp, obs or lumix.",
             "--for",
         ),
     ] = "rawtherapee",
@@ -103,13 +106,14 @@ def kit(
     ] = None,
 ) -> None:
     """Write a kit: camera profile or LUT, the preset that places it, and a page that says what to do."""
-    from lutforge.pipeline.kits import check_kit
+    from lutforge.pipeline.kits import check_kit, kit_errors
 
     if more and not check:
         raise SettingsError(f"{more[0]}: shots go with --check")
     with progress_bar("writing a kit") as progress:
         folder = lf.write_kit(profile, to, output, program, base=base, look=look, progress=progress)
     say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")
+    say(*(f"{name}: read back, against the model: {error}" for name, error in kit_errors(folder).items()))
     if not check:
         return
     with progress_bar("developing") as progress:

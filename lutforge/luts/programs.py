@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lutforge.errors import LutError, alternatives
 from lutforge.interpolation import Interpolation
+from lutforge.luts import command_lines
 from lutforge.luts.sequence import MAX_SIZE, Form, format_of
 
 TRIED = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
@@ -18,8 +19,9 @@ class Program:
     """What a program takes.
 
     shaper: it reads a .cube with a shaper; reads: suffixes, the best first; max_size: most nodes per axis; size: nodes
-    per axis of a plain cube for it; interpolation: its own; use: what to do with the file. develops: it develops RAW
-    files itself, and feeds a LUT with what it developed, never with camera RAW.
+    per axis of a plain cube for it; interpolation: its own; use: what to do with the file; command: how it is run with
+    it, where it is run by a command. develops: it develops RAW files itself, and feeds a LUT with what it developed,
+    never with camera RAW.
     """
 
     reads: tuple[str, ...]
@@ -28,11 +30,18 @@ class Program:
     size: int = 65
     interpolation: Interpolation = "trilinear"
     use: str = ""
+    command: command_lines.CommandLine | None = None
     develops: bool = False
+
+    def advice(self, path: Path) -> str:
+        """What to do with a file of this program; empty where the program's name says it."""
+        return self.use if self.command is None else self.command(path)
 
 
 OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".3dl", ".spi1d", ".spi3d")
 HALD = (".png", ".tif", ".tiff")
+LIBAVFILTER_READS = (".cube", ".csp", ".3dl")
+_MLT = "the filter {}, and right behind it {} as it comes, without which HD film changes its colours"
 PROGRAMS: dict[str, Program] = {
     "resolve": Program(shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Update Lists"),
     "nuke": Program(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
@@ -46,9 +55,14 @@ PROGRAMS: dict[str, Program] = {
     "premiere": Program(reads=(".cube", ".3dl")),
     "aftereffects": Program(reads=(".cube", ".3dl", ".csp"), max_size=64, size=64),
     "finalcut": Program(reads=(".cube",)),
-    "ffmpeg": Program(
-        reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral",
-        use="ffmpeg -i IN -vf lut3d=file=FILE:interp=tetrahedral OUT",
+    "ffmpeg": Program(reads=LIBAVFILTER_READS, interpolation="tetrahedral", command=command_lines.ffmpeg),
+    "mpv": Program(reads=LIBAVFILTER_READS, interpolation="tetrahedral", command=command_lines.mpv),
+    "mlt": Program(reads=LIBAVFILTER_READS, interpolation="tetrahedral", command=command_lines.melt),
+    "kdenlive": Program(
+        reads=LIBAVFILTER_READS, interpolation="tetrahedral", use=_MLT.format("Apply LUT", "Lift/gamma/gain")
+    ),
+    "shotcut": Program(
+        reads=LIBAVFILTER_READS, interpolation="tetrahedral", use=_MLT.format("LUT (3D)", "Color Grading")
     ),
     "obs": Program(reads=(".cube",)),
     "darktable": Program(
@@ -60,7 +74,7 @@ PROGRAMS: dict[str, Program] = {
     ),
     "art": Program(reads=(*HALD, ".clf", ".dcp", ".icc"), develops=True),
     "captureone": Program(reads=(".icc",), develops=True),
-    "gmic": Program(reads=(".cube", ".png")),
+    "gmic": Program(reads=(".cube", ".png"), command=command_lines.gmic),
     "gimp": Program(reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
 }  # fmt: skip
 """Programs that `--for` names, and what their readers take."""
