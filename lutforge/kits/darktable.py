@@ -25,6 +25,18 @@ NEUTRAL = {
 TONE_MODULES = ("agx", "basecurve", "channelmixerrgb", "exposure", "filmicrgb", "sigmoid")
 """Modules that darktable's workflows switch on by themselves: they change the look."""
 
+SWITCHED_OFF = {
+    "exposure": (6, struct.pack("<i4fi", 0, 0.0, 0.0, 50.0, -4.0, 1)),
+    "channelmixerrgb": (3, bytes(160)),
+    "basecurve": (6, struct.pack("<4f464x3i3ii2fi", 0, 0, 1, 1, 2, 2, 2, 2, 2, 2, 0, 1.0, 1.0, 0)),
+    "sigmoid": (1, struct.pack("<4fif", 1.5, 0.0, 100.0, 0.0152, 0, 100.0)),
+    "filmicrgb": (6, bytes(116)),
+}
+"""What a style switches off, since darktable's workflows may have switched it on: module, version and parameters.
+
+The parameters of a module that is off are of no consequence, but for their length, which is darktable 4.2's.
+"""
+
 _MODULE_VERSION = 7
 
 
@@ -47,9 +59,14 @@ def write_darktable(look: Look, folder: Path) -> KitFiles:
 
 
 def _parameters(name: str) -> str:
-    """The module's parameters as darktable stores bytes: "gz", a factor in two digits, a zlib stream in Base64."""
+    """The parameters of the module *input color profile* that choose a profile."""
     file, perceptual, no_clipping, unmapped, linear_rec2020 = 0, 0, 0, 0, 4
     data = struct.pack("<i512s4i512x", file, f"{name}.icc".encode(), perceptual, no_clipping, unmapped, linear_rec2020)
+    return _packed(data)
+
+
+def _packed(data: bytes) -> str:
+    """Bytes as darktable stores them: "gz", a factor in two digits, a zlib stream in Base64."""
     packed = zlib.compress(data, 9)
     return f"gz{min(len(data) // len(packed) + 1, 99):02d}" + base64.b64encode(packed).decode("ascii")
 
@@ -75,15 +92,19 @@ def _sidecar(name: str) -> str:
 
 
 def _style(title: str, name: str) -> str:
-    plugin = (
-        f"<plugin><num>0</num><module>{_MODULE_VERSION}</module><operation>colorin</operation>"
-        f"<op_params>{_parameters(name)}</op_params><enabled>1</enabled><blendop_params></blendop_params>"
+    """A style: it chooses the profile, and switches off what darktable's workflows have switched on."""
+    modules = [("colorin", _MODULE_VERSION, _parameters(name), 1)]
+    modules += [(module, version, _packed(data), 0) for module, (version, data) in SWITCHED_OFF.items()]
+    plugins = "".join(
+        f"<plugin><num>{number}</num><module>{version}</module><operation>{module}</operation>"
+        f"<op_params>{parameters}</op_params><enabled>{enabled}</enabled><blendop_params></blendop_params>"
         "<blendop_version>0</blendop_version><multi_priority>0</multi_priority><multi_name></multi_name></plugin>"
+        for number, (module, version, parameters, enabled) in enumerate(modules)
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<darktable_style version="1.0">'
         f"<info><name>{escape(title)}</name><description>the camera's own look, by LutForge</description></info>"
-        f"<style>{plugin}</style></darktable_style>\n"
+        f"<style>{plugins}</style></darktable_style>\n"
     )
 
 
