@@ -3,12 +3,15 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 import json
+import os
+import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 
 from lutforge import __version__
 from lutforge.atomic_write import scratch_folder
@@ -16,7 +19,9 @@ from lutforge.child_processes import run_command
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.read import Development, read_image
+from lutforge.kits.install import JOURNAL, install, is_installed, targets_of, uninstall
 from lutforge.kits.kit import Kit, KitFiles, Look, look_of, write_develop_script
+from lutforge.kits.places import KEPT, Machine, place_of
 from lutforge.kits.programs import KITS, lumix_kit
 from lutforge.luts.description import LICENCE
 from lutforge.model.camera_profile import CameraProfile, as_profile
@@ -119,6 +124,52 @@ def kit_errors(folder: str | Path) -> dict[str, str]:
     """The error of each file of a kit against the model, in words, by the file's name."""
     errors = _manifest(Path(folder)).get("errors", {})
     return dict(errors) if isinstance(errors, dict) else {}
+
+
+@dataclass(frozen=True)
+class Installation:
+    """Where a kit's files went, or would go. found: the program is on this machine; use: what to do in it then."""
+
+    program: str
+    files: tuple[Path, ...]
+    found: bool
+    use: str
+
+
+def install_kit(folder: str | Path, into: str | Path | None = None) -> Installation:
+    """Put a kit where its program looks for it. into: the program's folder of settings, where it is not the usual one.
+
+    Where the program is not on this machine, nothing is written, and the files are those that would be. Raises
+    LutForgeError where a file is there already that LutForge did not write.
+    """
+    kit = Path(folder)
+    manifest = _manifest(kit)
+    program = str(manifest.get("program", ""))
+    if program not in KITS:
+        raise LutForgeError(f"{kit}: is no kit, or its {MANIFEST} is damaged: make it again")
+    place = place_of(program, Machine(sys.platform, os.environ, Path.home()))
+    if into is not None:
+        if not Path(into).is_dir():
+            raise LutForgeError(f"{into}: no such folder; --into names the folder where {program} keeps its settings")
+        place = replace(place, settings=Path(into).resolve())
+    targets = targets_of(program, kit, place, _data_folder() / "kits")
+    found = place.use == KEPT or is_installed(place)
+    if found and targets:
+        install(program, targets, _data_folder() / JOURNAL)
+    return Installation(KITS[program].title, tuple(targets), found and bool(targets), place.use)
+
+
+def uninstall_kit(program: str) -> tuple[list[Path], list[Path]]:
+    """Take a program's kits away again. Returns the files that were removed, and those changed since, which stay.
+
+    Raises SettingsError on an unknown program, LutForgeError where nothing is installed for it.
+    """
+    return uninstall(one_of("kit", program, KITS), _data_folder() / JOURNAL)
+
+
+def _data_folder() -> Path:
+    """Where LutForge keeps what it has to remember of this user."""
+    return platformdirs.user_data_path("lutforge", appauthor=False)
 
 
 def kits_of(profile: CameraProfile, to: str) -> list[str]:
