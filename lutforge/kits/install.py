@@ -111,7 +111,7 @@ def uninstall(program: str, journal: Path) -> tuple[list[Path], list[Path]]:
 
 def remove_empty(folders: Sequence[str]) -> list[str]:
     """Remove folders, the inner ones first, as far as they hold nothing. Returns those that stay."""
-    stay = []
+    stay: list[str] = []
     for name in reversed(folders):
         folder = Path(name)
         if folder.is_dir() and not any(folder.iterdir()):

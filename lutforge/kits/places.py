@@ -60,7 +60,7 @@ def place_of(program: str, machine: Machine) -> Place:
     match program:
         case "darktable":
             # https://docs.darktable.org/usermanual/stable/en/special-topics/program-invocation/darktable/, --configdir
-            settings = machine.settings if system == "win32" else machine.variable("XDG_CONFIG_HOME", home / ".config")
+            settings = machine.settings
             folders = {".icc": "color/in", ".dtstyle": "styles/LutForge", ".xmp": "styles/LutForge"}
             use = (
                 "lighttable → history stack → load sidecar file: the .xmp; or styles → import: the .dtstyle, which can "
@@ -79,18 +79,20 @@ def place_of(program: str, machine: Machine) -> Place:
             return Place(commands, machine.variable(variable, usual), folders, use)
         case "lightroom":
             # https://helpx.adobe.com/camera-raw/kb/camera-raw-plug-in-installer.html
-            settings = None if system == "linux" else support / "Adobe" / "CameraRaw"
-            return Place((), settings, {".dcp": "CameraProfiles"}, "start the program again, and choose the profile")
+            adobe = None if system == "linux" else support / "Adobe" / "CameraRaw"
+            return Place((), adobe, {".dcp": "CameraProfiles"}, "start the program again, and choose the profile")
         case "captureone":
-            settings = home / "Library" / "ColorSync" if system == "darwin" else None
-            return Place((), settings, {".icc": "Profiles"}, "Base Characteristics → ICC Profile → Show All → Other")
+            colorsync = home / "Library" / "ColorSync" if system == "darwin" else None
+            return Place((), colorsync, {".icc": "Profiles"}, "Base Characteristics → ICC Profile → Show All → Other")
         case "resolve":
-            settings = {
+            program_data = machine.variable("PROGRAMDATA", Path("C:/ProgramData"))
+            folders_of_systems = {
                 "darwin": Path("/Library/Application Support/Blackmagic Design/DaVinci Resolve"),
-                "win32": machine.variable("PROGRAMDATA", Path("C:/ProgramData"))
-                / "Blackmagic Design" / "DaVinci Resolve" / "Support",
-            }.get(system, machine.variable("XDG_DATA_HOME", home / ".local" / "share") / "DaVinciResolve")  # fmt: skip
-            return Place(("resolve",), settings, {".cube": "LUT/LutForge"}, "Project settings → Update lists")
+                "win32": program_data / "Blackmagic Design" / "DaVinci Resolve" / "Support",
+            }
+            on_linux = machine.variable("XDG_DATA_HOME", home / ".local" / "share") / "DaVinciResolve"
+            resolve = folders_of_systems.get(system, on_linux)
+            return Place(("resolve",), resolve, {".cube": "LUT/LutForge"}, "Project settings → Update lists")
         case "nuke":
             return Place(("nuke",), home / ".nuke", {".clf": "LutForge"}, "a node OCIOFileTransform with the file")
         case "blender":

@@ -21,8 +21,9 @@ from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.read import Development, read_image
 from lutforge.kits.install import JOURNAL, install, is_installed, targets_of, uninstall
 from lutforge.kits.kit import Kit, KitFiles, Look, look_of, write_develop_script
+from lutforge.kits.lumix import lumix_kit
 from lutforge.kits.places import KEPT, Machine, place_of
-from lutforge.kits.programs import KITS, lumix_kit
+from lutforge.kits.programs import KITS
 from lutforge.luts.description import LICENCE
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import check_output, one_of

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000
@@ -25,7 +26,7 @@ LUMA = np.array([0.2126, 0.7152, 0.0722])
 """The weights of BT.709."""
 
 
-def look(x: Array) -> Array:
+def look(x: ArrayLike) -> Array:
     """A look with a toe, a shoulder and crossed channels; [0, 1]³ → [0, 1]³."""
     mixed = np.asarray(x, dtype=np.float64) ** 2.2 @ np.array(
         [[1.25, -0.12, -0.02], [-0.15, 1.2, -0.2], [-0.1, -0.08, 1.22]]
@@ -48,7 +49,7 @@ def to_codes(rgb: Array, bits: int, full: bool) -> Array:
     step = 2 ** (bits - 8)
     scales = (2**bits - 1, 0.0, 2**bits - 1) if full else (219 * step, 16 * step, 224 * step)
     codes = np.concatenate([(luma * scales[0] + scales[1])[..., None], chroma * scales[2] + 128 * step], axis=-1)
-    return np.clip(np.rint(codes), 0, 2**bits - 1)
+    return np.asarray(np.clip(np.rint(codes), 0, 2**bits - 1), dtype=np.float64)
 
 
 def from_codes(codes: Array, bits: int, full: bool) -> Array:
