@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 PROGRAMS = (
     "resolve, nuke, ocio, oiio, baselight, flame, blender, photoshop, lightroom, premiere, aftereffects, finalcut, "
-    "ffmpeg, mpv, kdenlive, shotcut, obs, darktable, rawtherapee, art, captureone, gmic, gimp, imagemagick, "
+    "ffmpeg, mpv, mlt, kdenlive, shotcut, obs, darktable, rawtherapee, art, captureone, gmic, gimp, imagemagick, "
     "graphicsmagick, pillow, three, parse-cube-lut"
 )
 """What `--for` takes: the programs of `lutforge.luts.programs`, written here because that takes a second to load."""
@@ -69,6 +69,9 @@ def bake(
     colours: Annotated[
         bool, option(".icc: without the camera's tone curve, scene-linear, for one's own tone mapper.", "--colours")
     ] = False,
+    clf_version: Annotated[
+        str | None, option(".clf: 3 for readers that know the Academy's namespace alone, not SMPTE's.")
+    ] = None,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.pipeline.baking import TransformRequest, bake_files
@@ -77,7 +80,7 @@ def bake(
     with progress_bar("baking") as progress:
         files, notes = bake_files(
             profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
-            colours=colours, progress=progress,
+            colours=colours, clf_version=clf_version, progress=progress,
         )  # fmt: skip
     for file in files:
         say(*str(file).splitlines())
@@ -85,14 +88,14 @@ def bake(
 
 
 def kit(
-    profile: Profile,
-    to: Annotated[str, option("The look: STYLE or STYLE/WB; all for every style.", "--to")],
+    profile: Annotated[Path | None, argument("A profile (.npz); not for --uninstall.")] = None,
+    to: Annotated[str | None, option("The look: STYLE or STYLE/WB; all for every style.", "--to")] = None,
     more: Annotated[list[Path] | None, argument("Further RAW files of --check.", metavar="[SHOT]...")] = None,
     output: Annotated[Path, option("The folder to write.", "-o", "--output")] = Path("kit"),
     program: Annotated[
         str,
         option(
-            "darktable, rawtherapee, art, lightroom, captureone, resolve, nuke, blender, ffmpeg, gimp or lumix.",
+            "darktable, rawtherapee, art, lightroom, captureone, resolve, nuke, blender, ffmpeg, gimp, obs or lumix.",
             "--for",
         ),
     ] = "rawtherapee",
@@ -102,15 +105,30 @@ def kit(
         list[Path] | None,
         option("RAW files, better such that the profile is not from, to develop with the kit and compare.", "--check"),
     ] = None,
+    install: Annotated[bool, option("Put its files where the program looks for them.", "--install")] = False,
+    into: Annotated[Path | None, option("With --install: the program's folder of settings, if not the usual.")] = None,
+    uninstall: Annotated[bool, option("Take away what --install put there.", "--uninstall")] = False,
 ) -> None:
     """Write a kit: camera profile or LUT, the preset that places it, and a page that says what to do."""
-    from lutforge.pipeline.kits import check_kit
+    from lutforge.pipeline.kits import check_kit, kit_errors
 
+    if install and uninstall:
+        raise SettingsError("--install and --uninstall exclude each other")
+    if into is not None and not install:
+        raise SettingsError("--into goes with --install")
+    if uninstall:
+        _uninstall(program)
+        return
+    if profile is None or to is None:
+        raise SettingsError("a kit needs a profile and a look: lutforge kit camera.npz --to STYLE --for PROGRAM -o kit")
     if more and not check:
         raise SettingsError(f"{more[0]}: shots go with --check")
     with progress_bar("writing a kit") as progress:
         folder = lf.write_kit(profile, to, output, program, base=base, look=look, progress=progress)
     say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")
+    say(*(f"{name}: read back, against the model: {error}" for name, error in kit_errors(folder).items()))
+    if install:
+        _install(folder, into)
     if not check:
         return
     with progress_bar("developing") as progress:
@@ -124,6 +142,32 @@ def kit(
     print_tables(Table("What the program shows against the camera's JPEG, ΔE00", header, rows))
     if any(each.calibrated for each in checks):
         note("shots that the profile was calibrated from flatter it: check others, too")
+
+
+def _install(folder: Path, into: Path | None) -> None:
+    """Put a kit where its program looks for it, and print each file."""
+    from lutforge.pipeline.kits import install_kit
+
+    done = install_kit(folder, into)
+    if done.found:
+        say(*(f"installed: {file}" for file in done.files))
+        note(f"{done.program}: {done.use}")
+        return
+    if done.files:
+        note(
+            f"{done.program} is not on this machine, so nothing was installed. Its files go to:", *map(str, done.files)
+        )
+    else:
+        note(f"{done.program} has no folder for them on this system; the README of {folder} says what to do")
+
+
+def _uninstall(program: str) -> None:
+    """Take away what was installed for a program, and print each file."""
+    from lutforge.pipeline.kits import uninstall_kit
+
+    removed, changed = uninstall_kit(program)
+    say(*(f"removed: {file}" for file in removed))
+    note(*(f"{file}: changed since it was installed; it stays" for file in changed))
 
 
 def config(

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.luts.check import FileError
+from lutforge.model.camera_profile import CameraProfile, through_camera
+from lutforge.model.transform import Decode, Encode, MatrixStage, Transform
 
 Source = Literal["raw", "any"]
 """What a kit can be made from: a profile of RAW files, or also one of developed pictures."""
@@ -47,25 +48,31 @@ class Look:
         """The title as the name of a file, without a suffix."""
         return re.sub(r"[^\w .+-]", "_", self.title)[:120]
 
-    def between(self, source: str, target: str) -> Callable[[ArrayLike], Array]:
-        """Give the look as a function of colours encoded in `source`, to colours encoded in `target`.
+    @property
+    def setting(self) -> str:
+        """STYLE/WB."""
+        return f"{self.style}/{self.white_balance}"
+
+    def seen_from(self, source: str) -> Transform:
+        """Colours of a space → the camera's JPEG, encoded sRGB.
 
         For a profile of developed pictures this is what was calibrated. For one of RAW files it is approximate: the
-        program's light goes back to camera RGB by one matrix.
+        program's light goes back to camera RGB by one matrix. In linear spaces light below 0 and above 1 is taken.
         """
-        encoded, wanted, srgb = rgb_space(source), rgb_space(target), rgb_space("srgb")
-        fed = self.profile.raw_space
-        to_fed = matrix_between(encoded.linear.name, "linear-srgb" if fed == "raw" else fed)
-        if fed == "raw":
-            to_fed = np.linalg.inv(self.to_srgb) @ to_fed
-        from_srgb = matrix_between("linear-srgb", wanted.linear.name)
+        if self.profile.raw_space == "raw":
+            return through_camera(self.profile, self.setting, source)
+        encoding, stages = rgb_space(source), self.profile.render(self.setting).stages
+        decode = () if encoding.is_linear else (Decode(encoding),)
+        matrix = matrix_between(encoding.linear.name, self.profile.raw_space) / self.multipliers[:, None]
+        return Transform((*decode, MatrixStage(matrix), *stages))
 
-        def look(x: ArrayLike) -> Array:
-            camera = np.clip(encoded.linearize(x) @ to_fed.T, 0.0, 1.0)
-            light = srgb.linearize(np.clip(self.render(camera), 0.0, 1.0))
-            return wanted.encode(np.maximum(light @ from_srgb.T, 0.0))
-
-        return look
+    def between(self, source: str, target: str) -> Transform:
+        """Colours of a space → the same colours as the camera shows them, in another space."""
+        space = rgb_space(target)
+        from_srgb = MatrixStage(matrix_between("linear-srgb", space.linear.name))
+        encode = () if space.is_linear else (Encode(space),)
+        behind = () if space.name == "srgb" else (Decode(rgb_space("srgb")), from_srgb, *encode)
+        return Transform((*self.seen_from(source).stages, *behind))
 
 
 def setting_of(profile: CameraProfile, to: str) -> str:
@@ -100,11 +107,19 @@ class Script:
 
 
 @dataclass(frozen=True)
+class KitFiles:
+    """What became of a look: the steps that lead to it, for the README, and the error of each file, by its name."""
+
+    steps: list[str]
+    errors: dict[str, FileError]
+
+
+@dataclass(frozen=True)
 class Kit:
     """How one program shows a look.
 
     program: the name that `--for` takes; title: for people; source: what the kit can be made from; tried: what it was
-    tried with. write: adds the files of a look to a folder, and returns the steps that lead to it, for the README.
+    tried with. write: adds the files of a look to a folder.
     script: how the program develops a RAW file without a window; None where it cannot.
     """
 
@@ -112,7 +127,7 @@ class Kit:
     title: str
     source: Source
     tried: str
-    write: Callable[[Look, Path], list[str]]
+    write: Callable[[Look, Path], KitFiles]
     script: Script | None = None
 
 

@@ -339,22 +339,33 @@ class FileError:
         return text
 
 
+def scene_points(highest: float) -> Array:
+    """Scene-linear colours (n, 3) from −0.1 to beyond a domain's end, and each channel alone."""
+    low, high = -0.1, 1.25 * highest
+    ramp = np.linspace(low, high, 1025)[:, None]
+    alone = np.concatenate([ramp * np.eye(3)[channel] for channel in range(3)])
+    return np.concatenate([low + (high - low) * sobol(4096), np.repeat(ramp, 3, axis=1), alone])
+
+
 def verify(
     path: str | Path,
     reference: ColourFunction,
     lut: Lut | None = None,
     interpolation: Interpolation | None = None,
     display_referred: bool = True,
+    scenes: bool = False,
 ) -> FileError:
     """Compare the file, as a reader evaluates it in float32, with a reference.
 
     lut: the LUT that was written: points near its nodes, and its interpolation; without it, those of the file, and
-    tetrahedral. interpolation: what the file's consumer will use instead.
+    tetrahedral. interpolation: what the file's consumer will use instead. scenes: the input is scene-linear, which has
+    values below 0 and above the file's domain.
     """
     path = Path(path)
     method = interpolation or (lut.interpolation if lut is not None else "tetrahedral")
     # Rounded to float32 first: both sides get the very same input.
-    x = sample_points(lut or read_lut(path)).astype(np.float32).astype(np.float64)
+    x = sample_points(lut or read_lut(path))
+    x = (np.concatenate([x, scene_points(float(x.max()))]) if scenes else x).astype(np.float32).astype(np.float64)
     if own_reader(path) is None:
         pair = [path.with_suffix(end) for end in SPI_PAIR]  # in the order in which they are used
         is_pair = path.suffix.lower() in SPI_PAIR and all(file.is_file() for file in pair)

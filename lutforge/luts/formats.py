@@ -4,6 +4,7 @@ Most are tables of numbers in text, with plain ASCII comments. Each writer takes
 """
 
 import hashlib
+import re
 import unicodedata
 from math import isqrt
 from pathlib import Path
@@ -17,10 +18,23 @@ from lutforge.atomic_write import atomic_path
 from lutforge.errors import LutError, one_line
 from lutforge.luts.ops import Cube, Curve, Matrix, node_levels
 from lutforge.luts.picture import read_picture
-from lutforge.luts.sequence import FORMATS, FileFormat, Lut, group_of
+from lutforge.luts.sequence import FORMATS, FileFormat, Lut, group_of, read_input_and_output
 
-DIGITS = 10
-"""Decimals of a number: float32 values on [0, 1] survive, and no reader has to know exponents."""
+DIGITS = 6
+"""Decimals of a number in a cube: an error of 5e-7, a thirtieth of a step of 16 bits."""
+
+SHAPER_DIGITS = 9
+"""Decimals of a number in a curve, which a cube behind it magnifies by its steepness."""
+
+
+CLF_NAMESPACE = "CLF namespace"
+"""The key of a LUT's metadata that names the namespace of a .clf; without it that of SMPTE ST 2136-1 is written."""
+
+AMPAS_CLF_3 = "urn:AMPAS:CLF:v3.0"
+"""The namespace of version 3.0 of the Academy's specification (S-2014-006), which more readers take than SMPTE's."""
+
+PHOTO_STYLE = "photo style"
+"""The key of a LUT's metadata that names the picture style of a Lumix body on which it lies, such as "STD"."""
 
 
 def write_text(path: Path, text: str, encoding: str = "ascii") -> None:
@@ -31,7 +45,7 @@ def write_text(path: Path, text: str, encoding: str = "ascii") -> None:
 
 def plain(text: str, limit: int = 200) -> str:
     """One line of printable ASCII without double quotes, at most `limit` characters."""
-    decomposed = unicodedata.normalize("NFKD", " ".join(text.split()))
+    decomposed = unicodedata.normalize("NFKD", " ".join(text.split()).replace("Δ", "d"))
     kept = "".join(c for c in decomposed if not unicodedata.combining(c))
     return kept.replace('"', "'").encode("ascii", "replace").decode()[:limit]
 
@@ -41,11 +55,10 @@ def comment_lines(title: str, comments: tuple[str, ...]) -> list[str]:
     return [f"# {plain(line)}" for line in (title, *comments) if plain(line)]
 
 
-def rows(values: ArrayLike) -> str:
-    """Numbers (n, 3), a row per line, rounded to DIGITS decimals, never "-0"."""
-    numbers = np.asarray(values, dtype=np.float64)
-    numbers = np.round(numbers, DIGITS) + 0.0
-    return (f"%.{DIGITS}f %.{DIGITS}f %.{DIGITS}f\n" * len(numbers)) % tuple(numbers.ravel().tolist())
+def rows(values: ArrayLike, digits: int = DIGITS) -> str:
+    """Numbers (n, 3), a row per line, rounded to `digits` decimals, never "-0"; no reader has to know exponents."""
+    numbers = np.round(np.asarray(values, dtype=np.float64), digits) + 0.0
+    return (f"%.{digits}f %.{digits}f %.{digits}f\n" * len(numbers)) % tuple(numbers.ravel().tolist())
 
 
 def cube_of_rows(table: Array, size: int) -> Array:
@@ -72,6 +85,7 @@ def write_cube(lut: Lut, path: Path) -> None:
     if curve is None:
         header = [
             f'TITLE "{plain(lut.title) or "LutForge"}"',
+            *_photo_style(lut),
             *comment_lines("", lut.comments),
             f"LUT_3D_SIZE {cube.size}",
             "DOMAIN_MIN 0.0 0.0 0.0",
@@ -85,8 +99,17 @@ def write_cube(lut: Lut, path: Path) -> None:
         ]
         if lut.cube is not None:
             header += [f"LUT_3D_SIZE {cube.size}", "LUT_3D_INPUT_RANGE 0.0 1.0"]
-        table = rows(curve.outputs) + (table if lut.cube is not None else "")
+        table = rows(curve.outputs, SHAPER_DIGITS) + (table if lut.cube is not None else "")
     write_text(path, "\n".join(header) + "\n" + table)
+
+
+def _photo_style(lut: Lut) -> list[str]:
+    """The line that names the picture style that a LUT lies on in a Lumix body, where it is made for one.
+
+    It has no blank behind "#", and stands in the second line; without it bodies take V-Log for the base.
+    """
+    style = lut.metadata.get(PHOTO_STYLE)
+    return [] if style is None else [f"#LUMIXPHOTOSTYLE {style}"]
 
 
 CUBE = FileFormat(".cube", (".cube",), ("plain", "shaper"), write_cube)
@@ -134,12 +157,14 @@ def write_spi(lut: Lut, path: Path) -> None:
     shaper, cube = lut.shaper_and_cube()
     curve = shaper or Curve(np.repeat([[0.0], [1.0]], 3, axis=1))
     header = f"Version 1\nFrom {curve.low!r} {curve.high!r}\nLength {len(curve.outputs)}\nComponents 3\n{{\n"
-    write_text(path.with_suffix(SPI_PAIR[0]), header + rows(curve.outputs) + "}\n")
+    # Comments are behind the tables: the readers count the lines in front of them.
+    comments = "".join(f"{line}\n" for line in comment_lines(lut.title, lut.comments))
+    write_text(path.with_suffix(SPI_PAIR[0]), header + rows(curve.outputs, SHAPER_DIGITS) + "}\n" + comments)
     n = cube.size
     index = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     table = np.concatenate([index, np.round(cube.values.reshape(-1, 3), DIGITS) + 0.0], axis=1)
-    body = ("%d %d %d %.10f %.10f %.10f\n" * len(table)) % tuple(table.ravel().tolist())
-    write_text(path.with_suffix(SPI_PAIR[1]), f"SPILUT 1.0\n3 3\n{n} {n} {n}\n" + body)
+    body = (f"%d %d %d %.{DIGITS}f %.{DIGITS}f %.{DIGITS}f\n" * len(table)) % tuple(table.ravel().tolist())
+    write_text(path.with_suffix(SPI_PAIR[1]), f"SPILUT 1.0\n3 3\n{n} {n} {n}\n" + body + comments)
 
 
 SPI = FileFormat(
@@ -150,7 +175,7 @@ SPI = FileFormat(
 # --- .3dl (Autodesk Flame and Lustre, Kodak) and .vlt (Panasonic VariCam and Lumix bodies): cubes of 12-bit integers --
 # Readers of .3dl tell the depth from the largest number, and some take 12 bits for granted: 12 bits it is. A .vlt has
 # 17³ nodes, red fastest, behind three header lines and a blank one, as LUTCalc describes the files that Panasonic's
-# cameras write (https://github.com/cameramanben/LUTCalc, js/lut-vlt.js).
+# cameras write (https://github.com/cameramanben/LUTCalc, js/lut-vlt.js); our comments are in front of the third.
 
 TOP, VLT_SIZE = 4095, 17
 _VLT_HEADER = ("# panasonic vlt file version 1.0", '# source vlt file ""', f"LUT_3D_SIZE {VLT_SIZE}")
@@ -171,9 +196,15 @@ def write_3dl(lut: Lut, path: Path) -> None:
 
 
 def write_vlt(lut: Lut, path: Path) -> None:
-    """Write a cube in 12 bits, outputs clamped to [0, 1]."""
+    """Write a cube in 12 bits, outputs clamped to [0, 1].
+
+    Some readers know no comments but Panasonic's two: others are written only where they say what the LUT takes.
+    """
     _, cube = lut.shaper_and_cube()
-    write_text(path, "\n".join(_VLT_HEADER) + "\n\n" + _whole_rows(rows_of_cube(cube.values)))
+    described = read_input_and_output(lut.comments) is not None
+    comments = [*_photo_style(lut), *(comment_lines(lut.title, lut.comments) if described else [])]
+    header = [*_VLT_HEADER[:-1], *comments, _VLT_HEADER[-1]]
+    write_text(path, "\n".join(header) + "\n\n" + _whole_rows(rows_of_cube(cube.values)))
 
 
 def read_vlt(path: Path) -> Lut:
@@ -218,10 +249,18 @@ def clf_text(lut: Lut, suffix: str = ".clf") -> str:
     for comment in lut.comments:
         if comment.strip():
             metadata.addChildElement("Description", one_line(comment, 500))
+    ends = read_input_and_output(lut.comments)
+    if ends is not None:
+        metadata.addChildElement("InputDescriptor", one_line(ends.input))
+        metadata.addChildElement("OutputDescriptor", one_line(ends.output))
     try:
-        return str(group.write(PROCESS_LISTS[suffix], OCIO.Config.CreateRaw()))
+        text = str(group.write(PROCESS_LISTS[suffix], OCIO.Config.CreateRaw()))
     except OCIO.Exception as error:
         raise LutError(f"LUT: OpenColorIO cannot write it as {suffix}: {error}") from error
+    if suffix != ".clf" or CLF_NAMESPACE not in lut.metadata:
+        return text
+    head = f'compCLFversion="3.0" xmlns="{lut.metadata[CLF_NAMESPACE]}"'
+    return re.sub(r'compCLFversion="[^"]*" xmlns="[^"]*"', head, text, count=1)
 
 
 def _clf_identifier(lut: Lut) -> str:

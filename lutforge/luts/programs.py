@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lutforge.errors import LutError, alternatives
 from lutforge.interpolation import Interpolation
+from lutforge.luts import command_lines
 from lutforge.luts.sequence import MAX_SIZE, Form, format_of
 
 CUBES = (".cube", ".cube, domain from 0", ".cube, domain", ".cube, range", ".cube, curve")
@@ -29,7 +30,8 @@ class Program:
     """What a program takes, and what it does with other files.
 
     shaper: it reads a .cube with a shaper; reads: suffixes, the best first; max_size: most nodes per axis; size: nodes
-    per axis of a plain cube for it; interpolation: its own; use: what to do with the file. develops: it develops RAW
+    per axis of a plain cube for it; interpolation: its own; use: what to do with the file; command: how it is run
+    with it, where it is run by a command. develops: it develops RAW
     files itself, and feeds a LUT with what it developed, never with camera RAW.
 
     title: its name for people, empty for OpenColorIO and what reads files through it; tried: the version that `does`
@@ -43,11 +45,16 @@ class Program:
     size: int = 65
     interpolation: Interpolation = "trilinear"
     use: str = ""
+    command: command_lines.CommandLine | None = None
     develops: bool = False
     title: str = ""
     tried: str = ""
     does: Mapping[str, str] = field(default_factory=dict)
     otherwise: str = REFUSES
+
+    def advice(self, path: Path) -> str:
+        """What to do with a file of this program; empty where the program's name says it."""
+        return self.use if self.command is None else self.command(path)
 
 
 def _avfilter(refused: str) -> dict[str, str]:
@@ -70,6 +77,7 @@ ADOBE = dict.fromkeys(
     (".cube", ".cube, domain from 0", ".cube, domain", ".cube, curve", ".3dl", ".3dl, 17 nodes, 12 bits"), READS
 )
 AVFILTER = (".cube", ".csp", ".3dl")
+_MLT = "the filter {}, and right behind it {} as it comes, without which HD film changes its colours"
 PROGRAMS: dict[str, Program] = {
     "resolve": Program(
         shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Update Lists",
@@ -105,20 +113,23 @@ PROGRAMS: dict[str, Program] = {
     ),
     "finalcut": Program(reads=(".cube",), title="Final Cut", does={".cube": READS}),
     "ffmpeg": Program(
-        reads=AVFILTER, interpolation="tetrahedral",
-        use="ffmpeg -i IN -vf lut3d=file=FILE:interp=tetrahedral OUT",
+        reads=AVFILTER, interpolation="tetrahedral", command=command_lines.ffmpeg,
         title="ffmpeg", tried="5.1", does=_avfilter(REFUSES),
     ),
     "mpv": Program(
-        reads=AVFILTER, interpolation="tetrahedral", use="mpv --vf=lavfi=[lut3d=file=FILE:interp=tetrahedral] IN",
+        reads=AVFILTER, interpolation="tetrahedral", command=command_lines.mpv,
         title="mpv", tried="0.35", does=_avfilter(REFUSES),
     ),
+    "mlt": Program(
+        reads=AVFILTER, interpolation="tetrahedral", command=command_lines.melt,
+        title="MLT", tried="7.12", does=_avfilter(LEAVES), otherwise=LEAVES,
+    ),
     "kdenlive": Program(
-        reads=AVFILTER, interpolation="tetrahedral", use="effect Apply LUT",
+        reads=AVFILTER, interpolation="tetrahedral", use=_MLT.format("Apply LUT", "Lift/gamma/gain"),
         title="Kdenlive", tried="MLT 7.12", does=_avfilter(LEAVES), otherwise=LEAVES,
     ),
     "shotcut": Program(
-        reads=AVFILTER, interpolation="tetrahedral", use="filter LUT (3D)",
+        reads=AVFILTER, interpolation="tetrahedral", use=_MLT.format("LUT (3D)", "Color Grading"),
         title="Shotcut", tried="MLT 7.12", does=_avfilter(LEAVES), otherwise=LEAVES,
     ),
     "obs": Program(
@@ -150,7 +161,7 @@ PROGRAMS: dict[str, Program] = {
     ),
     "captureone": Program(reads=(".icc",), develops=True, title="Capture One"),
     "gmic": Program(
-        reads=(".cube", ".png"), title="G'MIC", tried="2.9",
+        reads=(".cube", ".png"), command=command_lines.gmic, title="G'MIC", tried="2.9",
         does={
             **dict.fromkeys((".cube", ".cube, range"), "reads it half a node too bright: enlarge it to 256³ first"),
             ".cube, curve": READS, "Hald image": "reads it, 1.2 codes too bright",

@@ -256,7 +256,11 @@ def _purpose(
         notes += profile.notes_on(selector)
         errors = profile.styles[selector.style].errors
         if f"{direction}_mean" in errors:
-            comments.append(f"held-out {direction} error: mean {errors[f'{direction}_mean']:.4f}")
+            seen = errors.get(f"{direction}_de00_mean")
+            shown = "" if seen is None else f", ΔE00 {seen:.2f}"
+            comments.append(
+                f"held-out {direction} error: mean {255 * errors[f'{direction}_mean']:.2f} codes of 255{shown}"
+            )
     light = (source or target or (None,))[0]
     one, other = ("" if end is None else str(end[1]) for end in (source, target))
     raw = light.raw_space if light is not None and space == "raw" else space

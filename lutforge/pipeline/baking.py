@@ -2,23 +2,24 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from lutforge import __version__
 from lutforge.arrays import ColourFunction
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, read_dcp, write_dcp
-from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, read_icc, scene_linear, write_icc
+from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, write_dcp
+from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, write_icc
 from lutforge.kits.kit import look_of, setting_of
+from lutforge.kits.measure import error_of_profile
 from lutforge.luts.bake import bake_forms, bake_steps, takes_scenes
-from lutforge.luts.check import FileError, compare, verify
-from lutforge.luts.formats import PROCESS_LISTS
+from lutforge.luts.check import FileError, verify
+from lutforge.luts.description import description
+from lutforge.luts.formats import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
 from lutforge.luts.programs import Target, files_for, program_named, target_of
 from lutforge.luts.sequence import ADOBE_RGB, ENCODED, FORMS, Form, Lut, format_of, input_and_output_of
 from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, is_response_alone, match, through_camera
@@ -166,6 +167,7 @@ def bake(
     interpolation: str | None = None,
     title: str = "",
     highest: float = 1.0,
+    clf_version: str | None = None,
     progress: Progress = silent,
 ) -> BakedLut:
     """Bake a transform of colours to a LUT, and to LUT files, each read back and measured against the transform.
@@ -181,6 +183,8 @@ def bake(
         interpolation: how the reader interpolates, "trilinear" or "tetrahedral".
         title: of the files, if not the transform's own.
         highest: inputs of a function reach from 0 to this, for scene-linear light.
+        clf_version: "3" writes .clf files in the namespace of the Academy's version 3.0, for readers that do not know
+            SMPTE's.
         progress: called with what is being done, and the share that is done.
 
     Returns:
@@ -201,14 +205,16 @@ def bake(
     kind, title, displayed = purpose.kind, title or purpose.title, purpose.kind != "linearize"
     _require_fed(program, purpose)
     named, notes = _files([check_output(path) for path in several(outputs)], program, title)
+    metadata = _clf_metadata(clf_version, named)
     adobe_rgb = purpose.source.partition("/")[0].endswith(ADOBE_RGB_STYLE)
-    declared = input_and_output_of(kind, purpose.light, ADOBE_RGB if adobe_rgb else ENCODED).comments if kind else ()
+    ends = input_and_output_of(kind, purpose.light, ADOBE_RGB if adobe_rgb else ENCODED) if kind else None
     scenes = takes_scenes(transform) or highest != 1
     if kind:  # of camera RAW, a matrix in front is that of a reference camera
         scenes = kind == "render" and purpose.space != "raw" and rgb_space(purpose.space).is_linear
     targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
     targets = targets or [Target(form, size, method)]
-    comments = (f"LutForge {__version__}", *declared, *purpose.comments)
+    place = "" if program is None else program_named(program).use
+    comments = description(ends, place, [f"camera and settings: {title}"] * bool(kind) + list(purpose.comments))
     # A cube for each step, so that lattices of a profile stay exact, where nothing else is asked for.
     whole = kind in ("refinish", "match") and not any((program, size, tolerance, method))
     stepwise = [whole and path.suffix.lower() in PROCESS_LISTS for path in named] or [False]
@@ -223,8 +229,9 @@ def bake(
             for at in np.flatnonzero(stepwise):
                 luts.insert(int(at), steps)
     made = []
+    luts = [replace(lut, metadata={**lut.metadata, **metadata}) for lut in luts]
     for path, lut in zip(named, luts, strict=False):
-        error = verify(lut.write(path), transform, lut, display_referred=displayed)
+        error = verify(lut.write(path), transform, lut, display_referred=displayed, scenes=scenes and bool(kind))
         made.append((BakedFile(path, f"{lut.summary}, {lut.interpolation}", error), lut))
     made.sort(key=lambda pair: pair[0].error.mean)
     notes = [*purpose.notes, *notes]
@@ -233,14 +240,15 @@ def bake(
             lost = "whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
             notes.append(f"{file.path}: {lost}")
         if kind == "render" and purpose.space != "raw" and file.error.max_de00 is not None and file.error.max_de00 > 1:
-            light = float(rgb_space(purpose.space).linearize(np.array(file.error.worst)).max())
-            if light > 1:  # where a difference that is seen is the largest
-                where = f"at light {light:.0f} times as bright as white"
+            light = rgb_space(purpose.space).linearize(np.array(file.error.worst))
+            if light.max() > 1 or light.min() < 0:  # where a difference that is seen is the largest
+                bright, dark = f"{light.max():.0f} times as bright as white", f"{light.min():.2f}, below black"
+                where = f"at light {bright if light.max() > 1 else dark}"
                 notes.append(f"{file.path}: the largest difference is {where}; a .clf is closer")
-    if made and kind in ("render", "linearize"):
-        notes.append("; ".join(declared))
+    if made and ends is not None and kind in ("render", "linearize"):
+        notes.append("; ".join(ends.comments))
     if made and program is not None:
-        use = program_named(program).use
+        use = program_named(program).advice(made[0][0].path)
         notes.append(f"load {made[0][0].path} in {program.lower()}{f': {use}' if use else ''}")
     best = made[0][1] if made else luts[0]
     return BakedLut(best.ops, best.title, best.comments, best.metadata, tuple(file for file, _ in made), tuple(notes))
@@ -256,6 +264,7 @@ def bake_files(
     tolerance: float | None = None,
     interpolation: str | None = None,
     colours: bool = False,
+    clf_version: str | None = None,
     progress: Progress = silent,
 ) -> tuple[tuple[BakedFile, ...], tuple[str, ...]]:
     """Bake a transform of a profile to LUT files as `bake` does, and to ICC and DNG camera profiles.
@@ -291,7 +300,7 @@ def bake_files(
         _require_fed(program, transform.purpose, str(profile))
     baked = bake(
         transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation,
-        progress=progress,
+        clf_version=clf_version, progress=progress,
     )  # fmt: skip
     files = [*baked.files, *(_bake_camera_profile(camera, wanted, path, colours) for path in profiles)]
     return tuple(sorted(files, key=lambda file: file.error.mean)), baked.notes
@@ -307,17 +316,24 @@ def _require_fed(program: str | None, purpose: Purpose, profile: str = "camera.n
 def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: Path, colours: bool) -> BakedFile:
     """Write a camera profile of a look, read it back, and compare it with the model behind white balance."""
     look = look_of(camera, wanted.target or "")
-    x = np.random.default_rng(0).random((1 << 14, 3))
-    exact = look.render(x)
     if path.suffix.lower() == ".dcp":
         write_dcp(fit_dng_profile(look), path)
-        written, summary = read_dcp(path)(x), f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}"
+        summary = f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}"
     else:
         write_icc(fit_icc_profile(look, VARIANTS[colours]), path)
-        written, summary = read_icc(path)(x), f"ICC profile, {NODES}³ nodes, to Lab"
-        exact = rgb_space("srgb").encode(scene_linear(look)(x)) if colours else exact
-    error = compare(x, written.astype(np.float32), np.clip(exact, 0.0, 1.0))
-    return BakedFile(path, summary, error)
+        summary = f"ICC profile, {NODES}³ nodes, to Lab"
+    return BakedFile(path, summary, error_of_profile(path, look, colours))
+
+
+def _clf_metadata(version: str | None, paths: Iterable[Path]) -> dict[str, str]:
+    """What a LUT holds so that it is written in a version of CLF. Raises SettingsError on an unknown one."""
+    if version is None:
+        return {}
+    if str(version) not in ("3", "3.0"):
+        raise SettingsError(f'unknown CLF version "{version}": 3, or none for SMPTE ST 2136-1')
+    if not any(path.suffix.lower() == ".clf" for path in paths):
+        raise SettingsError("--clf-version goes with a .clf: -o look.clf")
+    return {CLF_NAMESPACE: AMPAS_CLF_3}
 
 
 def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict[Path, str | None], list[str]]:

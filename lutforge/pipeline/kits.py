@@ -3,12 +3,15 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 import json
-from collections.abc import Sequence
+import os
+import sys
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 
 from lutforge import __version__
 from lutforge.atomic_write import scratch_folder
@@ -17,8 +20,12 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.orientation import inverse, orientation_between, upright
 from lutforge.images.read import Development, read_image
-from lutforge.kits.kit import Kit, Look, look_of, write_develop_script
-from lutforge.kits.programs import KITS, lumix_kit
+from lutforge.kits.install import JOURNAL, install, is_installed, targets_of, uninstall
+from lutforge.kits.kit import Kit, KitFiles, Look, look_of, write_develop_script
+from lutforge.kits.lumix import lumix_kit
+from lutforge.kits.places import KEPT, Machine, place_of
+from lutforge.kits.programs import KITS
+from lutforge.luts.description import LICENCE
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.progress import Progress, silent
@@ -89,29 +96,82 @@ def write_kit(
     target = Path(folder).resolve()  # behind a link stays what it leads to
     if target.exists():  # an empty folder, or a kit and nothing but what its manifest lists, is replaced
         names = {path.name for path in target.iterdir()} if target.is_dir() else {target.name}
-        if names and names != set(_manifest(target).get("files", [])):
+        if names and names != set(_names(_manifest(target), "files")):
             raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
     check_output(target / "README.md")
     with scratch_folder(beside=target) as scratch:
         filled = scratch / "kit"
         filled.mkdir()
-        steps = []
+        written = []
         for number, each in enumerate(looks):
             progress(each.title, number / len(looks))
-            steps.append(kit.write(each, filled))
+            written.append(kit.write(each, filled))
         if kit.script is not None:
             write_develop_script(filled / SCRIPT, kit.script, looks[0].file_name)
         files = sorted(["README.md", MANIFEST, *(path.name for path in filled.iterdir())])
-        (filled / "README.md").write_text(_readme(kit, looks, steps, files), encoding="utf-8")
+        (filled / "README.md").write_text(_readme(kit, looks, written, files), encoding="utf-8")
         manifest = {
             "lutforge": __version__, "program": kit.program, "camera": shown.camera, "files": files,
             "styles": [each.style for each in looks], "shots": list(shown.shots),
+            "errors": {name: str(error) for each in written for name, error in each.errors.items()},
         }  # fmt: skip
         (filled / MANIFEST).write_text(json.dumps(manifest, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         if target.exists():
             target.replace(scratch / "old")
         filled.replace(target)
     return Path(folder)
+
+
+def kit_errors(folder: str | Path) -> dict[str, str]:
+    """The error of each file of a kit against the model, in words, by the file's name."""
+    errors = _manifest(Path(folder)).get("errors", {})
+    return dict(errors) if isinstance(errors, dict) else {}
+
+
+@dataclass(frozen=True)
+class Installation:
+    """Where a kit's files went, or would go. found: the program is on this machine; use: what to do in it then."""
+
+    program: str
+    files: tuple[Path, ...]
+    found: bool
+    use: str
+
+
+def install_kit(folder: str | Path, into: str | Path | None = None) -> Installation:
+    """Put a kit where its program looks for it. into: the program's folder of settings, where it is not the usual one.
+
+    Where the program is not on this machine, nothing is written, and the files are those that would be. Raises
+    LutForgeError where a file is there already that LutForge did not write.
+    """
+    kit = Path(folder)
+    manifest = _manifest(kit)
+    program = str(manifest.get("program", ""))
+    if program not in KITS:
+        raise LutForgeError(f"{kit}: is no kit, or its {MANIFEST} is damaged: make it again")
+    place = place_of(program, Machine(sys.platform, os.environ, Path.home()))
+    if into is not None:
+        if not Path(into).is_dir():
+            raise LutForgeError(f"{into}: no such folder; --into names the folder where {program} keeps its settings")
+        place = replace(place, settings=Path(into).resolve())
+    targets = targets_of(program, kit, place, _data_folder() / "kits")
+    found = place.use == KEPT or is_installed(place)
+    if found and targets:
+        install(program, targets, _data_folder() / JOURNAL)
+    return Installation(KITS[program].title, tuple(targets), found and bool(targets), place.use)
+
+
+def uninstall_kit(program: str) -> tuple[list[Path], list[Path]]:
+    """Take a program's kits away again. Returns the files that were removed, and those changed since, which stay.
+
+    Raises SettingsError on an unknown program, LutForgeError where nothing is installed for it.
+    """
+    return uninstall(one_of("kit", program, KITS), _data_folder() / JOURNAL)
+
+
+def _data_folder() -> Path:
+    """Where LutForge keeps what it has to remember of this user."""
+    return platformdirs.user_data_path("lutforge", appauthor=False)
 
 
 def kits_of(profile: CameraProfile, to: str) -> list[str]:
@@ -135,7 +195,7 @@ def check_kit(
     script = Path(folder) / SCRIPT
     if not script.is_file():
         raise LutForgeError(f"{folder}: holds no {SCRIPT}: its program cannot be run from the command line")
-    files, calibrated = discover(shots), set(_manifest(Path(folder)).get("shots", []))
+    files, calibrated = discover(shots), set(_names(_manifest(Path(folder)), "shots"))
     checks: list[KitCheck] = []
     notes: list[str] = []
     for index, file in enumerate(files):
@@ -183,16 +243,21 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     return KitCheck(raw.name, len(difference), mean, p95, most, codes)
 
 
-def _manifest(folder: Path) -> dict[str, list[str]]:
-    """What a folder's manifest lists by name; nothing of a folder without one."""
+def _manifest(folder: Path) -> dict[str, object]:
+    """What a folder's manifest holds by name; nothing of a folder without one."""
     data: object = None
     with suppress(OSError, ValueError):
         data = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    lists = data.items() if isinstance(data, dict) else ()
-    return {name: [str(each) for each in values] for name, values in lists if isinstance(values, list)}
+    return data if isinstance(data, dict) else {}
 
 
-def _readme(kit: Kit, looks: Sequence[Look], steps: Sequence[Sequence[str]], files: Sequence[str]) -> str:
+def _names(manifest: Mapping[str, object], key: str) -> list[str]:
+    """A list of names in a manifest; empty where it has none."""
+    values = manifest.get(key)
+    return [str(value) for value in values] if isinstance(values, list) else []
+
+
+def _readme(kit: Kit, looks: Sequence[Look], written: Sequence[KitFiles], files: Sequence[str]) -> str:
     """One page: what it is, what to do, what it was tried with."""
     look = looks[0]
     made = f"pictures that {look.profile.developer} developed" if look.profile.developer else "RAW files"
@@ -202,13 +267,21 @@ def _readme(kit: Kit, looks: Sequence[Look], steps: Sequence[Sequence[str]], fil
         "",
         f"The camera's own JPEG look, calibrated on pairs of {made} and the camera's JPEGs by LutForge.",
         "",
-        *(f"{number}. {step}" for number, step in enumerate(steps[0], 1)),
+        *(f"{number}. {step}" for number, step in enumerate(written[0].steps, 1)),
         "",
     ]
     if len(looks) > 1:
         lines += [f"The files of the other styles are used alike: {', '.join(each.title for each in looks[1:])}.", ""]
     if SCRIPT in files:
         lines += ["On the command line: `./develop.sh RAW OUT.tif [LOOK]` (sRGB, 16 bit).", ""]
+    errors = {name: error for each in written for name, error in each.errors.items()}
+    if errors:
+        lines += [
+            "The files, read back, against the model (1 = full scale; black to beyond what the camera clips):",
+            "",
+        ]
+        lines += [*(f"- {name}: {error}" for name, error in errors.items()), ""]
+    lines += [f"Licence of the files: {LICENCE}.", ""]
     return "\n".join([*lines, f"Files: {', '.join(files)}. Tried with: {kit.tried}.", ""])
 
 

@@ -17,7 +17,7 @@ from PIL import Image
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import LutForgeError
 from lutforge.images.read import read_image
-from lutforge.kits.programs import KITS, NEUTRAL
+from lutforge.kits.programs import KITS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.kits import check_kit, write_kit
@@ -106,7 +106,7 @@ def test_the_style_is_the_sidecar(profile: CameraProfile, shared_data: Path, tmp
     command = [
         "darktable-cli", str(raw), str(tmp_path / "style.tif"), "--icc-type", "SRGB",
         *("--style", "Canon PowerShot S40 standard", "--core", "--configdir", str(tmp_path / "config")),
-        *("--library", ":memory:", *(word for key, value in NEUTRAL.items() for word in ("--conf", f"{key}={value}"))),
+        *("--library", ":memory:", "--conf", "plugins/imageio/format/tiff/bpp=16"),  # preferences as they come
         *("--luacmd", f'require("darktable").styles.import("{kit / "Canon PowerShot S40 standard.dtstyle"}")'),
     ]  # fmt: skip
     subprocess.run(command, check=True, capture_output=True)
@@ -232,10 +232,14 @@ def prepare(folder: Path, camera: Path, data: Path, lines: str) -> None:
     if "film.cube" in lines:
         corners = [f"{r} {g} {b}" for b in (0, 1) for g in (0, 1) for r in (0, 1)]
         (folder / "film.cube").write_text("\n".join(["LUT_3D_SIZE 2", *corners, ""]), encoding="utf-8")
+    # Without a screen mpv shows nothing.
+    (folder / ".config" / "mpv").mkdir(parents=True)
+    (folder / ".config" / "mpv" / "mpv.conf").write_text("vo=null\n", encoding="utf-8")
     if "IN." in lines:
         even = np.linspace(0, 255, 64).astype(np.uint8)
         picture = np.stack([*np.meshgrid(even, even), np.full((64, 64), 128, np.uint8)], axis=-1)
         Image.fromarray(picture).save(folder / "IN.png")
+        write_picture(folder / "IN16.png", kind="uint16", pixels=(picture / 255).astype(np.float32))
     if "IN.mov" in lines:
         film = ["ffmpeg", "-loglevel", "error", "-loop", "1", "-t", "0.2", "-i", "IN.png", "IN.mov"]
         subprocess.run(film, cwd=folder, check=True)

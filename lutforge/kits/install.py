@@ -1,0 +1,150 @@
+"""Install a kit where its program looks for it, and take it away again.
+
+A journal in the user's data folder names every file and folder that was made, with the SHA-256 of what was written. It
+is written before the files, so that nothing is left behind when a run is killed. What the user has is never replaced,
+and what the user has changed since is never removed.
+"""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lutforge.atomic_write import atomic_path
+from lutforge.boundary import reading, require_file
+from lutforge.errors import LutForgeError
+from lutforge.kits.places import KEPT, Place
+
+JOURNAL, LARGEST = "installed_kits.json", 4 << 20
+NOT_INSTALLED = ("README.md", "kit.json", "develop.sh", "blender.sh")
+"""Files of a kit that no program looks for."""
+
+
+@dataclass(frozen=True)
+class Installed:
+    """What was installed for a program. files: SHA-256 by path; folders: those that were made, outer ones first."""
+
+    files: dict[str, str] = field(default_factory=dict)
+    folders: tuple[str, ...] = ()
+
+
+def is_installed(place: Place) -> bool:
+    """True where the program of a place is on this machine: it can be started, or its folder is there."""
+    return any(shutil.which(command) for command in place.commands) or (
+        place.settings is not None and place.settings.is_dir()
+    )
+
+
+def targets_of(program: str, kit: Path, place: Place, own: Path) -> dict[Path, Path]:
+    """Where a kit's files go: the file of the kit, by the path that it gets.
+
+    own: LutForge's folder, for programs that have none.
+    """
+    files = sorted(path for path in kit.iterdir() if path.is_file() and path.name not in NOT_INSTALLED)
+    if place.use == KEPT:
+        return {own / program / file.name: file for file in files}
+    settings = place.settings
+    if settings is None:
+        return {}
+    targets = {
+        settings / place.folders[file.suffix] / file.name: file for file in files if file.suffix in place.folders
+    }
+    for folder in place.whole:
+        config = kit / "ocio"
+        inside = sorted(path for path in config.rglob("*") if path.is_file())
+        targets |= {settings / folder / path.relative_to(config): path for path in inside}
+    return targets
+
+
+def install(program: str, targets: Mapping[Path, Path], journal: Path) -> None:
+    """Copy files to their targets, and write them down. targets: the file that each path gets.
+
+    Raises LutForgeError, before anything is written, where a file is there already that LutForge did not write.
+    """
+    known = read_journal(journal)
+    before = known.get(program, Installed())
+    missing: list[Path] = []
+    for target in (*targets, journal):
+        missing += [folder for folder in reversed(target.parents) if not folder.exists() and folder not in missing]
+    for target in targets:
+        if (target.exists() or target.is_symlink()) and before.files.get(str(target)) != _sum(target):
+            raise LutForgeError(f"{target}: is there already, and not as LutForge wrote it; move it or rename it first")
+
+    files = {**before.files, **{str(target): _sum(source) for target, source in targets.items()}}
+    folders = tuple(sorted({*before.folders, *map(str, missing)}))  # each before those in it
+    write_journal(journal, {**known, program: Installed(files, folders)})
+    for target, source in targets.items():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(target) as temporary:
+            shutil.copyfile(source, temporary)
+
+
+def uninstall(program: str, journal: Path) -> tuple[list[Path], list[Path]]:
+    """Remove what was installed for a program. Returns the files that are gone, and those changed since, which stay.
+
+    Raises LutForgeError where nothing was installed for it.
+    """
+    known = read_journal(journal)
+    if program not in known:
+        raise LutForgeError(f"nothing is installed for {program}: {journal} names {', '.join(known) or 'no program'}")
+    removed, changed = [], []
+    for name, digest in known[program].files.items():
+        path = Path(name)
+        if not path.is_file():
+            continue
+        if _sum(path) == digest:
+            path.unlink()
+            removed.append(path)
+        else:
+            changed.append(path)
+    others = {name: installed for name, installed in known.items() if name != program}
+    write_journal(journal, others)
+    stay = remove_empty(known[program].folders)
+    if others and stay:  # what other programs' files lie in goes with the last of them
+        heir, installed = next(iter(others.items()))
+        folders = tuple(sorted({*stay, *installed.folders}))
+        write_journal(journal, {**others, heir: Installed(installed.files, folders)})
+    return removed, changed
+
+
+def remove_empty(folders: Sequence[str]) -> list[str]:
+    """Remove folders, the inner ones first, as far as they hold nothing. Returns those that stay."""
+    stay: list[str] = []
+    for name in reversed(folders):
+        folder = Path(name)
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+        elif folder.is_dir():
+            stay.insert(0, name)
+    return stay
+
+
+def read_journal(journal: Path) -> dict[str, Installed]:
+    """What is installed, by program; nothing where there is no journal. Raises LutForgeError on a damaged one."""
+    if not journal.exists():
+        return {}
+    require_file(journal, "LutForge's list of installed kits", LutForgeError, LARGEST)
+    with reading(journal, "LutForge's list of installed kits", LutForgeError):
+        stored = json.loads(journal.read_text(encoding="utf-8"))
+        return {
+            str(program): Installed(
+                {str(path): str(digest) for path, digest in entry["files"].items()}, tuple(map(str, entry["folders"]))
+            )
+            for program, entry in stored.items()
+        }
+
+
+def write_journal(journal: Path, installed: Mapping[str, Installed]) -> None:
+    """Write down what is installed; without anything no journal is left."""
+    if not installed:
+        journal.unlink(missing_ok=True)
+        return
+    entries = {name: {"files": each.files, "folders": list(each.folders)} for name, each in installed.items()}
+    with atomic_path(journal) as temporary:
+        temporary.write_text(json.dumps(entries, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _sum(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

@@ -1,0 +1,49 @@
+"""The LUTs of kits: a look between two spaces, as exact as a format holds it, described, and measured."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.arrays import ColourFunction
+from lutforge.colour.rgb_spaces import matrix_between, rgb_space
+from lutforge.kits.kit import Look
+from lutforge.kits.measure import error_of_lut
+from lutforge.luts.bake import bake_forms
+from lutforge.luts.check import FileError
+from lutforge.luts.description import description
+from lutforge.luts.ops import FEW, Curve, Matrix
+from lutforge.luts.programs import Target, target_of
+from lutforge.luts.sequence import ENCODED, InputAndOutput, Lut, input_and_output_of
+
+
+def write_lut(look: Look, path: Path, source: str, target: str, size: int | None = None, place: str = "") -> FileError:
+    """Write the look from one space to another, and measure the file. place: what to do with it in its program."""
+    jpeg = look.seen_from(source)
+    if path.suffix == ".clf":
+        # The exact chain to the JPEG, whose encoding is then undone: a cube of both would clip what the chain takes.
+        (lut,) = bake_forms(jpeg, [Target(size=size)])
+        space, even = rgb_space(target), np.repeat(np.linspace(0.0, 1.0, FEW)[:, None], 3, axis=1)
+        lut = Lut(
+            (*lut.ops, Curve(rgb_space("srgb").linearize(even)), Matrix(matrix_between("linear-srgb", space.name)))
+        )
+    else:
+        (lut,) = bake_forms(
+            look.between(source, target), [target_of(path, size=size)], display_referred=target == "srgb"
+        )
+    given = ENCODED if target == "srgb" else input_and_output_of("render", target).input
+    described(look, lut, InputAndOutput(input_and_output_of("render", source).input, given), place).write(path)
+    return error_of_lut(path, jpeg, source, target, lut.interpolation)
+
+
+def described(look: Look, lut: Lut, ends: InputAndOutput, place: str = "") -> Lut:
+    """Return a LUT with the look's title, and what files say of themselves."""
+    errors = look.profile.render(look.setting).purpose.comments
+    details = [f"camera and settings: {look.profile.camera}, {look.setting}", *errors]
+    return replace(lut, title=look.title, comments=description(ends, place, details))
+
+
+def baked(function: ColourFunction, path: Path, size: int) -> Lut:
+    """Bake a function from and to encoded sRGB to the form of a file."""
+    (lut,) = bake_forms(function, [target_of(path, size=size)])
+    return lut

@@ -1,0 +1,61 @@
+"""The errors of a kit's files: each read back, and compared with the look on colours that its program may feed it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.arrays import Array
+from lutforge.colour.rgb_spaces import matrix_between, rgb_space
+from lutforge.interpolation import Interpolation
+from lutforge.kits.dcp import read_dcp
+from lutforge.kits.icc import read_icc, scene_linear
+from lutforge.kits.kit import Look
+from lutforge.luts.check import FileError, compare
+from lutforge.luts.reading import file_processor, read_lut
+from lutforge.luts.sequence import evaluate, own_reader
+from lutforge.model.transform import Transform
+from lutforge.sobol import sobol
+
+BELOW, ABOVE = -0.1, 4.0
+"""Scene-linear values that are tried: such as colours outside a gamut have in a channel, and two stops above white."""
+
+
+def error_of_profile(path: Path, look: Look, colours: bool = False) -> FileError:
+    """The error of a camera profile (.icc, .dcp) behind white balance. colours: it leaves the tone curve out."""
+    x = np.random.default_rng(0).random((1 << 14, 3))
+    written = read_dcp(path)(x) if path.suffix.lower() == ".dcp" else read_icc(path)(x)
+    exact = rgb_space("srgb").encode(scene_linear(look)(x)) if colours else look.render(x)
+    return compare(x, written.astype(np.float32), np.clip(exact, 0.0, 1.0))
+
+
+def error_of_lut(
+    path: Path, jpeg: Transform, source: str, target: str = "srgb", interpolation: Interpolation = "tetrahedral"
+) -> FileError:
+    """The error of a LUT that takes colours of a space, and gives those of the camera's JPEG in another.
+
+    jpeg: the model, from the space to encoded sRGB, in which both are compared.
+    """
+    x = colours_of(source, jpeg)
+    if own_reader(path) is None:
+        got = evaluate(file_processor(path, interpolation), x).astype(np.float64)
+    else:
+        got = read_lut(path)(x)
+    if target != "srgb":
+        space = rgb_space(target)
+        light = space.linearize(got) @ matrix_between(space.linear.name, "linear-srgb").T
+        got = rgb_space("srgb").encode(np.clip(light, 0.0, 1.0))
+    return compare(x, np.clip(got, 0.0, 1.0).astype(np.float32), jpeg(x))
+
+
+def colours_of(source: str, jpeg: Transform) -> Array:
+    """Colours (n, 3) of a space: all channels at once, greys, and one channel at a time.
+
+    Those of a linear space reach from below black to what the camera clips.
+    """
+    low, high = (BELOW, max(ABOVE, jpeg.highest())) if rgb_space(source).is_linear else (0.0, 1.0)
+    # Half of the colours are dark, as half of what is photographed.
+    spread = np.concatenate([sobol(1 << 14), sobol(1 << 14, seed=2) ** 3])
+    ramp = np.linspace(0.0, 1.0, 513)[:, None]
+    alone = np.concatenate([ramp * np.eye(3)[channel] for channel in range(3)])
+    black = -low / (high - low)  # a channel alone: the others are at black
+    return low + (high - low) * np.concatenate([spread, np.repeat(ramp, 3, axis=1), np.where(alone > 0, alone, black)])
