@@ -18,6 +18,8 @@ from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from tests.cases.other_versions import oiiotool
 from tests.cases.pictures import write_cube, write_picture
+from tests.cases.profiles import plain_profile
+from tests.conftest import CommandLine, Refused
 
 OIIOTOOLS = ("2.4", "3.0.3.1", "")
 """The distribution's, an older one of a wheel, and the one beside this Python."""
@@ -121,3 +123,29 @@ def test_what_oiiotool_cannot_do_is_said(tmp_path: Path) -> None:
     (line,) = oiiotool_commands(LutRecipe(write_cube(tmp_path / "l$HOME.cube")), jobs, tmp_path)
     assert isinstance(line, Failure)
     assert "variables" in line.reason
+
+
+def test_apply_through_a_view_of_a_config(tmp_path: Path, lutforge: CommandLine, refused: Refused) -> None:
+    """The view's pixels, its name whatever its case, on the first display without another; else one line."""
+    config = small_config()
+    (tmp_path / "config.ocio").write_text(config.serialize())
+    pixels = write_picture(tmp_path / "a.exr", kind="float")
+    command = ("apply", "config.ocio", "a.exr", "--from", "log look", "-o", "seen")
+    lutforge(*command, "--view", "A View", "--display", "a screen", cwd=tmp_path)
+    wanted = pixels.copy()
+    forward = OCIO.TRANSFORM_DIR_FORWARD
+    config.getProcessor("log look", "a screen", "a view", forward).getDefaultCPUProcessor().applyRGB(wanted)
+    np.testing.assert_allclose(read_image(tmp_path / "seen" / "a.exr").pixels, wanted, atol=1e-6)
+    lutforge("apply", "config.ocio", "a.exr", "--from", "scene", "--view", "Raw", "-o", "first", cwd=tmp_path)
+    np.testing.assert_array_equal(read_image(tmp_path / "first" / "a.exr").pixels, pixels)
+
+    plain_profile("X").save(tmp_path / "camera.npz")
+    for says, *words in (
+        ("known: a view", "--view", "film", "--display", "a screen"),
+        ("known: sRGB, a screen", "--view", "a view", "--display", "television"),
+        ("goes without --to", "--view", "a view", "--to", "scene"),
+        ("goes with --view", "--display", "a screen", "--to", "scene"),
+    ):
+        assert says in refused(tmp_path, *command, *words)
+    assert "--from" in refused(tmp_path, "apply", "config.ocio", "a.exr", "--view", "Raw", "-o", "seen")
+    assert "with a config" in refused(tmp_path, "apply", "camera.npz", "a.exr", "--view", "Raw", "-o", "seen")

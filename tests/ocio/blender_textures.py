@@ -40,5 +40,8 @@ def read(file: str, folder: str) -> None:
         bpy.ops.render.render(write_still=True)
 
 
-words = sys.argv[sys.argv.index("--") + 1 :]
-{"make": make, "read": read}[words[0]](*words[1:])
+action, *words = sys.argv[sys.argv.index("--") + 1 :]
+if action == "make":
+    make(*words)
+else:
+    read(*words)
