@@ -233,7 +233,7 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
         if names:
             lines.append(f"  {title:<9} {len(names)}: {one_line(', '.join(names), 240)}")
     files = file_names(config)
-    problems = check_config(config) if with_transforms else []
+    problems = [str(problem) for problem in check_config(config)] if with_transforms else []
     if files:
         missing = [text for text in problems if text.startswith("file ")]
         found = "all found" if not missing else f"{len(missing)} missing"
