@@ -97,8 +97,8 @@ def place_of(program: str, machine: Machine) -> Place:
             return Place(("nuke",), home / ".nuke", {".clf": "LutForge"}, "a node OCIOFileTransform with the file")
         case "blender":
             # Blender looks for a folder "colormanagement" in the user's datafiles of a version before its own.
-            usual = {"darwin": support / "Blender", "win32": support / "Blender Foundation" / "Blender"}
-            folder = usual.get(system, machine.settings / "blender")
+            below = {"darwin": "Blender", "win32": "Blender Foundation/Blender"}
+            folder = support / below.get(system, "blender")
             versions = sorted(path.name for path in folder.glob("[0-9]*.[0-9]*") if path.is_dir())
             use = "start Blender again: it shows every file by this config, until it is taken away"
             return Place((), folder, {}, use, tuple(f"{version}/datafiles/colormanagement" for version in versions))
