@@ -304,7 +304,7 @@ def properties(camera: FleetCamera, profile: CameraProfile) -> dict[str, float]:
 
 
 def matched(camera: FleetCamera, other: FleetCamera, folder: Path) -> dict[str, float]:
-    """One camera's JPEG in the look of the other, on settings that both know, of the same surfaces in the same light."""
+    """One camera's JPEG in the look of the other on settings that both know: the same surfaces in the same light."""
     profiles = [lf.load_profile(folder / f"{each.half} {each.name}.npz") for each in (camera, other)]
     errors = []
     for balance in LIGHTS:
@@ -323,27 +323,30 @@ def matched(camera: FleetCamera, other: FleetCamera, folder: Path) -> dict[str, 
 # --- All cameras, and the tables --------------------------------------------------------------------------------------
 
 COLUMNS: Mapping[str, str] = {
-    "render: ΔE00 mean": "render", "render: ΔE00 95 %": "95 %", "render: ΔE00 99.9 %": "99.9 %", "render: ΔE00 max": "max",
-    "render, kriging: ΔE00 mean": "kriging", "render, bright: ΔE00 mean": "bright", "render, saturated: ΔE00 mean": "saturated",
-    "file CLF 17³, render: ΔE00 mean": "CLF 17³", "file CLF 33³, render: ΔE00 mean": "CLF 33³",
-    "file plain 33³, refinish of styles: ΔE00 mean": "plain 33³", "linearize: RMSE": "linearize",
-    "linearize, kriging: RMSE": "kriging", "linearize: ΔE00 mean": "its ΔE00", "refinish: RMSE median pair": "refinish",
-    "refinish: RMSE worst pair": "worst pair", "refinish, bare: RMSE worst pair": "bare",
-    "refinish / bare, least code < 200": "/ bare < 200", "refinish to white: codes per code": "to white",
-    "neutral light: codes off neutral": "neutral", "more light: codes darker": "darker", "round trip: codes, 99.9 %": "trip",
+    "render: ΔE00 mean": "render", "render: ΔE00 95 %": "95 %", "render: ΔE00 99.9 %": "99.9 %",
+    "render: ΔE00 max": "max", "render, kriging: ΔE00 mean": "kriging", "render, bright: ΔE00 mean": "bright",
+    "render, saturated: ΔE00 mean": "saturated", "file CLF 17³, render: ΔE00 mean": "CLF 17³",
+    "file CLF 33³, render: ΔE00 mean": "CLF 33³", "file plain 33³, refinish of styles: ΔE00 mean": "plain 33³",
+    "linearize: RMSE": "linearize", "linearize, kriging: RMSE": "kriging", "linearize: ΔE00 mean": "its ΔE00",
+    "refinish: RMSE median pair": "refinish", "refinish: RMSE worst pair": "worst pair",
+    "refinish, bare: RMSE worst pair": "bare", "refinish / bare, least code < 200": "/ bare < 200",
+    "refinish to white: codes per code": "to white", "neutral light: codes off neutral": "neutral",
+    "more light: codes darker": "darker", "round trip: codes, 99.9 %": "trip",
     "render: held-out error / true": "held-out / true", "linearize: held-out error / true": "linearize",
     "match with the next camera: ΔE00 mean": "match", "vignetting: off by, EV": "vignetting",
     "calibration: CPU seconds": "seconds",
 }  # fmt: skip
 """Figures of the tables, and the heads of their columns."""
 GUIDE: tuple[str, ...] = (
-    "render: ΔE00 mean", "render: ΔE00 95 %", "render: ΔE00 99.9 %", "render, kriging: ΔE00 mean", "render, bright: ΔE00 mean",
-    "render, saturated: ΔE00 mean", "file CLF 17³, render: ΔE00 mean", "file CLF 33³, render: ΔE00 mean",
-    "file plain 33³, refinish of styles: ΔE00 mean", "file plain 65³, refinish of styles: ΔE00 mean", "linearize: RMSE",
-    "linearize, kriging: RMSE", "linearize, bright: RMSE", "refinish: RMSE median pair", "refinish: RMSE worst pair",
+    "render: ΔE00 mean", "render: ΔE00 95 %", "render: ΔE00 99.9 %", "render, kriging: ΔE00 mean",
+    "render, bright: ΔE00 mean", "render, saturated: ΔE00 mean", "file CLF 17³, render: ΔE00 mean",
+    "file CLF 33³, render: ΔE00 mean", "file plain 33³, refinish of styles: ΔE00 mean",
+    "file plain 65³, refinish of styles: ΔE00 mean", "linearize: RMSE", "linearize, kriging: RMSE",
+    "linearize, bright: RMSE", "refinish: RMSE median pair", "refinish: RMSE worst pair",
     "refinish, bare: RMSE worst pair", "refinish / bare, least code < 200", "refinish to white: codes per code",
     "match with the next camera: ΔE00 mean", "neutral light: codes off neutral", "more light: codes darker",
-    "round trip: codes, 99.9 %", "render: held-out error / true", "linearize: held-out error / true", "vignetting: off by, EV",
+    "round trip: codes, 99.9 %", "render: held-out error / true", "linearize: held-out error / true",
+    "vignetting: off by, EV",
 )  # fmt: skip
 """Rows of the guide's table, per half as median (worst) of the cameras."""
 

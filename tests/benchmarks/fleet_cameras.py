@@ -63,7 +63,7 @@ def emor(data: Path) -> tuple[Array, Array]:
 
 
 def made_up_response(rng: np.random.Generator, data: Path, contrast: float) -> Array:
-    """A curve (1024,) at even linear values, which rises from 0 to 1: with or without a toe, with a soft or hard shoulder."""
+    """A curve (1024,) at even linear values, from 0 to 1: with or without a toe, with a soft or hard shoulder."""
     mean, basis = emor(data)
     toe, shoulder = rng.choice([0.0, 0.25]) * contrast, rng.choice([0.0, 0.35])
     while True:
@@ -169,7 +169,7 @@ class FleetCamera:
         return all_sensors(self.data)[self.name]
 
     def expose(self, reflectances: Array, of: str) -> Array:
-        """RAW (n, 3) of reflectances (n, L) in the light of a white balance; a white diffuser's largest channel is 1."""
+        """RAW (n, 3) of reflectances (n, L) in the light of a white balance; a diffuser's largest channel is 1."""
         weights = self.sensitivities * light(LIGHTS[of])[:, None]
         return np.asarray(reflectances @ weights / weights.sum(axis=0).max())
 
@@ -218,7 +218,7 @@ class FleetCamera:
         return np.asarray(self._published[style][1].query(linear)[0] < NEAR)
 
     def samples(self) -> lf.SampleSet:
-        """The samples of what a person photographed, with noise, 8-bit codes, exposures that are off, and JPEG errors."""
+        """What a person samples: with noise, 8-bit codes, exposures that are off, and errors of JPEG compression."""
         rng, seen = np.random.default_rng([7, self.seed, len(self.name)]), training(self.data)
         parts = []
         for style in STYLES:
