@@ -4,8 +4,9 @@
 
 Sources: the Canon S40's photographs, each left out in turn; two splits of the published pairs of the Nikon D40; rigs,
 which are RAW of measured sensitivities, reflectances and lights, rendered by the D40's published models; styles of
-simulated cameras; and both halves of the fleet (`--only of_the_fleet`, which takes by far the longest). A rig's test colours are other reflectances and mixtures at other exposures, those that clip too, no
-farther than 0.03 from colours that the published model was measured at.
+simulated cameras; and both halves of the fleet (`--only of_the_fleet`, which takes by far the longest). A rig's test
+colours are other reflectances and mixtures at other exposures, those that clip too, no farther than 0.03 from colours
+that the published model was measured at.
 
 Figures are ΔE00 of the rendering (mean, 99.9 %, largest; mean of colours with a clipped channel) and RMSE of the
 linearization. The baseline is plain universal kriging of encoded residuals around matrix and response, in sixty lines.

@@ -5,9 +5,8 @@
 Prints one figure a row under a stable name; lower is better in every row. `--compare` prints the ratio to an earlier
 `--json` and marks what is worse by more than 3 %; the exit status is then 1. `--quick` measures the published Nikon D40
 at three sizes, the Canon S40, the simulated camera and three cameras of the fleet. `--only` keeps the parts whose names
-hold a word. Photographs of
-the simulated cameras are made anew, or taken from `--keep DIR`. LUTFORGE_TEST_DATA names the folder of real data; the
-parts that need it are left out where it is missing.
+hold a word. Photographs of the simulated cameras are made anew, or taken from `--keep DIR`. LUTFORGE_TEST_DATA names
+the folder of real data; the parts that need it are left out where it is missing.
 
 Errors are Euclidean norms of the RGB difference, 1 = full scale, or ΔE00. Seconds are printed, but never marked.
 """

@@ -286,12 +286,8 @@ def properties(camera: FleetCamera, profile: CameraProfile) -> dict[str, float]:
         neutral = max(neutral, float(255 * np.ptp(off, axis=1).max()))
         colours = camera.unseen(rng, 30, balance)
         rays = (levels[:, None] * colours / colours.max(axis=1, keepdims=True)).reshape(-1, 3)
-        for made, worst in ((render(rays), "mine"), (camera.render(rays, style, balance), "true")):
-            fall = float(-255 * np.diff(np.clip(made, 0, 1).reshape(len(levels), -1, 3), axis=0).min())
-            if worst == "mine":
-                falls = max(falls, fall)
-            else:
-                true_falls = max(true_falls, fall)
+        falls = max(falls, _fall(render(rays), len(levels)))
+        true_falls = max(true_falls, _fall(camera.render(rays, style, balance), len(levels)))
         jpeg = camera.render(camera.unseen(rng, 500, balance), style, balance)
         jpeg = jpeg[whole(jpeg)]
         trips = max(trips, float(255 * np.quantile(np.abs(render(profile.linearize(name)(jpeg)) - jpeg), 0.999)))
@@ -301,6 +297,11 @@ def properties(camera: FleetCamera, profile: CameraProfile) -> dict[str, float]:
         "more light: codes darker, truth": true_falls,
         "round trip: codes, 99.9 %": trips,
     }
+
+
+def _fall(encoded: Array, levels: int) -> float:
+    """The largest fall of a channel, in codes, along rays of rising light (levels · n, 3)."""
+    return float(-255 * np.diff(np.clip(encoded, 0.0, 1.0).reshape(levels, -1, 3), axis=0).min())
 
 
 def matched(camera: FleetCamera, other: FleetCamera, folder: Path) -> dict[str, float]:
@@ -436,7 +437,7 @@ def main() -> int:
                 own = [each for each in taken if each.half == half]
                 for camera, other in zip(own, [*own[1:], *own[:1]], strict=True):
                     if camera is not other:
-                        made[f"{camera.name} to {other.name}"] = partial(match_figures, camera, other)  # type: ignore[assignment]
+                        made[f"{camera.name} to {other.name}"] = partial(match_figures, camera, other)
             return made
 
         status = common.measured(parts, arguments)

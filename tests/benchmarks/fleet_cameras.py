@@ -8,7 +8,7 @@ sensors. Half of the cameras are there to choose on and half to report on; none 
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 import lutforge as lf
 from lutforge.arrays import Array, Mask
 from lutforge.colour.spectra import chart_reflectances, light, linear_srgb_under
+from lutforge.model.profile_data import PhysicalModel
 from lutforge.model.published_model import read_published_model
 from lutforge.samples.sample_set import concatenate
 from tests.cases.real_data import sensors, spectral_data
@@ -124,7 +125,7 @@ class MadeUpRendering:
         hue = np.arctan2(chroma[:, 1:], chroma[:, :1])
 
         def waves(amplitudes: Array) -> Array:
-            return sum(a * np.cos((k + 1) * hue + b) for k, (a, b) in enumerate(amplitudes.T))  # type: ignore[return-value]  # never 0
+            return np.asarray(sum(a * np.cos((k + 1) * hue + b) for k, (a, b) in enumerate(amplitudes.T)))
 
         at, turn, gain = self.apart
         near = np.exp(-((np.angle(np.exp(1j * (hue - at))) / 0.35) ** 2)) * np.minimum(size, 0.5)
@@ -143,7 +144,7 @@ class MadeUpRendering:
             soft = (mapped + np.sqrt(mapped**2 + 4 * least**2)) / 2
             mapped = soft / ((1 + np.sqrt(1 + 4 * self.softness**2)) / 2)
         mapped *= 1 + self.tint * (lightness if self.tints_highlights else 1 - lightness) ** 3
-        return np.interp(mapped, np.linspace(0, 1, 1024), self.curve)
+        return np.asarray(np.interp(mapped, np.linspace(0, 1, 1024), self.curve))
 
 
 # --- A camera of the fleet --------------------------------------------------------------------------------------------
@@ -193,11 +194,10 @@ class FleetCamera:
 
     @cached_property
     def _published(self) -> dict[str, tuple[Render, cKDTree]]:
-        styles = {}
+        styles: dict[str, tuple[Render, cKDTree]] = {}
         for style, folder in zip(STYLES, ("other_white_balances", "fluorescent"), strict=True):
             model = read_published_model(self.data / "nus_nikon_d40" / folder)
-            mapped, response = model.model.gamut_map, model.model.response
-            styles[style] = (lambda x, h=mapped, f=response: f.encode(h(x)), cKDTree(model.linear))
+            styles[style] = (partial(_through, model.model), cKDTree(model.linear))
         return styles
 
     @cached_property
@@ -279,6 +279,11 @@ class FleetCamera:
         """RAW (count, 3) of reflectances and mixtures that no camera's samples have, at any exposure."""
         surfaces = mixed(rng, testing(self.data), count)
         return np.clip(self.expose(surfaces, lit_by) * np.exp(rng.uniform(-3.5, 0.4, (count, 1))), 0.0, 1.0)
+
+
+def _through(model: PhysicalModel, linear: Array) -> Array:
+    """Linear sRGB (n, 3) → encoded: a published model behind another camera's matrix."""
+    return model.response.encode(model.gamut_map(linear))
 
 
 def mixed(rng: np.random.Generator, surfaces: Array, count: int) -> Array:
