@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
 
-.PHONY: demo docs test test-all check other-versions benchmark accuracy field clean
+.PHONY: demo docs test test-all check other-versions benchmark accuracy fleet field clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
@@ -39,6 +39,10 @@ benchmark: .venv/ready
 # Every figure that a change must keep; ACCURACY="--quick --compare FILE" for everyday use.
 accuracy: .venv/ready
 	$(BIN)/python -m tests.benchmarks.accuracy $(ACCURACY)
+
+# 24 cameras whose truth is known, half to choose a change on and half to report on; FLEET="--half choose" for one half.
+fleet: .venv/ready
+	$(BIN)/python -m tests.benchmarks.fleet $(FLEET)
 
 # LutForge beside other ways to a camera's look, in darktable and RawTherapee as installed; FIELD="--keep DIR" to go on.
 field: .venv/ready

@@ -469,8 +469,9 @@ def raised(highlights: NeutralHighlights, gain: Array, reach: float, size: int =
 
     The nodes lie where light is raised. Interpolated in tetrahedra, what is not raised passes exactly. White is a node.
     """
-    steps = len(highlights.floor) - 1
-    dark = max(int(np.argmax(highlights.floor.max(axis=1) > 0)) - 1, DARK_CELLS) / steps
+    even = grid(uniform_levels(size)).reshape(-1, 3)
+    moved = np.any(highlights(even * highlights.white) != even * highlights.white, axis=1)
+    dark = max(float(even[moved].min(initial=1.0)), DARK_CELLS / size) - 1 / size
     below, above = np.linspace(0.0, dark, DARK_CELLS + 1)[:-1], np.linspace(dark, 1.0, size - 1 - DARK_CELLS)
     axis = snap_levels(np.append(np.append(below, above), max(reach, 1.0) + 0.01) / (max(reach, 1.0) + 0.01), FEW)
     levels, scale = (axis, axis, axis), highlights.white / gain / axis[-2]

@@ -3,6 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -27,6 +28,7 @@ from lutforge.model.transform import (
     Purpose,
     Stage,
     Transform,
+    through_stages,
 )
 from lutforge.model.white_balance import WhiteBalance, resolve, shifted, temperature_of
 from lutforge.settings import Kelvin, Multipliers, Selector, Shift, parse_selector, require_exposure, split_shift
@@ -234,7 +236,10 @@ def match(
     render = target_camera.render_balanced(target, model)
     if not neutral_highlights:
         return Transform((*balanced, *render.stages), purpose)
-    highlights = highlights_between(Transform(balanced), render, 2.0**ev, target_camera.matrix, render.highest())
+    to_balanced = through_stages(exposed, np.eye(3)).T
+    back = MatrixStage(np.diag(source_camera.multipliers(source)) @ np.linalg.inv(to_balanced))
+    shown = partial(through_stages, (back, *source_camera.render_balanced(source, model).stages))
+    highlights = highlights_between(Transform(balanced), shown, render, 2.0**ev, target_camera.matrix, render.highest())
     return Transform((*balanced, highlights, *render.stages), purpose)
 
 

@@ -4,6 +4,7 @@ A code below 255 is a measurement. White is only a lower bound of the light: the
 developers clip after white balance. If white were taken for the least light that clips, a change of white balance would
 turn it into the colour of the ratio of the two white balances. So white is rendered as grey, and what is darker rises
 towards that grey by at most `RISE` codes for each code that the picture is nearer to white: one code decides nothing.
+Nothing of which the picture shows a channel below `WHITE_FROM` is changed.
 """
 
 from collections.abc import Callable
@@ -18,15 +19,22 @@ from lutforge.interpolation import apply_curve
 CLIPPED = 0.5 / 255.0
 """An encoded channel this near to 0 or 1 is clipped: half a code of an 8-bit file."""
 
-RISE = 3.4
+WHITE_FROM = 180.0 / 255.0
+"""The least channel of a picture above which a colour may be part of burnt-out white.
+
+Below it, colours of a picture are measurements. The nearer to 1, the steeper is the rise to white.
+"""
+
+RISE = 1.0 / (1.0 - WHITE_FROM)
 """Codes by which the output rises at most towards white per code of the source's least channel.
 
-The rendering's own slope, its matrix and its gamut map add to this: with 3.4 no channel of the
-Canon S40 or of the demo's camera rises by more than 8 codes.
+The rendering's own slope, its matrix and its gamut map add to this.
 """
 
 SOFTNESS = 0.15
-"""Width of the bend from the model to the rise, as a share of the light that is lacking to white: LUTs have no corners.
+"""Width of the bend from the model to the rise, as a share of the rise and of the codes that are lacking to white.
+
+LUTs have no corners.
 """
 
 STEPS = 4096
@@ -42,30 +50,37 @@ def clipped(encoded: ArrayLike) -> Mask:
 
 @dataclass(frozen=True, eq=False)
 class NeutralHighlights:
-    """Balanced light of a picture, raised where it comes near to burnt-out white, which ends as grey.
+    """Balanced light of a picture, raised where the picture comes near to burnt-out white, which ends as grey.
 
-    white: (3,), the balanced light that the model gives for white; floor: (n, 3), the least linear light of the output
-    at n even steps, from 0 to 1, of the least channel relative to white; to_linear: (3, 3), balanced light to that of
-    the output; highest: where balanced light is clipped before it is rendered.
+    What is near white is what the picture shows, not its RAW: strong colours can be bright in all channels of a sensor.
+    white: (3,), the balanced light that the model gives for white; shown: balanced light (…, 3) → the picture, encoded;
+    floor: (n, 3), the least linear light of the output at n even steps of the picture's least channel, from
+    `WHITE_FROM` to 1; to_linear: (3, 3), balanced light to that of the output; highest: where balanced light is
+    clipped before it is rendered.
     """
 
     white: Array
+    shown: Callable[[Array], Array]
     floor: Array
     to_linear: Array
     highest: float = 1.0
 
     def __call__(self, balanced: Array) -> Array:
         """Balanced linear light (…, 3) → the same, no channel of the output lower."""
-        least = np.min(balanced / self.white, axis=-1, keepdims=True)
-        wanted = apply_curve(self.floor, np.repeat(np.clip(least, 0.0, 1.0), 3, axis=-1))
+        least = np.min(self.shown(balanced), axis=-1, keepdims=True)
+        nearness = np.clip((least - WHITE_FROM) / (1.0 - WHITE_FROM), 0.0, 1.0)
+        wanted = apply_curve(self.floor, np.repeat(nearness, 3, axis=-1))
         missing = wanted - np.minimum(balanced, self.highest) @ self.to_linear.T
-        bend = SOFTNESS * np.clip(1.0 - least, 1e-9, 1.0)
+        bend = np.maximum(SOFTNESS * wanted * (1.0 - nearness), 1e-9)
         missing = np.where(missing < bend, np.maximum(missing + bend, 0.0) ** 2 / (4.0 * bend), missing)
+        # Light outside the gamut of the output is below any floor, so that it has to rise from where it is.
+        missing *= 1.0 - (1.0 - nearness) ** 2
         return np.asarray(balanced + missing @ np.linalg.inv(self.to_linear).T)
 
 
 def neutral_highlights(
     to_balanced: Callable[[Array], Array],
+    shown: Callable[[Array], Array],
     render: Callable[[Array], Array],
     level: float,
     to_linear: Array,
@@ -73,8 +88,9 @@ def neutral_highlights(
 ) -> NeutralHighlights:
     """Return what keeps white neutral between the two halves of a refinish.
 
-    to_balanced: encoded source → balanced light; render: balanced light → encoded output; level: balanced light of
-    white, if it is no brighter than what just saturates; to_linear, highest: as of `NeutralHighlights`.
+    to_balanced: encoded source → balanced light; shown: the way back; render: balanced light → encoded output; level:
+    balanced light of white, if it is no brighter than what just saturates; to_linear, highest: as of
+    `NeutralHighlights`.
     """
     codes = np.linspace(0.0, 1.0, 256)
     ramp = to_balanced(codes[:, None].repeat(3, axis=1))
@@ -83,17 +99,16 @@ def neutral_highlights(
 
     # Which level of grey light makes which code of each channel of the output, and which source code has which light.
     levels = np.linspace(0.0, 1.0, 1024) ** 2
-    shown = np.maximum.accumulate(render(levels[:, None] * grey))
-    least = np.maximum.accumulate((ramp / white).min(axis=1))
-    source = np.interp(np.linspace(0.0, 1.0, STEPS), least, codes)
+    rendered = np.maximum.accumulate(render(levels[:, None] * grey))
+    least = np.maximum.accumulate(shown(ramp).min(axis=1))
+    source = np.interp(np.linspace(WHITE_FROM, 1.0, STEPS), least, codes)
     floor = np.empty((STEPS, 3))
     for c, full in enumerate(to_linear @ grey):
-        output = shown[-1, c] - RISE * (1.0 - source)
-        rising = np.concatenate([[True], np.diff(shown[:, c]) > 1e-6])
-        light = np.interp(np.abs(output), shown[rising, c], levels[rising]) * np.maximum(np.abs(output), 1.0) ** 3
-        floor[:, c] = np.sign(output) * light * full
+        output = np.maximum(rendered[-1, c] - RISE * (1.0 - source), 0.0)
+        rising = np.concatenate([[True], np.diff(rendered[:, c]) > 1e-6])
+        floor[:, c] = np.interp(output, rendered[rising, c], levels[rising]) * full
     floor[-1] = to_linear @ grey
-    return NeutralHighlights(white, floor, to_linear, highest)
+    return NeutralHighlights(white, shown, floor, to_linear, highest)
 
 
 def white_as_grey(render: Callable[[Array], Array], bare: Array, least: float, to_linear: Array) -> Array:

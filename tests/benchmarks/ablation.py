@@ -3,9 +3,10 @@
     LUTFORGE_TEST_DATA=DIR python -m tests.benchmarks.ablation [--only WORD …]
 
 Sources: the Canon S40's photographs, each left out in turn; two splits of the published pairs of the Nikon D40; rigs,
-which are RAW of measured sensitivities, reflectances and lights, rendered by the D40's published models; and styles of
-simulated cameras. A rig's test colours are other reflectances and mixtures at other exposures, those that clip too, no
-farther than 0.03 from colours that the published model was measured at.
+which are RAW of measured sensitivities, reflectances and lights, rendered by the D40's published models; styles of
+simulated cameras; and both halves of the fleet (`--only of_the_fleet`, which takes by far the longest). A rig's test
+colours are other reflectances and mixtures at other exposures, those that clip too, no farther than 0.03 from colours
+that the published model was measured at.
 
 Figures are ΔE00 of the rendering (mean, 99.9 %, largest; mean of colours with a clipped channel) and RMSE of the
 linearization. The baseline is plain universal kriging of encoded residuals around matrix and response, in sixty lines.
@@ -40,6 +41,8 @@ from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.benchmarks import common
 from tests.benchmarks.common import HALF_CODE, heading, row
+from tests.benchmarks.fleet import whole
+from tests.benchmarks.fleet_cameras import STYLES, fleet
 from tests.cases.real_data import read_published_pairs, sensors, spectral_data, split
 from tests.cases.samples import style_of
 
@@ -98,6 +101,25 @@ def rigs(data: Path) -> Iterator[tuple[str, Source]]:
         style = style_of(fitted[whole], encoded[whole])
         clipped = ClippedColours(fitted[~whole], encoded[~whole], np.full(int((~whole).sum()), "shot 0"))
         yield f"rig {camera}", Source(replace(style, clipped=clipped), tested, published.model.render(tested))
+
+
+def of_the_fleet(data: Path) -> Iterator[tuple[str, Source]]:
+    """Both styles of each camera of the fleet; the cameras of a half are one source."""
+    for camera in fleet(data):
+        samples = camera.samples()
+        for style in STYLES:
+            mine = samples.select(samples.style == style)
+            balanced = mine.raw * np.array([camera.balances[str(name)] for name in mine.white_balance])
+            rows = whole(mine.srgb) & np.all(balanced < 1.0, axis=1)
+            clipped = ClippedColours(balanced[~rows], mine.srgb[~rows], mine.shot[~rows])
+            seen = StyleData(balanced[rows], mine.srgb[rows], mine.shot[rows], mine.select(rows), clipped=clipped)
+            rng, tested, encoded = np.random.default_rng(9), [], []
+            for name in np.unique(mine.white_balance):
+                raw = camera.unseen(rng, 500, str(name))
+                raw = raw[camera.known(raw, style, str(name))]
+                tested.append(np.minimum(raw * camera.balances[str(name)], 1.0))
+                encoded.append(camera.render(raw, style, str(name)))
+            yield f"fleet, to {camera.half}", Source(seen, np.concatenate(tested), np.concatenate(encoded))
 
 
 def simulated(_: Path) -> Iterator[tuple[str, Source]]:
@@ -206,7 +228,7 @@ def main() -> None:
     if data is None:
         return
     rows: dict[str, dict[str, list[tuple[float, ...]]]] = {}
-    for sources in (s40, d40, rigs, simulated):
+    for sources in (s40, d40, rigs, simulated, of_the_fleet):
         if common.chosen(sources.__name__, only):
             for name, source in sources(data):
                 for part, fit in PARTS.items():

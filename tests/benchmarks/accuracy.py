@@ -4,9 +4,9 @@
 
 Prints one figure a row under a stable name; lower is better in every row. `--compare` prints the ratio to an earlier
 `--json` and marks what is worse by more than 3 %; the exit status is then 1. `--quick` measures the published Nikon D40
-at three sizes, the Canon S40 and the simulated camera. `--only` keeps the parts whose names hold a word. Photographs of
-the simulated cameras are made anew, or taken from `--keep DIR`. LUTFORGE_TEST_DATA names the folder of real data; the
-parts that need it are left out where it is missing.
+at three sizes, the Canon S40, the simulated camera and three cameras of the fleet. `--only` keeps the parts whose names
+hold a word. Photographs of the simulated cameras are made anew, or taken from `--keep DIR`. LUTFORGE_TEST_DATA names
+the folder of real data; the parts that need it are left out where it is missing.
 
 Errors are Euclidean norms of the RGB difference, 1 = full scale, or ΔE00. Seconds are printed, but never marked.
 """
@@ -52,6 +52,8 @@ from lutforge.simulate.scene import SCENES, palette
 from lutforge.thesis.options import Options, ThesisOptions
 from tests.benchmarks import common, lattices
 from tests.benchmarks.common import ROOT, Figure, Figures, Parts
+from tests.benchmarks.fleet import is_error, measure
+from tests.benchmarks.fleet_cameras import fleet
 from tests.cases import input_transforms
 from tests.cases.real_data import CHARTS
 
@@ -383,13 +385,25 @@ def configs(data: Path, keep: Path) -> Figures:
         yield Figure(f"config {name}: seconds", seconds, unit="s", compared=False)
 
 
+HANDFUL = ("Canon_EOS_R5", "Sony_ILCE-7M3", "Canon 300D")
+"""Cameras of the fleet's first half: charts, casual photographs of a published rendering, and a single chart."""
+
+
+def some_of_the_fleet(data: Path, keep: Path) -> Figures:
+    """Three cameras to choose on; `make fleet` has all, and those to report on."""
+    for camera in fleet(data):
+        if camera.name in HANDFUL:
+            for name, value in measure(camera, keep).items():
+                yield Figure(f"fleet, {camera.name}, {name}", value, compared=is_error(name))
+
+
 def parts(keep: Path, *, quick: bool) -> Parts:
     """What a run measures, by name."""
     sizes = (13, 17, 33) if quick else (9, 13, 17, 24, 33, 65)
     made: dict[str, Callable[[], Figures]] = {"d40": partial(d40, sizes), "simulated": partial(simulated, keep)}
     data = common.real_data()
     if data is not None:
-        made["s40"] = partial(s40, data, keep)
+        made |= {"s40": partial(s40, data, keep), "fleet": partial(some_of_the_fleet, data, keep)}
     if not quick:
         made |= {"refinishes": partial(refinishes, keep), "charts": charts}
         made |= {"transfers": transfers, "matches": matches, "charts_without_raw": charts_without_raw}
@@ -401,7 +415,7 @@ def parts(keep: Path, *, quick: bool) -> Parts:
 def main() -> int:
     """Print the figures."""
     parser = common.parser(__doc__)
-    parser.add_argument("--quick", action="store_true", help="the D40 at three sizes, the S40, the simulated camera")
+    parser.add_argument("--quick", action="store_true", help="the D40, the S40, the demo, three of the fleet")
     arguments = parser.parse_args()
     return common.measured(partial(parts, quick=arguments.quick), arguments)
 

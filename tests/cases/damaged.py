@@ -29,7 +29,8 @@ from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import FORMATS, Lut
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.ocio.merging import open_base, write_config
+from lutforge.ocio.config import write_config
+from lutforge.ocio.merging import open_base
 from lutforge.pipeline.inspection import check, inspect
 from lutforge.samples.table import read_samples
 from lutforge.shots.read import read_shot

@@ -19,6 +19,7 @@ from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile, ModelName
 from lutforge.model.highlights import clipped, white_as_grey
 from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.published_model import read_published_model
 from lutforge.model.transform import Transform
 from lutforge.ocio.cameras import name_cameras
 from lutforge.ocio.check import load_config
@@ -223,14 +224,37 @@ def test_one_code_of_the_source_moves_no_channel_by_more_than_eight(ev: float, m
         assert np.ptp(codes(refinish, np.ones((1, 3)))) <= 2.0, (source, target)
 
 
-def test_what_is_far_from_white_is_what_the_model_says() -> None:
-    profile = small_profile()
-    refinish = profile.refinish("standard/tungsten", "standard/daylight", 0.7)
-    bare = profile.refinish("standard/tungsten", "standard/daylight", 0.7, neutral_highlights=False)
-    colours = np.random.default_rng(0).uniform(0.02, 0.95, (500, 3))
-    colours[:, 1] = np.minimum(colours[:, 1], 0.6)
-    np.testing.assert_allclose(refinish(colours), bare(colours), atol=1e-12)
-    assert np.ptp(codes(bare, np.ones((1, 3)))) > 10.0
+@pytest.mark.parametrize("model", ["lattice", "rbf"])
+def test_what_the_picture_does_not_show_near_white_is_what_the_model_says(model: ModelName) -> None:
+    """Strong colours are bright in all channels of RAW, and have little of one channel of the picture."""
+    profile, colours = fine_profile(), np.random.default_rng(0).uniform(0.0, 1.0, (3000, 3))
+    colours = colours[colours.min(axis=1) < 0.65]  # lattices say what a picture shows to some codes
+    for source, target in permutations(("standard/daylight", "standard/tungsten", "standard/auto"), 2):
+        refinish = profile.refinish(source, target, 0.0, model)
+        bare = profile.refinish(source, target, 0.0, model, neutral_highlights=False)
+        np.testing.assert_allclose(refinish(colours), bare(colours), atol=1e-12)
+        assert np.ptp(codes(bare, np.ones((1, 3)))) > 5.0  # so that white is changed
+
+
+def test_white_leaves_the_colours_of_the_published_camera_alone(shared_data: Path) -> None:
+    """All pairs of white balances on the colours that were measured, where source and target are not clipped."""
+    folders = [shared_data / "nus_nikon_d40" / name for name in ("other_white_balances", "fluorescent")]
+    profile = lf.import_published(folders, "Nikon D40")
+    published = [read_published_model(folder) for folder in folders]
+    worst = 0.0
+    for source, target in permutations(profile.white_balances, 2):
+        of = next(each for each in published if source in each.white_balances)
+        raw = of.balanced / profile.multipliers(f"standard/{source}")
+        x = np.clip(profile.render(f"standard/{source}")(raw), 0.0, 1.0)
+        y = np.clip(profile.render(f"standard/{target}")(raw), 0.0, 1.0)
+        both = np.column_stack([x, y])
+        inside = np.all((both > 3 / 255) & (both < 252 / 255), axis=1)
+        inside &= np.all(raw * profile.multipliers(f"standard/{target}") < 1.0, axis=1)
+        made = np.clip(profile.refinish(f"standard/{source}", f"standard/{target}")(x[inside]), 0.0, 1.0)
+        worst = max(worst, float(np.sqrt(np.mean((made - y[inside]) ** 2))))
+    assert worst <= 0.0008
+    cyan = profile.refinish("standard/cloudy", "standard/daylight")(np.array([81, 233, 239]) / 255)
+    np.testing.assert_allclose(255 * cyan, [10, 233, 246], atol=1.5)
 
 
 def test_a_code_at_either_end_is_clipped() -> None:
