@@ -14,11 +14,11 @@ from matplotlib.image import imsave
 from numpy.typing import NDArray
 
 import lutforge as lf
+from lutforge.cli.demo_shots import DemoShots, demo_shots
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
-from lutforge.simulate.photograph import DemoShots, demo_shots
 
 Pixels = NDArray[np.floating]
 
