@@ -1,4 +1,4 @@
-"""The shots of the demo: two picture styles, four white balances, varied exposures, and a photograph to correct."""
+"""The shots of the demo: two picture styles, five white balances, varied exposures, and a photograph to correct."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -45,8 +45,14 @@ SHOTS = (
     DemoShot("vivid", "daylight", "wall", 3, 0.8, light="tungsten"),
     DemoShot("vivid", "shade", "wall", 4, 1.2),
     DemoShot("vivid", "cloudy", "still-life", 0, 1.4),
+    DemoShot("standard", "shade", "wall", 5, 0.8),
+    DemoShot("vivid", "tungsten", "still-life", 2, 0.8, light="daylight"),
+    DemoShot("vivid", "fluorescent", "wall", 5, 1.2, light="daylight"),
+    DemoShot("vivid", "daylight", "wall", 6, 1.4, light="fluorescent"),
+    DemoShot("vivid", "tungsten", "wall", 6, 1.2, light="daylight"),
 )
-"""What the demo calibrates from; every other shot has no JPEG beside it, only the preview in the DNG."""
+"""What the demo calibrates from, as the guide advises: each white balance twice or more, dials that are wrong for the
+light, shots that are darker and brighter. Every other shot has no JPEG beside it, only the preview in the DNG."""
 
 HELD_OUT = DemoShot("standard", "tungsten", "still-life", 7, 0.6, light="daylight")
 """What the demo grades, never calibrated from: the camera was left on tungsten in daylight, the exposure is short."""

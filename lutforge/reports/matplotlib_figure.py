@@ -119,7 +119,7 @@ def refinish_sheet(
     """
     height, width = before.shape[:2]
     error = np.linalg.norm(after.astype(np.float64) - target, axis=-1)
-    last = f"what is left of the error, RMSE {np.sqrt(np.mean((after - target) ** 2)):.4f}"
+    last = f"the error that is left (1 = full scale), RMSE {np.sqrt(np.mean((after - target) ** 2)):.4f}"
     panels = zip((*titles, last), (before, after, target, error), strict=True)
 
     # In pixels: a picture is half of the page wide, and its title stands above it.
@@ -139,7 +139,6 @@ def refinish_sheet(
     bar = axis.inset_axes((0.64, 0.9, 0.32, 0.04))
     scale = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(0.0, figures.ERROR_SCALE), figures.MAP)
     marks = figure.colorbar(scale, cax=bar, orientation="horizontal", ticks=(0.0, figures.ERROR_SCALE))
-    marks.set_ticklabels(["0", f"≥ {figures.ERROR_SCALE:g} of full scale"])
     bar.tick_params(colors="white", labelsize=10)
     marks.outline.set_edgecolor("white")  # type: ignore[operator] # the annotation of matplotlib forgets that it is an artist
     save_png(figure, path, SHEET_DPI)
