@@ -174,8 +174,8 @@ def answers(
 ) -> Sections:
     """Answer a photographer's questions, with pictures to judge by.
 
-    own: the method of `evaluation` that is the profile's model. Without an evaluation the errors are those that the profile holds. Each figure is one that `calibrate` or `evaluate`
-    prints, too.
+    own: the method of `evaluation` that is the profile's model. Without an evaluation the errors are those that the
+    profile holds. Each figure is one that `calibrate` or `evaluate` prints, too.
     """
     errors: dict[str, Errors] = {}
     for name, style in profile.styles.items() if evaluation is None else ():
