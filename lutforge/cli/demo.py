@@ -14,6 +14,7 @@ from lutforge.reports.tables import Table, held_out_table
 if TYPE_CHECKING:
     from lutforge.cli.demo_shots import DemoShots
     from lutforge.evaluation.methods import ErrorFigures
+    from lutforge.pipeline.baking import BakedFile
 
 
 def demo(
@@ -81,7 +82,7 @@ def _bake(profile: "lf.CameraProfile", shots: "DemoShots", folder: Path, verbose
             ["refinish.clf", "refinish.resolve.cube", "refinish.cube"],
         ),
     )
-    files = []
+    files: list[BakedFile] = []
     with progress_bar("baking") as progress:
         for index, (request, names) in enumerate(jobs):
             progress(request.kind, index / len(jobs))

@@ -140,7 +140,7 @@ def refinish_sheet(
     scale = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(0.0, figures.ERROR_SCALE), figures.MAP)
     marks = figure.colorbar(scale, cax=bar, orientation="horizontal", ticks=(0.0, figures.ERROR_SCALE))
     bar.tick_params(colors="white", labelsize=10)
-    marks.outline.set_edgecolor("white")  # type: ignore[operator] # the annotation of matplotlib forgets that it is an artist
+    marks.outline.set_edgecolor("white")
     save_png(figure, path, SHEET_DPI)
 
 

@@ -232,8 +232,16 @@ def _how_good(style: str, mean: float, de00: float | None, backward: float | Non
     return f"{style}: on shots that it had not seen, {off} in the mean{seen_as}{back}."
 
 
-FAMILIES = ((40.0, "reds"), (75.0, "oranges"), (110.0, "yellows"), (170.0, "greens"), (240.0, "cyans"))
-FAMILIES += ((310.0, "blues"), (345.0, "purples"), (360.0, "reds"))
+FAMILIES = (
+    (40.0, "reds"),
+    (75.0, "oranges"),
+    (110.0, "yellows"),
+    (170.0, "greens"),
+    (240.0, "cyans"),
+    (310.0, "blues"),
+    (345.0, "purples"),
+    (360.0, "reds"),
+)
 """Families of colours by the upper bound of their CIELAB hue angle in degrees, about as people name them."""
 GREY_CHROMA = 10.0
 """The CIELAB chroma below which a colour is called a grey."""
