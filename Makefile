@@ -3,10 +3,14 @@ PYTHON ?= python3
 BIN := .venv/bin
 TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
 
-.PHONY: demo docs test test-all check other-versions benchmark accuracy fleet field clean
+.PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
+
+# The README's pictures of the jobs, of what the demo made.
+pictures: demo
+	$(BIN)/python examples/pictures/make_pictures.py demo
 
 # The guide as a site that needs no network: site/index.html.
 docs: .venv/ready

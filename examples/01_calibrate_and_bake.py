@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import lutforge as lf
-from lutforge.simulate.photograph import demo_shots
+from lutforge.cli.demo_shots import demo_shots
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_01")
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 import lutforge as lf
+from lutforge.cli.demo_shots import demo_shots
 from lutforge.grading.grade import LutRecipe
 from lutforge.grading.image import apply_image
 from lutforge.images.read import read_image
-from lutforge.simulate.photograph import demo_shots
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_02")
 

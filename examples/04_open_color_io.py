@@ -12,7 +12,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 import lutforge as lf
-from lutforge.simulate.photograph import demo_shots
+from lutforge.cli.demo_shots import demo_shots
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_04")
 

@@ -4,12 +4,14 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import pytest
+from packaging.requirements import Requirement
 
 import lutforge as lf
 from lutforge.kits.programs import KITS
@@ -90,6 +92,32 @@ def test_the_readme_is_short_and_its_figures_are_those_of_the_guide() -> None:
     assert len(figures) >= 6
     for figure in figures:
         assert figure in tables or figure.endswith(" of 10"), figure  # counted in a column of the tables
+
+
+def test_every_place_that_names_pythons_names_the_same() -> None:
+    """Pip's bounds, classifiers, workflows, what is resolved, and the pages."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    classified = [word.rsplit(" ", 1)[1] for word in project["classifiers"] if re.search(r":: 3\.\d+$", word)]
+    assert project["requires-python"] == f">={classified[0]},<3.{int(classified[-1][2:]) + 1}"
+    for workflow in ("ci", "release"):
+        text = (ROOT / ".github" / "workflows" / f"{workflow}.yml").read_text(encoding="utf-8")
+        assert re.findall(r"3\.\d+", re.findall(r"python: \[(.*)\]", text)[0]) == classified, workflow
+        assert ".ci/resolve" in text, workflow
+    resolved = (ROOT / ".ci" / "resolve").read_text(encoding="utf-8")
+    assert re.findall(r"3\.\d+", re.findall(r"^PYTHONS=(.*)$", resolved, re.MULTILINE)[0]) == classified
+    for page in (README, (ROOT / "examples" / "guide" / "getting_started.md").read_text(encoding="utf-8")):
+        assert f"Python {classified[0]} to {classified[-1]}" in page
+
+
+def test_each_python_has_one_line_of_dependencies_per_package() -> None:
+    """Environment markers of one package exclude each other, and none of them leaves a Python without the package."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    requirements = [Requirement(line) for line in project["dependencies"]]
+    for minor in range(11, 15):
+        applied = [
+            one.name for one in requirements if not one.marker or one.marker.evaluate({"python_version": f"3.{minor}"})
+        ]
+        assert sorted(applied) == sorted({one.name for one in requirements}), minor
 
 
 def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

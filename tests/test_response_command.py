@@ -120,7 +120,9 @@ def test_the_whole_way_on_the_command_line(tmp_path: Path, lutforge: CommandLine
 def test_a_chart_that_no_detector_knows_needs_its_corners(tmp_path: Path) -> None:
     camera, kind = nikon_d5100(), chart_kind("spyder24")
     files = photograph_chart(camera, kind, reflectances("ISO 17321-1"), tmp_path, (-2.0, -1.0))
-    with pytest.raises(CalibrationError, match=r"no detector for it.*--corners"):
+    with pytest.raises(
+        CalibrationError, match=rf"{files[0].name}, {files[1].name}: no .*no detector for it.*--corners"
+    ):
         write_input_transform(files, tmp_path / "camera.npz", kind, "D50")
     corners = BORDER + PITCH * kind.outline
     with pytest.raises(CalibrationError, match="no SpyderCheckr 24"):  # but a ColorChecker
@@ -134,6 +136,19 @@ def test_a_chart_that_no_detector_knows_needs_its_corners(tmp_path: Path) -> Non
     with pytest.raises(CalibrationError, match="no SpyderCheckr 24"):
         write_input_transform(files, tmp_path / "camera.npz", kind, "D50", corners + 5000)
     assert not (tmp_path / "camera.npz").exists()
+
+
+def test_a_refusal_names_the_pictures_without_a_chart(tmp_path: Path) -> None:
+    pytest.importorskip("cv2", reason="OpenCV finds charts: pip install 'lutforge[chart]'")
+    kind = chart_kind("classic")
+    charted, covered = photograph_chart(
+        nikon_d5100(), kind, chart_reflectances(), tmp_path, (-3.0, -1.0), light="tungsten", white_balance="shade"
+    )
+    with PIL.Image.open(covered) as picture:
+        PIL.Image.new("RGB", picture.size, (90, 90, 90)).save(covered, exif=picture.getexif())
+    with pytest.raises(CalibrationError, match=rf"no chart was found in {covered.name}$") as raised:
+        write_input_transform([charted, covered], tmp_path / "camera.npz", kind, "A")
+    assert f"in {charted.name}" not in str(raised.value)
 
 
 def test_a_tinted_chart_is_refused_with_what_to_set(tmp_path: Path) -> None:

@@ -1,10 +1,12 @@
-"""Make the README's pictures of the five jobs, with a simulated camera of known truth.
+"""Make the README's pictures of the five jobs, of what `lutforge demo` made, with a simulated camera of known truth.
 
-    python examples/pictures/make_pictures.py WORK_FOLDER
+    lutforge demo -o demo
+    python examples/pictures/make_pictures.py demo
 
-Photographs and profiles go to WORK_FOLDER, the pictures beside this file. `make demo` makes refinish.png.
+The pictures go beside this file; refinish.png is the demo's own.
 """
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -16,21 +18,14 @@ from numpy.typing import NDArray
 import lutforge as lf
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
-from lutforge.simulate.photograph import DemoShots, demo_shots
 
 Pixels = NDArray[np.floating]
 
 HERE = Path(__file__).parent
+SETTING, EV = "vivid/daylight", 0.7
+"""What the demo's photograph should have been taken with, and the stops that it lacks."""
 SHRUNK = 3
 """Pixels of a photograph, per axis, to one of a picture."""
-
-
-def calibrated(camera: SimulatedCamera, folder: Path) -> tuple[DemoShots, CameraProfile]:
-    """Photograph with a camera, and return the shots and a profile of them."""
-    shots = demo_shots(folder, camera=camera)
-    return shots, lf.calibrate(lf.sample(shots.calibration), lf.CalibrationOptions(size=17))
 
 
 def encoded(linear: Pixels) -> Pixels:
@@ -53,29 +48,32 @@ def strip(name: str, *panels: Pixels) -> None:
 
 
 def main() -> None:
-    """Make render.jpg, linearize.jpg and views.jpg."""
-    work = Path(sys.argv[1] if len(sys.argv) > 1 else "pictures")
-    shots, profile = calibrated(nikon_d5100(), work / "shots")
-    setting = shots.target
+    """Make render.jpg, linearize.jpg and views.jpg, and copy refinish.png."""
+    demo = Path(sys.argv[1] if len(sys.argv) > 1 else "demo")
+    profile = lf.load_profile(demo / "camera.npz")
+    shutil.copyfile(demo / "refinish.png", HERE / "refinish.png")
 
-    finished = read_image(shots.wanted).pixels
-    raw = read_raw(shots.held_out.dng).pixels * 2.0**shots.ev
+    finished = read_image(demo / "shots" / "held-out" / "wanted.JPG").pixels
+    raw = read_raw(demo / "shots" / "held-out" / "held-out.dng").pixels * 2.0**EV
     top, left = ((a - b) // 2 for a, b in zip(raw.shape[:2], finished.shape[:2], strict=True))
     raw = np.clip(raw[top : top + finished.shape[0], left : left + finished.shape[1]], 0.0, 1.0)
-    strip("render", raw, lf.bake(profile.render(setting), size=33)(raw), finished)
+    strip("render", raw, lf.bake(profile.render(SETTING), size=33)(raw), finished)
 
-    light = profile.linearize(setting, "linear-srgb")(finished)
-    strip("linearize", finished, light, raw * profile.multipliers(setting) @ profile.matrix.T)
+    # The RAW with white balance: what one channel clipped is white, as RAW developers show it, and not magenta
+    gain = profile.multipliers(SETTING)
+    scene = np.minimum(raw * gain, gain.min()) @ profile.matrix.T
+    linear = profile.linearize(SETTING, "linear-srgb")(finished)
+    strip("linearize", finished, encoded(linear), encoded(scene))
 
-    scene = profile.linearize(setting, "acescg")(finished)
-    config = OCIO.Config.CreateFromFile(str(lf.write_config([profile], work / "ocio", replace=True)))
+    scene = profile.linearize(SETTING, "acescg")(finished)
+    config = OCIO.Config.CreateFromFile(str(demo / "ocio" / "config.ocio"))
     seen = []
     for style in profile.styles:
         pixels = np.ascontiguousarray(scene, dtype=np.float32)
         view = OCIO.DisplayViewTransform(src="ACEScg", display="sRGB - Display", view=f"{profile.camera} {style}")
         config.getProcessor(view).getDefaultCPUProcessor().applyRGB(pixels)
         seen.append(pixels)
-    strip("views", encoded(light), *seen)
+    strip("views", encoded(linear), *seen)
 
 
 if __name__ == "__main__":

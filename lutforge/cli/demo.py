@@ -12,78 +12,98 @@ from lutforge.cli.console import note, option, print_tables, progress_bar, say
 from lutforge.reports.tables import Table, held_out_table
 
 if TYPE_CHECKING:
+    from lutforge.cli.demo_shots import DemoShots
     from lutforge.evaluation.figures import ErrorFigures
-    from lutforge.simulate.photograph import DemoShots
+    from lutforge.pipeline.baking import BakedFile
 
 
 def demo(
     output: Annotated[Path, option("The folder for everything it makes.", "-o", "--output")] = Path("demo"),
     size: Annotated[int, option("Nodes per axis of the lattices.")] = 33,
+    verbose: Annotated[bool, option("Print the details of each stage, too.", "-v", "--verbose")] = False,
 ) -> None:
     """Photograph with a simulated camera, calibrate it, bake, write a config, grade, and compare with the truth."""
-    from lutforge.pipeline.baking import TransformRequest, bake_files
+    from lutforge.cli.demo_shots import SHOTS, demo_shots
     from lutforge.pipeline.outputs import check_output
     from lutforge.pipeline.sampling import sample_shots
     from lutforge.reports.matplotlib_figure import calibration_sheet
     from lutforge.samples.table import write_samples
-    from lutforge.simulate.photograph import SHOTS, demo_shots
 
     check_output(output / "report.html")
-    say("1. Photograph: RAW (DNG) and JPEG files of a simulated Nikon D5100")
     taken = count()
     with progress_bar("photographing") as progress:
         shots = demo_shots(output / "shots", lambda name: progress(name, next(taken) / (len(SHOTS) + 1)))
-    say(f"   {len(shots.calibration)} shots in {output / 'shots'}")
+    say(
+        f"1. Photograph: {len(shots.calibration)} RAW files with their JPEGs, by a simulated camera: {output / 'shots'}"
+    )
 
-    say("2. Sample: colours that RAW and JPEG share")
     with progress_bar("sampling") as progress:
         sampled = sample_shots(shots.calibration, progress)
-    for account in sampled.shots:
-        say(f"   {account.summary}")
     write_samples(output / "samples.csv", sampled.samples)
+    say(f"2. Sample: {len(sampled.samples):,} colours that RAW and JPEG share: {output / 'samples.csv'}")
+    for account in sampled.shots if verbose else ():
+        say(f"   {account.summary}")
 
-    say("3. Calibrate")
     with progress_bar("calibrating") as progress:
         profile = lf.calibrate(sampled.samples, lf.CalibrationOptions(size=size), progress)
-    note(*map(str, profile.diagnoses), *profile.notes)
     profile.save(output / "camera.npz")
     calibration_sheet(profile, "standard", output / "calibration.png")
-    print_tables(held_out_table(profile))
+    held_out = {name: style.errors.get("render_de00_mean") for name, style in profile.styles.items()}
+    errors = ", ".join(f"{error:.2f} ({name})" for name, error in held_out.items() if error is not None)
+    say(f"3. Calibrate: ΔE00 {errors} on shots left out of the fit; 1 is just visible: {output / 'camera.npz'}")
+    note(*map(str, profile.diagnoses), *profile.notes)
+    if verbose:
+        print_tables(held_out_table(profile))
 
-    say("4. Bake: LUT files, each read back and compared with the model")
-    refinish = TransformRequest("refinish", shots.source, shots.target, shots.ev)
-    for request, names in (
-        (TransformRequest("render", target=shots.target), ["render.clf"]),
-        (TransformRequest("linearize", shots.source, space="acescg"), ["linearize_acescg.clf"]),
-        (refinish, ["refinish.clf", "refinish.resolve.cube", "refinish.cube"]),
-    ):
-        for file in bake_files(profile, request, [output / "luts" / name for name in names])[0]:
-            say(f"   {file.path}: {file.summary}; {file.error}")
+    _bake(profile, shots, output / "luts", verbose)
+    say(f"5. Config: OpenColorIO, {_write_config(profile, output / 'ocio')}")
+    graded = _grade(shots, output, verbose)
 
-    say("5. Config: OpenColorIO")
-    written = lf.write_config([profile], output / "ocio", replace=True)
-    verdict = "sound"
-    program = Path(sys.executable).with_name("ociocheck")
-    if program.exists():
-        result = child_processes.run([str(program), "--iconfig", str(written.path)], 120)
-        verdict += "; ociocheck: " + ("passed" if result.returncode == 0 else "FAILED")
-    say(f"   {written.path}: {verdict}")
-
-    say("6. Grade a photograph that went wrong: white balance, exposure and style")
-    graded = _grade(shots, output)
-
-    say("7. Compare with the simulated camera itself, on colours that it was not calibrated from")
+    say("7. Compare with the simulated camera itself, on colours that it was not calibrated from:")
     rows = [*_truth(profile, shots), graded]
     header = ("what", "n", "mean", "max", "RMSE", "mean ΔE00")
-    print_tables(Table("Error against the known truth (1 = full scale)", header, rows))
-    say("8. Report")
+    print_tables(Table("   Error against the known truth (1 = full scale)", header, rows))
+
     with progress_bar("reporting") as progress:
         page = lf.report(profile, sampled, output / "report.html", progress=progress)
-    say(f"   {output / 'report.html'}: {len(page.pictures)} figures")
-    say(f"Everything is in {output}; look at {output / 'refinish.png'} first")
+    say(f"8. Report: how good it is, what to shoot next, {len(page.pictures)} figures: {output / 'report.html'}")
+    say(f"Everything is in {output}; look at {output / 'refinish.png'} first.")
 
 
-def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
+def _bake(profile: "lf.CameraProfile", shots: "DemoShots", folder: Path, verbose: bool) -> None:
+    """Bake a LUT for each job, and say by how much the worst of the files differs from the model."""
+    from lutforge.pipeline.baking import TransformRequest, bake_files
+
+    jobs = (
+        (TransformRequest("render", target=shots.target), ["render.clf"]),
+        (TransformRequest("linearize", shots.source, space="acescg"), ["linearize_acescg.clf"]),
+        (
+            TransformRequest("refinish", shots.source, shots.target, shots.ev),
+            ["refinish.clf", "refinish.resolve.cube", "refinish.cube"],
+        ),
+    )
+    files: list[BakedFile] = []
+    with progress_bar("baking") as progress:
+        for index, (request, names) in enumerate(jobs):
+            progress(request.kind, index / len(jobs))
+            files += bake_files(profile, request, [folder / name for name in names])[0]
+
+    say(f"4. Bake: {len(files)} LUT files for render, linearize and refinish, read back and compared: {folder}")
+    for file in files if verbose else ():
+        say(f"   {file.path}: {file.summary}; {file.error}")
+
+
+def _write_config(profile: "lf.CameraProfile", folder: Path) -> str:
+    """Write the OpenColorIO config, and say where it is and what OpenColorIO's program says of it."""
+    written = lf.write_config([profile], folder, replace=True)
+    program = Path(sys.executable).with_name("ociocheck")
+    if not program.exists():
+        return f"sound: {written.path}"
+    result = child_processes.run([str(program), "--iconfig", str(written.path)], 120)
+    return f"ociocheck {'passed' if result.returncode == 0 else 'FAILED'}: {written.path}"
+
+
+def _grade(shots: "DemoShots", output: Path, verbose: bool) -> tuple[str, ...]:
     from lutforge.evaluation.figures import error_figures
     from lutforge.images.read import read_image
     from lutforge.reports.matplotlib_figure import refinish_sheet
@@ -91,13 +111,19 @@ def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
     spoilt = shots.held_out.jpeg
     assert spoilt is not None
     (applied,) = lf.apply(output / "luts" / "refinish.clf", spoilt, output / "graded").done
-    before, after, wanted = (read_image(path).pixels[..., :3] for path in (spoilt, applied.target, shots.wanted))
-    graded = f"graded: {shots.target}, {shots.ev:+g} EV"
-    titles = (f"as shot: {shots.source}", graded, "as the camera would have made it")
-    refinish_sheet(before, after, wanted, output / "refinish.png", titles)
-    usable = ((before > 0) & (before < 1) & (wanted > 0) & (wanted < 1)).all(axis=-1)
-    say(f"   {applied.target}; {100 * (1 - usable.mean()):.1f} % of its pixels are clipped and are not counted")
-    figures = error_figures(after[usable].astype(float), wanted[usable].astype(float), display=True)
+    before, after, target = (read_image(path).pixels[..., :3] for path in (spoilt, applied.target, shots.wanted))
+    titles = (
+        f"as shot: {shots.source}, too dark",
+        f"corrected: {shots.target}, {shots.ev:+g} EV",
+        "as the camera would have made it",
+    )
+    refinish_sheet(before, after, target, output / "refinish.png", titles)
+
+    usable = ((before > 0) & (before < 1) & (target > 0) & (target < 1)).all(axis=-1)
+    say(f"6. Grade: a photograph with wrong white balance and exposure, corrected by one LUT: {applied.target}")
+    if verbose:
+        say(f"   {100 * (1 - usable.mean()):.1f} % of its pixels are clipped and are not counted below")
+    figures = error_figures(after[usable].astype(float), target[usable].astype(float), display=True)
     return _cells("graded JPEG, 8 bit", figures)
 
 

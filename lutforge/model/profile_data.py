@@ -20,7 +20,7 @@ from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading
 from lutforge.colour.rgb_spaces import rgb_space
-from lutforge.errors import ProfileError
+from lutforge.errors import ProfileError, SettingsError, alternatives
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.inverse_gamut_map import SolvedInverse
@@ -149,6 +149,13 @@ class PictureStyle:
             if not np.all(np.isfinite(values)) or values.min() < 0:
                 raise ProfileError(f"the {what} ({direction}) holds a value that is negative or not finite")
 
+    def __repr__(self) -> str:
+        parts = [f"{direction} lattice of {'×'.join(map(str, one.size))}" for direction, one in self.lattices.items()]
+        if self.models:
+            parts.append("camera model" if len(self.models) == 1 else f"{len(self.models)} camera models")
+        parts += [f"{name} {value:.4g}" for name, value in self.errors.items() if name.endswith("_mean")]
+        return f"PictureStyle({', '.join(parts)})"
+
     @property
     def lattices(self) -> dict[Direction, Lattice]:
         """The lattices that there are, by direction."""
@@ -165,6 +172,13 @@ class PictureStyle:
         if self.models:
             return self.models[0].response.encode(grey)
         return np.full_like(grey, np.nan) if self.render is None else self.render(grey)
+
+
+class StylesByName(dict[str, PictureStyle]):
+    """Picture styles by name. Raises SettingsError, which lists the names, where a style is not known."""
+
+    def __missing__(self, name: str) -> PictureStyle:
+        raise SettingsError(f"picture style {name!r} is not in the profile; {alternatives(str(name), self)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,6 +223,7 @@ class ProfileData:
         return "raw" if space == self.raw_space else space
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "styles", StylesByName(self.styles))
         if not self.styles or not self.white_balances:
             raise ProfileError(f"{self.camera}: a profile needs at least one picture style and one white balance")
         for name in (self.camera, self.raw_camera, *self.styles, *self.white_balances):

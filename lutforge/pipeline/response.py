@@ -258,15 +258,18 @@ def write_input_transform(
     try:
         fit = fit_bracket(pairs_of_samples(samples))
     except CalibrationError as error:
-        help_ = "a chart's greys are unsaturated where the white balance is set to the light"
-        raise CalibrationError(f"{error}; {help_}") from None
+        advice = "a chart's greys are unsaturated where the white balance is set to the light"
+        raise CalibrationError(f"{error}; {advice}{_not_charted(names, charted, corners)}") from None
     true = np.array([fit.exposure_error.get(name, 1.0) for name in names]) * times
     colours = kind.linear_srgb(light) @ matrix_between("linear-srgb", SPACE).T
     # What the camera makes of the chart's greys tells its white balance beside the light, and where its white is.
     reflected = colours[patch] * true[shot, None]
     grey = 1.0 - reflected.min(axis=1) / reflected.max(axis=1) < 0.12
     if np.count_nonzero(grey) < 6:
-        raise CalibrationError("too few unclipped grey patches: take steps of at most two stops, some of them darker")
+        raise CalibrationError(
+            "too few unclipped grey patches: take steps of at most two stops, some of them darker"
+            + _not_charted(names, charted, corners)
+        )
     shown = fit.response.linearize(samples.srgb[grey]) @ matrix_between("linear-srgb", SPACE).T
     ratio = np.median(shown / reflected[grey], axis=0)
     multipliers, scale = ratio / ratio[1], float(ratio[1])
@@ -281,6 +284,18 @@ def write_input_transform(
     if output is not None:
         profile.save(output)
     return FittedResponse(profile, fit, dict(zip(names, times, strict=True)), samples, level, charted)
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first names of a list, and the number of the others."""
+    shown = ", ".join(names[:4])
+    return f"{shown} and {len(names) - 4} others" if len(names) > 4 else shown
+
+
+def _not_charted(names: Sequence[str], charted: Sequence[str], corners: Array | None) -> str:
+    """What an error adds about pictures in which no chart was found; "" where it was in all, or its corners given."""
+    missing = [name for name in names if name not in charted] if corners is None else []
+    return f"; no chart was found in {_some(missing)}" if missing else ""
 
 
 def _patches(
@@ -304,7 +319,7 @@ def _patches(
     if not places:
         why = detector_note() if kind.detector else "OpenCV has no detector for it"
         raise CalibrationError(
-            f"no picture shows a {kind.name} ({why or 'none was found'}): give its corners, clockwise from the "
+            f"{_some(bracket.names)}: no {kind.name} ({why or 'none was found'}); give its corners, clockwise from the "
             'first patch\'s, --corners "x,y x,y x,y x,y"'
         )
     values, likeness = np.full((len(files), len(reference), 3), np.nan), 0.0

@@ -16,6 +16,9 @@ from lutforge.atomic_write import atomic_path
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.reports import figures
 
+SHEET_DPI = 100
+"""Pixels per inch of the sheets; a point of text is 1/72 inch."""
+
 MARKERS = {"circle": "o", "x": "x", "cross": "+"}
 
 
@@ -91,7 +94,7 @@ def _draw(axis: Axes, mark: figures.Mark, scale: tuple[float, float]) -> None:
 def save_png(figure: Figure, path: str | Path, dpi: float = 100) -> None:
     """Write a figure as PNG, whole or not at all."""
     with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=dpi, format="png")
+        figure.savefig(temporary, dpi=dpi, format="png", metadata={"Software": None})  # the same bytes by each version
 
 
 def to_svg(figure: Figure) -> str:
@@ -108,22 +111,37 @@ def to_svg(figure: Figure) -> str:
 
 
 def refinish_sheet(
-    before: Pixels, after: Pixels, wanted: Pixels, path: str | Path, titles: tuple[str, str, str]
+    before: Pixels, after: Pixels, target: Pixels, path: str | Path, titles: tuple[str, str, str]
 ) -> None:
-    """The photograph, the graded one, what it should be, each (h, w, 3), and the error of the graded, as one PNG."""
+    """The photograph, the graded one, and its target, each (h, w, 3), and the error of the graded, as one PNG.
+
+    The four lie on a grid that fills the page, each below its title; the scale of the error stands in its panel.
+    """
     height, width = before.shape[:2]
-    error = np.linalg.norm(after.astype(np.float64) - wanted, axis=-1)
-    words = f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}"
-    first, second, third = (
-        figures.Panel(title, (figures.Raster(np.asarray(image, dtype=np.float64)),), bare=True, equal=True)
-        for title, image in zip(titles, (before, after, wanted), strict=True)
-    )
-    scale = (0.0, figures.ERROR_SCALE)
-    errors = figures.Panel(
-        words, (figures.Raster(error),), bare=True, equal=True, scale=scale, scale_name="norm of RGB"
-    )
-    drawing = figures.Drawing(((first, second), (third, errors)), 6 * height / width + 0.4, 12.0)
-    save_png(figure_of(drawing), path)
+    error = np.linalg.norm(after.astype(np.float64) - target, axis=-1)
+    last = f"the error that is left (1 = full scale), RMSE {np.sqrt(np.mean((after - target) ** 2)):.4f}"
+    panels = zip((*titles, last), (before, after, target, error), strict=True)
+
+    # In pixels: a picture is half of the page wide, and its title stands above it.
+    gap, title_height, picture_width = 8, 28, 600
+    picture_height = round(picture_width * height / width)
+    page_width, page_height = 2 * picture_width + 3 * gap, 2 * (picture_height + title_height + gap) + gap
+    figure = Figure(figsize=(page_width / SHEET_DPI, page_height / SHEET_DPI))
+    for index, (title, values) in enumerate(panels):
+        left = gap + (index % 2) * (picture_width + gap)
+        bottom = gap + (1 - index // 2) * (picture_height + title_height + gap)
+        place = (left / page_width, bottom / page_height, picture_width / page_width, picture_height / page_height)
+        axis = figure.add_axes(place)
+        axis.imshow(values, cmap=figures.MAP, vmin=0.0, vmax=figures.ERROR_SCALE, aspect="auto")
+        axis.set_title(title, fontsize=12, pad=6)
+        axis.set_axis_off()
+
+    bar = axis.inset_axes((0.64, 0.9, 0.32, 0.04))
+    scale = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(0.0, figures.ERROR_SCALE), figures.MAP)
+    marks = figure.colorbar(scale, cax=bar, orientation="horizontal", ticks=(0.0, figures.ERROR_SCALE))
+    bar.tick_params(colors="white", labelsize=10)
+    marks.outline.set_edgecolor("white")
+    save_png(figure, path, SHEET_DPI)
 
 
 def calibration_sheet(profile: CameraProfile, style: str, path: str | Path) -> None:

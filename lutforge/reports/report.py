@@ -97,7 +97,8 @@ class Report:
     @property
     def pictures(self) -> Sequence[Picture]:
         """All figures in order."""
-        return [block for blocks in self.sections.values() for block in blocks if isinstance(block, Picture)]
+        blocks = (block for part in (self.answers, self.sections) for blocks in part.values() for block in blocks)
+        return [block for block in blocks if isinstance(block, Picture)]
 
 
 @matplotlib.rc_context({"text.parse_math": False})  # names may hold dollar signs
@@ -115,6 +116,7 @@ def build_report(
     """
     options, lens = stated_options(profile.options), list(vignetting_blocks(profile.vignettings))
     evaluation, own = None, LATTICE  # the method that is the profile's own model
+    pictures: tuple[Picture, ...] = ()
     sections: dict[str, tuple[Block, ...]] = {"Notes": (profile.notes,) if profile.notes else ()}
     data: dict[str, StyleData] = {}
     if samples is not None:
@@ -132,6 +134,7 @@ def build_report(
             title = "Shots that depart from the fixed rendering, with standard errors"
             rows = [(each.shot, *each.cells) for each in evaluation.departures]
             lens.append(Table(title, ("shot", "exposure, EV", "contrast", "saturation"), rows))
+        pictures = tuple(shot_pictures(profile, own, evaluation, files or {}))
     progress("models", 0.9)
     sections["Lens and scene"] = tuple(lens)
     sections["White balances and matrix"] = balance_table(profile), matrix_table(profile)
@@ -147,7 +150,7 @@ def build_report(
         f"Picture styles: {', '.join(profile.styles)}. White balances: {', '.join(profile.white_balances)}. "
         f"Shots: {len(profile.shots)}. Calibrated {method}, with lattices of {options.size}³ nodes.",
         sections={title: blocks for title, blocks in sections.items() if blocks},
-        answers=answers(profile, own, evaluation, data),
+        answers=answers(profile, own, evaluation, data, pictures),
     )
 
 
@@ -167,11 +170,17 @@ Errors = tuple[float, float | None, float | None, bool]
 """A style's mean error RAW → JPEG, its mean ΔE00, its mean error JPEG → RAW, and whether shots were held out."""
 
 
-def answers(profile: CameraProfile, own: str, evaluation: Evaluation | None, data: Mapping[str, StyleData]) -> Sections:
-    """Answer the three questions; own: the method of `evaluation` that is the profile's model.
+def answers(
+    profile: CameraProfile,
+    own: str,
+    evaluation: Evaluation | None,
+    data: Mapping[str, StyleData],
+    pictures: tuple[Picture, ...] = (),
+) -> Sections:
+    """Answer a photographer's questions, with pictures to judge by.
 
-    Without an evaluation the errors are those that the profile holds. Each figure is one that `calibrate` or `evaluate`
-    prints, too.
+    own: the method of `evaluation` that is the profile's model. Without an evaluation the errors are those that the
+    profile holds. Each figure is one that `calibrate` or `evaluate` prints, too.
     """
     errors: dict[str, Errors] = {}
     for name, style in profile.styles.items() if evaluation is None else ():
@@ -190,6 +199,11 @@ def answers(profile: CameraProfile, own: str, evaluation: Evaluation | None, dat
         *(_how_good(name, *known) for name, known in errors.items()),
         *(profile.notes if is_response_alone(profile) else ()),
     )
+    best_and_worst = [
+        f"{name}: {sentence}"
+        for name, predictions in (evaluation.predictions if evaluation else {}).items()
+        if (sentence := colour_sentence(predictions, own))
+    ]
     uses = Table("", ("job", "fit for it?", "why", "command"), tuple(_uses(own, evaluation, errors)))
     # The colours to photograph next, style by style
     gaps: list[Block] = []
@@ -203,22 +217,58 @@ def answers(profile: CameraProfile, own: str, evaluation: Evaluation | None, dat
             gaps.append(f"{name}: the samples come near most colours that real surfaces have.")
     return {
         "How good is it?": good or ("Not known: the profile holds no errors. Give its samples, too.",),
-        "What for?": (uses,) if errors else (),
+        "On which colours?": tuple(best_and_worst),
         "What to shoot next?": tuple(gaps),
+        "See for yourself": pictures,
+        "What for?": (uses,) if errors else (),
     }
 
 
 def _how_good(style: str, mean: float, de00: float | None, backward: float | None, held_out: bool) -> str:
-    seen = "" if de00 is None else f", ΔE00 {de00:.2f}"
-    off = f"the JPEG predicted from RAW is {mean:.4f} of full scale off in the mean{seen}"
+    error = f"{mean:.4f} of full scale"
+    off = f"the JPEG predicted from RAW is ΔE00 {de00:.2f} off" if de00 is not None else f"the JPEG is {error} off"
     if not held_out:
         return (
-            f"{style}: on these shots, to which it was fitted in part or in whole, {off}. How well it predicts "
-            "others is not known: calibrate from two shots or more."
+            f"{style}: on these shots, to which it was fitted in part or in whole, {off} in the mean. How well it "
+            "predicts others is not known: calibrate from two shots or more."
         )
-    seen_as = "" if de00 is None else f": {judged(de00)[0]}"
-    back = "" if backward is None else f" RAW recovered from the JPEG is {backward:.4f} of full scale off."
-    return f"{style}: on shots that it had not seen, {off}{seen_as}.{back}"
+    seen_as = "" if de00 is None else f": {judged(de00)[0]}. As RGB that is {error}"
+    back = "" if backward is None else f"; RAW recovered from the JPEG is {backward:.4f} of full scale off"
+    return f"{style}: on shots that it had not seen, {off} in the mean{seen_as}{back}."
+
+
+FAMILIES = (
+    (40.0, "reds"),
+    (75.0, "oranges"),
+    (110.0, "yellows"),
+    (170.0, "greens"),
+    (240.0, "cyans"),
+    (310.0, "blues"),
+    (345.0, "purples"),
+    (360.0, "reds"),
+)
+"""Families of colours by the upper bound of their CIELAB hue angle in degrees, about as people name them."""
+GREY_CHROMA = 10.0
+"""The CIELAB chroma below which a colour is called a grey."""
+FEW_OF_A_FAMILY = 10
+"""Fewer samples than these say nothing about a family."""
+
+
+def colour_sentence(predictions: Predictions, own: str) -> str:
+    """Say on which families of colours a style's predictions are best and worst; "" where no two can be compared."""
+    encoded, predicted = predictions.data.encoded, predictions.predicted.render[own]
+    known = np.isfinite(predicted).all(axis=1)
+    lab, error = srgb_to_lab(encoded[known]), delta_e_2000(np.clip(predicted[known], 0, 1), encoded[known])
+    hue = np.degrees(np.arctan2(lab[:, 2], lab[:, 1])) % 360.0
+    names = np.array([name for _, name in FAMILIES])[np.searchsorted([bound for bound, _ in FAMILIES], hue)]
+    names = np.where(np.hypot(lab[:, 1], lab[:, 2]) < GREY_CHROMA, "greys", names)
+
+    means = {name: float(error[names == name].mean()) for name in np.unique(names)}
+    means = {name: mean for name, mean in means.items() if np.sum(names == name) >= FEW_OF_A_FAMILY}
+    if len(means) < 2:
+        return ""
+    best, worst = min(means, key=lambda name: means[name]), max(means, key=lambda name: means[name])
+    return f"most exact on {best} (ΔE00 {means[best]:.2f} in the mean), least on {worst} ({means[worst]:.2f})."
 
 
 def _uses(own: str, evaluation: Evaluation | None, errors: Mapping[str, Errors]) -> Iterator[tuple[str, ...]]:
@@ -257,9 +307,12 @@ def judged(de00: float) -> tuple[str, str]:
     return next((words, fit) for bound, words, fit in VISIBILITY if de00 < bound)
 
 
+MAP_NAMES = {MODEL: "camera model", COLOUR_POLYNOMIAL: "polynomial"}
+"""Short names of methods, above small pictures."""
+
 MAPS_TEXT = (
     "Each shot's JPEG predicted from its RAW, and its white-balanced RAW from its JPEG: by the profile's own model, a "
-    "lattice of evenly spaced nodes, the camera model with its gamut map, and a polynomial. Each direction "
+    "lattice of evenly spaced nodes, the camera model without a lattice, and a polynomial. Each direction "
     "has one scale in all maps; grey: clipped, or outside the RAW. Above each map is its mean over the picture, edges "
     "and textures included; the tables count the shot's even areas only."
 )
@@ -289,17 +342,89 @@ def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Picture]:
         yield Picture(f"error_by_colour_{style}", drawing, caption)
 
 
+def shown_shots(own: str, evaluation: Evaluation, files: Mapping[str, Path]) -> list[EvaluationRow]:
+    """Choose the best, the middle and the worst of the shots whose RAW file is at hand."""
+    rows = [row for row in evaluation.rows if row.direction == "render" and row.method == own and row.shot in files]
+    rows.sort(key=lambda row: row.figures.mean)
+    return list(
+        {rows[round(place)].shot: rows[round(place)] for place in np.linspace(0, len(rows) - 1, 3) if rows}.values()
+    )
+
+
+def shot_pictures(
+    profile: CameraProfile, own: str, evaluation: Evaluation, files: Mapping[str, Path]
+) -> Iterator[Picture]:
+    """Show the camera's JPEG of the best, the middle and the worst shot beside the prediction from its RAW."""
+    rows = shown_shots(own, evaluation, files)
+    kinds = {1: ("",), 2: ("best: ", "worst: "), 3: ("best: ", "middle: ", "worst: ")}
+    for kind, row in zip(kinds.get(len(rows), ()), rows, strict=True):
+        predictions = evaluation.predictions[row.style]
+        cells = ShotCells(profile, predictions, row.shot, files[row.shot], COMPARED_ROWS)
+        seen = np.isfinite(cells.balanced).all(axis=-1)
+        predicted = np.full(cells.jpeg.shape, 0.5)
+        fold = np.repeat(cells.samples[:1], np.count_nonzero(seen))
+        predicted[seen] = np.clip(predictions.render(own, cells.balanced[seen], fold), 0.0, 1.0)
+        panels = (cells.panel("the camera's JPEG", cells.jpeg), cells.panel("predicted from RAW", predicted))
+        height, width = upright(cells.jpeg, cells.orientation).shape[:2]
+        drawing = Drawing((panels,), 5.5 * height / width + 0.3, 11.0)
+        seen_by = "not seen by the fit" if cells.held_out else "the fit had seen it"
+        difference = "" if row.figures.de00_mean is None else f"; ΔE00 {row.figures.de00_mean:.2f} in the mean"
+        yield Picture(
+            f"shot_{setting_name(row.shot)}", drawing, f"{kind}{row.shot}, {cells.setting}; {seen_by}{difference}."
+        )
+
+
 def error_map_pictures(
     profile: CameraProfile, own: str, evaluation: Evaluation, files: Mapping[str, Path]
 ) -> Iterator[Block]:
     """Draw the errors of the best, the middle and the worst shot whose RAW file is at hand."""
-    rows = [row for row in evaluation.rows if row.direction == "render" and row.method == own and row.shot in files]
-    rows.sort(key=lambda row: row.figures.mean)
-    chosen = {rows[round(index)].shot: rows[round(index)] for index in np.linspace(0, len(rows) - 1, 3) if rows}
+    chosen = shown_shots(own, evaluation, files)
     if chosen:
         yield MAPS_TEXT
-    for name, row in chosen.items():
-        yield error_map(profile, own, row, evaluation.predictions[row.style], files[name])
+    for row in chosen:
+        yield error_map(profile, own, row, evaluation.predictions[row.style], files[row.shot])
+
+
+COMPARED_ROWS, MAPPED_ROWS = 480, 240
+"""Rows of cells of a shot beside its prediction, and of an error map."""
+
+
+class ShotCells:
+    """Means of a shot over small squares: averages take some noise and compression away.
+
+    jpeg: (h, w, 3) encoded; raw: as recorded; balanced: with white balance, and brightened away from the middle by the
+    profile's vignettings, as that of the samples was, NaN outside the RAW; usable: (h, w), not clipped. samples: the
+    rows of the shot in the predictions.
+    """
+
+    def __init__(self, profile: CameraProfile, predictions: Predictions, name: str, raw_file: Path, rows: int) -> None:
+        self.samples = np.flatnonzero(predictions.data.shot == name)
+        of_style = predictions.data.samples
+        shot = read_shot(raw_file)
+        size = max(2, round(shot.jpeg.shape[0] / rows))
+        jpeg, raw = shot.jpeg_cells(size), shot.raw_cells(size)
+        clips = clipping(jpeg, raw)
+        self.usable = np.isfinite(raw.mean[..., 0]) & ~np.any(list(clips.values()), axis=0)
+        self.jpeg = jpeg.mean / 255.0
+
+        gain = np.median(predictions.data.balanced[self.samples] / of_style.raw[self.samples], axis=0)
+        self.unbrightened = raw.mean * gain
+        self.balanced = self.unbrightened
+        metadata = shot.metadata
+        vignetting = vignetting_of(profile.vignettings, metadata.lens, metadata.focal_mm, metadata.aperture)
+        if vignetting is not None:
+            height, width = self.usable.shape
+            centres = size * (np.argwhere(np.ones((height, width)))[:, ::-1] + 0.5)
+            stops = vignetting.stops(places_in_picture(shot, centres)).reshape(height, width, 1)
+            self.balanced = self.balanced * 2.0**stops
+
+        self.orientation = shot.raw.orientation
+        self.held_out = bool(predictions.held_out[self.samples].all())
+        self.setting = f"{of_style.style[self.samples[0]]}/{of_style.white_balance[self.samples[0]]}"
+
+    def panel(self, title: str, values: Array, **scale: Any) -> Panel:
+        """A picture of values (h, w) or (h, w, 3), upright."""
+        return Panel(title, (Raster(upright(values, self.orientation)),), bare=True, equal=True, **scale)
 
 
 def error_map(
@@ -313,33 +438,20 @@ def error_map(
     """
     name, options = row.shot, stated_options(profile.options)
     predictions = with_compared(predictions, name, profile.shots, options)
-    of_shot = np.flatnonzero(predictions.data.shot == name)
-    fits = predictions.fits[predictions.fold[of_shot[0]]]
+    cells = ShotCells(profile, predictions, name, raw_file, MAPPED_ROWS)
+    fits = predictions.fits[predictions.fold[cells.samples[0]]]
     uniform = lattice_name(options.size, nonuniform=False)
     methods = [each for each in dict.fromkeys((own, LATTICE, uniform, MODEL, COLOUR_POLYNOMIAL)) if each in fits]
 
-    # Averages over cells take some noise and compression away
-    shot, samples = read_shot(raw_file), predictions.data.samples
-    cell = max(2, round(shot.jpeg.shape[0] / 240))
-    jpeg, raw = shot.jpeg_cells(cell), shot.raw_cells(cell)
-    clips = clipping(jpeg, raw)
-    usable = np.isfinite(raw.mean[..., 0]) & ~np.any(list(clips.values()), axis=0)
-    gain = np.median(predictions.data.balanced[of_shot] / samples.raw[of_shot], axis=0)
-    bright = np.nanpercentile(raw.mean * gain, 99)
-    scene = np.nan_to_num(srgb_encode(np.clip(raw.mean * gain / bright, 0.0, 1.0)), nan=0.5)
-    vignetting = vignetting_of(profile.vignettings, shot.metadata.lens, shot.metadata.focal_mm, shot.metadata.aperture)
-    if vignetting is not None:
-        centres = cell * (np.argwhere(usable)[:, ::-1] + 0.5)
-        gain = gain * 2.0 ** vignetting.stops(places_in_picture(shot, centres))[:, None]
-    balanced, encoded = raw.mean[usable] * gain, jpeg.mean[usable] / 255.0
-    fold = np.repeat(of_shot[:1], len(balanced))
-
-    def panel(title: str, values: Array, **scale: Any) -> Panel:
-        return Panel(title, (Raster(upright(values, shot.raw.orientation)),), bare=True, equal=True, **scale)
+    # The RAW is shown stretched to its brightest percent
+    bright = np.nanpercentile(cells.unbrightened, 99)
+    scene = np.nan_to_num(srgb_encode(np.clip(cells.unbrightened / bright, 0.0, 1.0)), nan=0.5)
+    balanced, encoded = cells.balanced[cells.usable], cells.jpeg[cells.usable]
+    fold = np.repeat(cells.samples[:1], len(balanced))
 
     rows: list[tuple[Panel, ...]] = []
-    for direction, predict, source, wanted, picture, most in (
-        ("RAW → JPEG", predictions.render, balanced, encoded, ("the camera's JPEG", jpeg.mean / 255.0), ERROR_SCALE),
+    for direction, predict, source, target, picture, most in (
+        ("RAW → JPEG", predictions.render, balanced, encoded, ("the camera's JPEG", cells.jpeg), ERROR_SCALE),
         # Linear values are small where encoded ones are not; so are errors
         (
             "JPEG → RAW",
@@ -350,18 +462,17 @@ def error_map(
             0.3 * ERROR_SCALE,
         ),
     ):
-        panels = [panel(*picture)]
+        panels = [cells.panel(*picture)]
         for method in methods:
-            errors = np.full(usable.shape, np.nan)
-            errors[usable] = np.linalg.norm(np.clip(predict(method, source, fold), 0, 1) - wanted, axis=1)
-            words = f"{direction}\n{method}: mean {np.nanmean(errors):.4f}"
-            panels.append(panel(words, errors, scale=(0.0, most), scale_name=" "))
+            errors = np.full(cells.usable.shape, np.nan)
+            errors[cells.usable] = np.linalg.norm(np.clip(predict(method, source, fold), 0, 1) - target, axis=1)
+            words = f"{direction}\n{MAP_NAMES.get(method, method)}: mean {np.nanmean(errors):.4f}"
+            panels.append(cells.panel(words, errors, scale=(0.0, most), scale_name=" "))
         rows.append(tuple(panels))
-    height, width = upright(jpeg.mean, shot.raw.orientation).shape[:2]
+    height, width = upright(cells.jpeg, cells.orientation).shape[:2]
     drawing = Drawing(tuple(rows), 11 / len(rows[0]) * height / width + 0.6, 11.0)
-    held_out = "not seen by the fits" if predictions.held_out[of_shot].all() else "the fit had seen it"
-    setting = f"{samples.style[of_shot[0]]}/{samples.white_balance[of_shot[0]]}"
-    caption = f"{name}, {setting}; {held_out}; mean error of the shot's samples {row.figures.mean:.4f}."
+    held_out = "not seen by the fits" if cells.held_out else "the fit had seen it"
+    caption = f"{name}, {cells.setting}; {held_out}; mean error of the shot's samples {row.figures.mean:.4f}."
     return Picture(f"error_map_{setting_name(name)}", drawing, caption)
 
 
@@ -386,9 +497,11 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
         except CalibrationError:  # no two shots show the same patches at different exposures, or too few
             continue
         yield f"{name}: {verdict.told}."
-        header = ("f is fitted to", "red", "green", "blue")
-        rows = tuple((what, *(f"{value:.4f}" for value in each)) for what, each in response_deltas(pairs).items())
-        caption = f"{name}: linearization error of f over pairs of exposures, unsaturated colours (1 = full scale)"
+        header = ("response fitted to", "red", "green", "blue")
+        rows = tuple((what, *(f"{255 * value:.2f}" for value in each)) for what, each in response_deltas(pairs).items())
+        caption = (
+            f"{name}: linearization error of the response over pairs of exposures, unsaturated colours, in codes of 255"
+        )
         yield Table(caption, header, rows)
         # How exact the exposure times of the files are, beside RAW, which is linear (thesis 3.1)
         samples = style.samples

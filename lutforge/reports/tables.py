@@ -15,6 +15,14 @@ if TYPE_CHECKING:
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
 """The directions of a profile's models, for captions."""
 
+METHOD_NAMES = {
+    "camera model": "camera model, without a lattice",
+    "f and T, no h": "its matrix and response, without its gamut map",
+    "matrix and response": "matrix and response, fitted alone",
+    "lattice": "LutForge's lattice",
+}
+"""What people read in place of the short names of the methods; other names are words already."""
+
 YES = {True: "yes", False: "no"}
 
 
@@ -33,6 +41,11 @@ class Table:
         number = re.compile(r"[-−+±]?[\d.]+(e[-+]?\d+)?( K| %| EV)?|–|")
         columns = zip(*self.rows, strict=True) if self.rows else ["text" for _ in self.header]
         return tuple(all(map(number.fullmatch, column)) for column in columns)
+
+
+def method_name(method: str) -> str:
+    """A method of an evaluation in words."""
+    return METHOD_NAMES.get(method, method)
 
 
 def exposure_time(seconds: float) -> str:
@@ -88,7 +101,7 @@ def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> T
     for row in rows:
         seconds = (row.fit_seconds, row.seconds_per_megapixel) if timed else ()
         times = ("–" if value is None else f"{value:.3g}" for value in seconds)
-        cells.append((row.style, row.shot, row.method, YES[row.held_out], *row.figures.cells, *times))
+        cells.append((row.style, row.shot, method_name(row.method), YES[row.held_out], *row.figures.cells, *times))
     header = ("style", "shot", "method", "held out", *FIGURES, *(("fit, s", "s/Mpixel") if timed else ()))
     return Table(caption, header, cells, _rows_of(own, rows))
 
@@ -112,7 +125,7 @@ def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
         cells = []
         for each in errors:
             numbers = (f"{value:.{digits}f}" for value in each.values.values())
-            cells.append((each.style, each.method, YES[each.held_out], str(each.count), *numbers))
+            cells.append((each.style, method_name(each.method), YES[each.held_out], str(each.count), *numbers))
         if errors:
             header = ("style", "method", "held out", counted, *errors[0].values)
             yield Table(caption, header, cells, _rows_of(own, errors))
@@ -121,7 +134,7 @@ def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
             "JPEGs changed to another setting, against the camera's own JPEG of the same scene (1 = full scale)",
             ("from", "to", "method", "held out", "pairs", *FIGURES),
             [
-                (row.source, row.target, row.method, YES[row.held_out], str(row.shots), *row.figures.cells)
+                (row.source, row.target, method_name(row.method), YES[row.held_out], str(row.shots), *row.figures.cells)
                 for row in pairs
             ],
             _rows_of(own, pairs),

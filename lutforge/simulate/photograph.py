@@ -1,6 +1,6 @@
-"""Take photographs with the simulated camera: DNGs of the noisy mosaic, and the JPEGs developed from it; the demo's."""
+"""Take photographs with the simulated camera: DNGs of the noisy mosaic, and the JPEGs developed from it."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,8 +23,8 @@ from lutforge.images.write import write_image
 from lutforge.model.vignetting import Vignetting
 from lutforge.model.white_balance import LIGHT_SOURCES
 from lutforge.shots.geometry import Distortion
-from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
-from lutforge.simulate.scene import SCENES, Scene
+from lutforge.simulate.camera import SimulatedCamera
+from lutforge.simulate.scene import Scene
 
 Subsampling = Literal["4:4:4", "4:2:2", "4:2:0"]
 BORDER = 8
@@ -366,95 +366,3 @@ def _preview_fields(tiff: TiffWriter, jpeg: bytes) -> dict[int, Field]:
         532: rational_field([0, 255, 128, 255, 128, 255]),
         50970: long_field(2),  # PreviewColorSpace: sRGB
     }
-
-
-# --- The shots of the demo: two picture styles, five lights, bracketed exposures, and a picture to grade --------------
-
-
-@dataclass(frozen=True)
-class DemoShot:
-    """One shot to take: the camera's dials, the scene and its seed, relative exposure, and the light.
-
-    The light is the one that the dial is made for, unless it is named: a dial that is wrong for the light gives strong
-    colours, and so covers the corners of the colour space, as the thesis's shots do (4.2.3).
-    """
-
-    style: str
-    white_balance: str
-    scene: str
-    seed: int
-    exposure: float
-    light: str | None = None
-
-    def settings(self, camera: SimulatedCamera) -> CameraSettings:
-        """The dials of the camera."""
-        return CameraSettings(self.style, self.white_balance, camera.nominal_exposure_s * self.exposure)
-
-
-SHOTS = (
-    DemoShot("standard", "daylight", "chart", 0, 1.0),
-    DemoShot("standard", "daylight", "wall", 0, 1.4),
-    DemoShot("standard", "daylight", "wall", 1, 0.35),
-    DemoShot("standard", "tungsten", "wall", 2, 1.0),
-    DemoShot("standard", "tungsten", "wall", 3, 0.6, light="daylight"),
-    DemoShot("standard", "tungsten", "still-life", 0, 0.8, light="daylight"),
-    DemoShot("standard", "fluorescent", "wall", 4, 0.8),
-    DemoShot("standard", "cloudy", "wall", 3, 1.2),
-    DemoShot("vivid", "daylight", "chart", 0, 1.0),
-    DemoShot("vivid", "daylight", "wall", 0, 1.4),
-    DemoShot("vivid", "daylight", "wall", 1, 0.35),
-    DemoShot("vivid", "tungsten", "wall", 2, 1.0),
-    DemoShot("vivid", "daylight", "wall", 3, 0.8, light="tungsten"),
-    DemoShot("vivid", "shade", "wall", 4, 1.2),
-    DemoShot("vivid", "cloudy", "still-life", 0, 1.4),
-)
-"""What the demo calibrates from; every other shot has no JPEG beside it, only the preview in the DNG."""
-
-HELD_OUT = DemoShot("standard", "tungsten", "still-life", 7, 0.6, light="daylight")
-"""What the demo grades, never calibrated from: the camera was left on tungsten in daylight, the exposure is short."""
-
-
-@dataclass(frozen=True)
-class DemoShots:
-    """What `demo_shots` wrote: RAW files to calibrate from, a spoilt photograph, and the JPEG that it should be.
-
-    source, target: its settings as selectors, now and wanted; ev: the stops that it lacks.
-    """
-
-    camera: SimulatedCamera
-    calibration: tuple[Path, ...]
-    held_out: Photograph
-    wanted: Path
-    source: str
-    target: str
-    ev: float
-
-
-def demo_shots(
-    folder: str | Path,
-    progress: Callable[[str], None] = lambda _: None,
-    camera: SimulatedCamera | None = None,
-    shape: tuple[int, int] = (808, 1216),
-) -> DemoShots:
-    """Photograph the demo's scenes into `folder`, and one into its "held-out". shape: of the sensor, even numbers."""
-    camera, folder = nikon_d5100() if camera is None else camera, Path(folder)
-    scenes: dict[tuple[str, int], Scene] = {}
-
-    def take(shot: DemoShot, where: Path, name: str, jpeg_beside: bool) -> Photograph:
-        progress(name)
-        key = (shot.scene, shot.seed)
-        if key not in scenes:
-            scenes[key] = SCENES[shot.scene](*shape, shot.seed)
-        settings = shot.settings(camera)
-        return photograph(camera, scenes[key], settings, where, name, jpeg_beside=jpeg_beside, light=shot.light)
-
-    calibration = tuple(
-        take(shot, folder, f"LF{number:04d}-{shot.style}-{shot.white_balance}-{shot.scene}", number % 2 == 1).dng
-        for number, shot in enumerate(SHOTS, start=1)
-    )
-    held_out = take(HELD_OUT, folder / "held-out", "held-out", True)
-    style, white_balance, ev = "vivid", "daylight", 0.7  # what it should have had
-    right = replace(HELD_OUT.settings(camera), style=style, white_balance=white_balance, push_ev=ev)
-    wanted = develop_again(camera, held_out, right, folder / "held-out" / "wanted.JPG")
-    source, target = f"{HELD_OUT.style}/{HELD_OUT.white_balance}", f"{style}/{white_balance}"
-    return DemoShots(camera, calibration, held_out, wanted, source, target, ev)

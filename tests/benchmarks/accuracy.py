@@ -35,6 +35,7 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.raw_transfer import fit_raw_transfer
 from lutforge.calibration.style import style_data
 from lutforge.calibration.white_balance import complete_multipliers
+from lutforge.cli.demo_shots import HELD_OUT, DemoShots
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.evaluation.methods import fit_baselines
@@ -47,7 +48,7 @@ from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import match, raw_to_balanced
 from lutforge.model.transform import through_stages
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.photograph import HELD_OUT, CameraSettings, DemoShots, Photograph, develop_again, photograph
+from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, palette
 from lutforge.thesis.options import Options, ThesisOptions
 from tests.benchmarks import common, lattices

@@ -16,8 +16,8 @@ import numpy as np
 
 import lutforge as lf
 from lutforge.arrays import Array
+from lutforge.cli.demo_shots import DemoShots, demo_shots
 from lutforge.simulate.camera import SimulatedCamera
-from lutforge.simulate.photograph import DemoShots, demo_shots
 
 ROOT = Path(__file__).resolve().parents[2]
 WORSE = 1.03

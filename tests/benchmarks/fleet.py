@@ -145,7 +145,7 @@ def rendered_and_linearized(camera: FleetCamera, profile: CameraProfile, samples
             raw = raw[camera.known(raw, style, balance)]
             truth = camera.render(raw, style, balance)
             made = np.clip(profile.render(name)(raw), 0.0, 1.0)
-            own = np.clip(profile.render(name, model="rbf")(raw), 0.0, 1.0)
+            own = np.clip(profile.render(name, model="model")(raw), 0.0, 1.0)
             beside = others[style][0](np.minimum(raw * profile.multipliers(name), 1.0))
             for of, colours in {"render": made, "render, model": own, "render, kriging": beside}.items():
                 errors.setdefault(of, []).append(delta_e_2000(colours, truth))

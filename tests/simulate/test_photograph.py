@@ -9,13 +9,12 @@ import pytest
 import rawpy
 from numpy.typing import NDArray
 
+from lutforge.cli.demo_shots import SHOTS, demo_shots
 from lutforge.colour.spectra import WAVELENGTHS, chart_reflectances, light, linear_srgb_under, surface_reflectances
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import (
     BORDER,
-    SHOTS,
     CameraSettings,
-    demo_shots,
     develop,
     develop_again,
     photograph,

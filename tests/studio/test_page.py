@@ -29,12 +29,12 @@ from bokeh.models import ImportedStyleSheet
 from platformdirs import user_cache_path
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
+from lutforge.cli.demo_shots import demo_shots
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.samples.chart import chart_kind
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import demo_shots
 from lutforge.studio.page import STEPS
 from lutforge.studio.workspace import Workspace
 
