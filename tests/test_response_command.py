@@ -59,8 +59,8 @@ def test_pictures_become_a_profile_luts_and_a_config(frames: Path, tmp_path: Pat
     np.testing.assert_allclose(lf.read_lut(curve)(codes), wanted, atol=1e-6)
     lutforge("config", str(camera), "-o", str(tmp_path / "config"))
     config = OCIO.Config.CreateFromFile(str(tmp_path / "config" / "config.ocio"))
-    there = config.getProcessor("Drone 7 standard auto", "Drone 7 linear auto").getDefaultCPUProcessor()
-    back = config.getProcessor("Drone 7 linear auto", "Drone 7 standard auto").getDefaultCPUProcessor()
+    there = config.getProcessor("Drone 7 JPEG standard auto", "Drone 7 linear auto").getDefaultCPUProcessor()
+    back = config.getProcessor("Drone 7 linear auto", "Drone 7 JPEG standard auto").getDefaultCPUProcessor()
     grey = np.full(3, 0.5, dtype=np.float32)
     light = np.array(there.applyRGB(grey.tolist()))
     np.testing.assert_allclose(light, wanted[0], rtol=1e-4)
@@ -113,7 +113,7 @@ def test_the_whole_way_on_the_command_line(tmp_path: Path, lutforge: CommandLine
     np.testing.assert_allclose(light[:, 1] / light[2, 1], wanted / wanted[2], rtol=0.06)
     lutforge("config", profile, "-o", tmp_path / "config")
     config = OCIO.Config.CreateFromFile(str(tmp_path / "config" / "config.ocio"))
-    there = config.getProcessor("Drone 7 standard auto", "ACES2065-1").getDefaultCPUProcessor()
+    there = config.getProcessor("Drone 7 JPEG standard auto", "ACES2065-1").getDefaultCPUProcessor()
     np.testing.assert_allclose([there.applyRGB(grey.tolist()) for grey in greys], light, rtol=0.05, atol=0.01)
 
 

@@ -137,7 +137,8 @@ def _without_oddities(lines: list[str], suffix: str) -> tuple[list[str], list[st
     if suffix in (".cube", ".csp", ".spi1d", ".spi3d", ".lut"):
         first = next((n for n, line in enumerate(lines) if _BEGINS.match(line)), len(lines))
         shaped = suffix != ".cube" or _is_resolve_cube({line.partition(" ")[0] for line in lines[:64]})
-        between = {n for n, line in enumerate(lines[first:], first) if line.startswith("#")}
+        last = max((n for n, line in enumerate(lines) if _BEGINS.match(line)), default=0)
+        between = {n for n, line in enumerate(lines[first:last], first) if line.startswith("#")}
         if shaped and between:
             lines = ["" if n in between else line for n, line in enumerate(lines)]
             problems.append("comments between its numbers, which OpenColorIO refuses: delete them, or move them up")

@@ -8,9 +8,10 @@ from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, Mask
 from lutforge.interpolation import interpolate
+from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import CLIPPED, clipped
 from lutforge.model.lattice import Lattice, grid
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile_data import CameraModel, PictureStyle
 
 FARTHEST = 24.0 / 255.0
 """Default limit: distance to the nearest sample, in encoded RGB."""
@@ -19,15 +20,15 @@ FARTHEST = 24.0 / 255.0
 def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHEST) -> Mask:
     """Return the mask (…,) of encoded colours (…, 3) farther than `farthest` from every sample.
 
-    The samples are taken to be at the rendered centres of h, or at the nodes of a lattice that samples touched. Of a
-    style that has neither, no colour is covered.
+    The samples are taken to be at the centres of the camera models, or at the nodes of a lattice that samples touched.
+    Of a style that has neither, no colour is covered.
     """
     return ~np.isfinite(_distance(style, np.asarray(encoded, dtype=np.float64), farthest))
 
 
 def _distance(style: PictureStyle, encoded: Array, most: float) -> Array:
     """The distance (…,) of encoded colours (…, 3) to the style's nearest sample, infinite beyond `most`."""
-    parts = [model.response.encode(model.gamut_map(model.gamut_map.centres)) for model in style.models]
+    parts = [_centres(model) for model in style.models]
     if not parts and style.linearize is not None and "linearize" in style.coverage:
         touched = np.nonzero(style.coverage["linearize"] > 0)
         parts.append(np.stack([axis[at] for axis, at in zip(style.linearize.levels, touched, strict=True)], axis=1))
@@ -36,6 +37,13 @@ def _distance(style: PictureStyle, encoded: Array, most: float) -> Array:
     tree = scipy.spatial.cKDTree(np.concatenate(parts))
     distance = tree.query(encoded.reshape(-1, 3), distance_upper_bound=most, workers=-1)[0]
     return np.asarray(distance.reshape(encoded.shape[:-1]))
+
+
+def _centres(model: CameraModel) -> Array:
+    """The codes (n, 3) of the centres of a model: of its fitted inverse, or of its rendering where that is solved."""
+    inverse = model.inverse_gamut_map
+    mapped = inverse.centres if isinstance(inverse, GamutMap) else model.gamut_map(model.gamut_map.centres)
+    return model.response.encode(mapped)
 
 
 _AXIS = np.concatenate([[0.0, CLIPPED], np.linspace(2 * CLIPPED, 1.0 - 2 * CLIPPED, 29), [1.0 - CLIPPED, 1.0]])

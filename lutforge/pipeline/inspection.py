@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 CONFIGS = (".ocio", ".ocioz")
 CAMERA_PROFILES = (".dcp", ".icc", ".icm")
-PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", *HEIF_SUFFIXES})
+PICTURE_SUFFIXES = frozenset(
+    {".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", ".jp2", *HEIF_SUFFIXES}
+)
 Rows = Iterator[tuple[str, str]]
 
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import platformdirs
 
 from lutforge import __version__
 from lutforge.atomic_write import scratch_folder
@@ -171,6 +170,8 @@ def uninstall_kit(program: str) -> tuple[list[Path], list[Path]]:
 
 def _data_folder() -> Path:
     """Where LutForge keeps what it has to remember of this user."""
+    import platformdirs  # which does not load on every system, and is needed here alone
+
     return platformdirs.user_data_path("lutforge", appauthor=False)
 
 

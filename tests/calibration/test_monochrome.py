@@ -34,7 +34,7 @@ def _monochrome(samples: SampleSet) -> bool:
 
 @pytest.fixture(scope="module")
 def profile() -> CameraProfile:
-    return calibrate(_without_colour(_samples()), CalibrationOptions(size=17))
+    return calibrate(_without_colour(_samples()))
 
 
 def test_the_style_is_named_and_its_colour_error_left_out(profile: CameraProfile) -> None:

@@ -22,7 +22,7 @@ def write_cube(path: Path, gamma: float = 0.8, nodes: int = 9) -> Path:
     """A .cube: a power with the channels mixed a little."""
     axis = np.linspace(0, 1, nodes)
     blue, green, red = np.meshgrid(axis, axis, axis, indexing="ij")
-    table = np.stack([red, green, blue], -1).reshape(-1, 3) ** gamma @ [[0.9, 0.1, 0], [0, 0.8, 0.2], [0.1, 0, 0.9]]
+    table = np.stack([red, green, blue], -1).reshape(-1, 3) ** gamma @ [[0.9, 0.1, 0], [0, 0.8, 0.2], [0.1, 0.1, 0.8]]
     rows = "\n".join(" ".join(f"{value:.6f}" for value in row) for row in table)
     path.write_text(f"LUT_3D_SIZE {nodes}\n{rows}\n")
     return path

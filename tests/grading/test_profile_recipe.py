@@ -183,7 +183,8 @@ def test_clipped_whites_and_blacks_stay_neutral(recipe_of: Recipes, profile: Cam
         given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
         chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, wanted, ev))
         white, black = evaluate(chain.processor(), np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]))
-        assert np.linalg.norm(greys - white, axis=1).min() < 0.001  # one of the greys that the camera makes
+        # One of the greys that the camera makes, within half a code
+        assert np.linalg.norm(greys - white, axis=1).min() < 0.5 / 255
         assert np.all(black == 0.0)
         model = profile.refinish("standard/tungsten", "vivid/shade", ev)
         below = np.random.default_rng(0).integers(1, 240, (500, 3)) / 255

@@ -126,7 +126,7 @@ def test_what_changes_upstream_makes_models_stale(samples: SampleSet) -> None:
 
 
 def test_samples_of_no_ticked_pair_do_not_tell_the_response(samples: SampleSet) -> None:
-    workspace = Workspace(samples, find_pairs(samples))
+    workspace = Workspace(samples, find_pairs(samples), options=ThesisOptions())
     assert workspace.pairs is not None
     shots = [name for name in workspace.pairs.shots if name.startswith("shot standard daylight")]
     everything = frozenset((one, other) for one in shots for other in shots)
