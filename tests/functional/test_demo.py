@@ -118,4 +118,4 @@ def test_each_shot_left_out_is_predicted_within_six_codes(s40_samples: SampleSet
     assert len(shots) == 5 and all(row.held_out for row in shots)
     assert all(row.figures.mean < 6 / 255 for row in shots)
     mean = {row.method: row.figures.mean for row in rows if row.shot == "all"}
-    assert mean["lattice"] < 0.5 * mean["matrix and response"] < 0.5 * mean["polynomial per channel"]
+    assert mean["camera model"] < 0.5 * mean["matrix and response"] < 0.5 * mean["polynomial per channel"]
