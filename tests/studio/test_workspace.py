@@ -84,7 +84,7 @@ def test_saturated_colours_are_kept_from_the_response_alone(samples: SampleSet) 
 @pytest.mark.slow
 def test_gamut_map_and_lattice_stand_on_the_stages_that_were_fitted(samples: SampleSet) -> None:
     """What the filters keep from the response is in no model that builds on it."""
-    options = CalibrationOptions(size=5)
+    options = CalibrationOptions(size=17)
     workspace = fitted(Workspace(samples, limits={"saturation": (0.0, 0.5)}, options=options), "matrix")
     stages = workspace.models["matrix"].profile
     assert workspace.models["matrix"].task is not None
