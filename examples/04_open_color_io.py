@@ -23,7 +23,7 @@ path = lf.write_config([profile], folder / "ocio", replace=True).path
 
 config = OCIO.Config.CreateFromFile(str(path))
 camera = profile.camera
-source, target = f"{camera} standard tungsten", f"{camera} standard daylight"
+source, target = f"{camera} JPEG standard tungsten", f"{camera} JPEG standard daylight"
 
 # From one of the camera's settings to another is a refinish; to ACEScg it is a linearization.
 pixels = np.array([[0.2, 0.4, 0.8]], dtype=np.float32)

@@ -229,7 +229,7 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.press("List again")
     visit.choose("Folder or file", "shots")
     visit.press("Sample")
-    visit.reads("samples of 16 shots")
+    visit.reads("samples of 21 shots")
     cards = visit.page.locator(".pictures")
     expect(cards).to_have_count(16, timeout=MOST_MS)
     assert cards.first.locator("img").count() == 2

@@ -149,9 +149,9 @@ def test_ramps_of_a_calibrated_camera_rise_to_a_neutral_white(camera: SimulatedC
         assert ways.fall <= 5.0, ways
         assert ways.tint <= 2.0, ways
         assert ways.apart.pop("clf") <= 0.01, ways
-        # The two LUTs are fitted apart, so that their errors differ by rounding: a hundredth of a code.
-        assert ways.apart.pop("cube") <= max(2.5, ways.bare) + 0.01, ways
-        assert max(ways.apart.values(), default=0.0) <= 3.0, ways
+        # White rises within the codes from 180 on, which cubes of 33 nodes and the looks of a config round off.
+        assert ways.apart.pop("cube") <= max(4.0, ways.bare) + 0.01, ways
+        assert max(ways.apart.values(), default=0.0) <= 6.5, ways
 
 
 @pytest.mark.slow
