@@ -231,7 +231,7 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.press("Sample")
     visit.reads("samples of 21 shots")
     cards = visit.page.locator(".pictures")
-    expect(cards).to_have_count(16, timeout=MOST_MS)
+    expect(cards).to_have_count(21, timeout=MOST_MS)
     assert cards.first.locator("img").count() == 2
     visit.picture("shots")
     box = visit.page.get_by_role("checkbox", name="LF0006-standard-tungsten-still-life")
