@@ -238,7 +238,7 @@ class GamutView(View):
         self.layout[1] = self.space.layout if maps else self.figures.layout
         ui.offer(self.style, maps)
         if not maps:
-            self.figures.show(None, "No gamut map: compute the model “Camera model and lattices”.")
+            self.figures.show(None, "No gamut map: compute the model “Lattice”.")
             return
 
         # Where h takes the slice, its outline, and the control points near it, in the cube of linear sRGB

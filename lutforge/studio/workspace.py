@@ -31,7 +31,7 @@ from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.thesis.options import Options, ThesisOptions, stated_options
 
-MODELS = {"matrix": "Response, matrix and white balance", "lattice": "Camera model and lattices"}
+MODELS = {"matrix": "Response, matrix and white balance", "lattice": "Lattice"}
 """In the order of the calibration; each is kept as a camera profile."""
 MOST_GROUPS = 100
 SUFFIX = ".workspace"
