@@ -463,7 +463,6 @@ def test_gamut_map_in_3d(visit: Visit, axe: str) -> None:
     visit.press("Gamut map")
     visit.reads("standard, Y = 0.25: where the gamut map takes this slice")
     visit.choose("Style", "vivid")
-    visit.choose("Direction", "JPEG → RAW, white-balanced")
     visit.slide("Luminance Y of the slice", 0.5)
     visit.reads("vivid, Y = 0.50: where the gamut map takes this slice")
     assert_everywhere_in_the_window(visit, "gamut_surface", ".js-plotly-plot")
