@@ -119,8 +119,8 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     (folder / "a.csv").write_text(rows)
     (folder / "a.table.npz").write_bytes(S40.read_bytes())
     for suffix in (".exr", ".tif", ".png", ".webp", ".jp2"):
-        size = (240, 320, 3) if suffix == ".jp2" else (24, 32, 3)  # OpenImageIO reads no smaller JPEG 2000
-        picture = oiio.ImageBuf(np.random.default_rng(2).random(size, dtype=np.float32))
+        shape = (240, 320, 3) if suffix == ".jp2" else (24, 32, 3)  # OpenImageIO reads no smaller JPEG 2000
+        picture = oiio.ImageBuf(np.random.default_rng(2).random(shape, dtype=np.float32))
         picture.specmod().attribute("Artist", "somebody")
         picture.write(str(folder / f"a{suffix}"), "half" if suffix == ".exr" else "uint8")
     lut = lut_of_nodes((np.array([0.0, 0.125, 1.0]),) * 3, grid(uniform_levels(3)) ** 0.5, size=9, comments=("a note",))
