@@ -19,8 +19,8 @@ from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError, LutError
 from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
+from lutforge.luts.highlights import raised
 from lutforge.luts.ops import (
-    FEW,
     SHAPER_SIZE,
     Cube,
     Curve,
@@ -419,10 +419,6 @@ def _shaper(axes: Axes, high: float = 1.0) -> tuple[Op, ...]:
 # between.
 
 
-HIGHLIGHT_SIZE, DARK_CELLS = 33, 5
-"""Nodes per axis of the cube that keeps white neutral, and how many of its cells lie below the light that is raised."""
-
-
 def bake_steps(
     transform: ColourFunction, size: int | None = None, *, title: str = "", comments: tuple[str, ...] = ()
 ) -> Lut:
@@ -462,21 +458,6 @@ def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
     values = through_stages(between, Lut(behind)(grid(uniform_levels(cube.size))))
     neutral = raised(highlights, np.ones(3), float((values / highlights.white).max()))
     return Lut((*ahead, Cube(values, cube.interpolation), *neutral, *baked(render).ops))
-
-
-def raised(highlights: NeutralHighlights, gain: Array, reach: float, size: int = HIGHLIGHT_SIZE) -> tuple[Op, ...]:
-    """Highlights as a cube of the light in front of a gain (3,), relative to white, up to `reach`.
-
-    The nodes lie where light is raised. Interpolated in tetrahedra, what is not raised passes exactly. White is a node.
-    """
-    even = grid(uniform_levels(size)).reshape(-1, 3)
-    moved = np.any(highlights(even * highlights.white) != even * highlights.white, axis=1)
-    dark = max(float(even[moved].min(initial=1.0)), DARK_CELLS / size) - 1 / size
-    below, above = np.linspace(0.0, dark, DARK_CELLS + 1)[:-1], np.linspace(dark, 1.0, size - 1 - DARK_CELLS)
-    axis = snap_levels(np.append(np.append(below, above), max(reach, 1.0) + 0.01) / (max(reach, 1.0) + 0.01), FEW)
-    levels, scale = (axis, axis, axis), highlights.white / gain / axis[-2]
-    cube = Cube(highlights(grid(levels) * scale * gain), "tetrahedral")
-    return Matrix(np.diag(1.0 / scale)), Range(), shaper(levels, FEW), cube
 
 
 def grading_steps(transform: Transform) -> tuple[Transform, tuple[Stage, ...], NeutralHighlights, Transform]:

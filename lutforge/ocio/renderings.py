@@ -15,7 +15,8 @@ from lutforge.arrays import Array, ColourFunction
 from lutforge.errors import ConfigError
 from lutforge.inverse.linearization import SIZE, BakedRender, inverse_of
 from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
-from lutforge.luts.bake import bake, grading_steps, raised
+from lutforge.luts.bake import bake, grading_steps
+from lutforge.luts.highlights import raised
 from lutforge.luts.ops import FEW, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.model.coverage import uncovered
