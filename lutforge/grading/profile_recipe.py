@@ -15,8 +15,9 @@ from lutforge.grading.grade import Grade, Recipe
 from lutforge.grading.image import TELL_ADOBE_RGB
 from lutforge.images.write import IN_SRGB
 from lutforge.luts.bake import bake, grading_lut, grading_steps
+from lutforge.luts.ocio_transforms import of_codes
 from lutforge.luts.ops import Cube, Matrix, Range
-from lutforge.luts.sequence import Lut, of_codes
+from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, match, raw_to_balanced, same_light
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels

@@ -19,22 +19,12 @@ from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError, LutError
 from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
+from lutforge.luts.forms import MAX_SIZE, Form
 from lutforge.luts.highlights import raised
-from lutforge.luts.ops import (
-    SHAPER_SIZE,
-    Cube,
-    Curve,
-    Matrix,
-    Op,
-    Range,
-    is_even,
-    lattice_ops,
-    levels_behind_gain,
-    node_levels,
-    shaper,
-)
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.programs import Target, target_of
-from lutforge.luts.sequence import MAX_SIZE, Form, Lut
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import SHAPER_SIZE, is_even, lattice_ops, levels_behind_gain, node_levels, shaper
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.inverse_gamut_map import SolvedInverse

@@ -5,7 +5,8 @@ from __future__ import annotations  # so that help() shows the names of types
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.luts.ops import FEW, Cube, Matrix, Op, Range, shaper
+from lutforge.luts.ops import Cube, Matrix, Op, Range
+from lutforge.luts.shaper import FEW, shaper
 from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.lattice import grid, snap_levels, uniform_levels
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from lutforge.errors import LutError, alternatives
 from lutforge.interpolation import Interpolation
 from lutforge.luts import command_lines
-from lutforge.luts.sequence import MAX_SIZE, Form, format_of
+from lutforge.luts.formats import format_of
+from lutforge.luts.forms import MAX_SIZE, Form
 
 CUBES = (".cube", ".cube, domain from 0", ".cube, domain", ".cube, range", ".cube, curve")
 """Kinds of .cube files without a shaper."""

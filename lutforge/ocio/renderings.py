@@ -17,8 +17,9 @@ from lutforge.inverse.linearization import SIZE, BakedRender, inverse_of
 from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
 from lutforge.luts.bake import bake, grading_steps
 from lutforge.luts.highlights import raised
-from lutforge.luts.ops import FEW, Curve
+from lutforge.luts.ops import Curve
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import FEW
 from lutforge.model.coverage import uncovered
 from lutforge.model.highlights import CLIPPED
 from lutforge.model.transform import Gain, Transform

@@ -13,7 +13,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.errors import ConfigError
-from lutforge.luts.sequence import matrix_transform
+from lutforge.luts.ocio_transforms import matrix_transform
 from lutforge.model.camera_profile import has_own_raw
 from lutforge.ocio.cameras import JPEG, Camera, UniqueNames, file_stem, space_name
 from lutforge.ocio.renderings import Rendering

@@ -19,9 +19,12 @@ from lutforge.kits.measure import error_of_profile
 from lutforge.luts.bake import bake_forms, bake_steps, takes_scenes
 from lutforge.luts.check import FileError, verify
 from lutforge.luts.description import description
-from lutforge.luts.formats import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
+from lutforge.luts.formats import format_of
+from lutforge.luts.forms import FORMS, Form
+from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, input_and_output_of
 from lutforge.luts.programs import Target, files_for, program_named, target_of
-from lutforge.luts.sequence import ADOBE_RGB, ENCODED, FORMS, Form, Lut, format_of, input_and_output_of
+from lutforge.luts.sequence import Lut
+from lutforge.luts.writers.process_list import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
 from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, is_response_alone, match, through_camera
 from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Purpose, Transform

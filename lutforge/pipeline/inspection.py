@@ -74,7 +74,7 @@ def _inspected(path: Path) -> Inspection:
         return Inspection(tuple(_picture(path)))
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-    from lutforge.luts.sequence import FORMATS
+    from lutforge.luts.formats import FORMATS
 
     read_by_ocio = {f".{each.lower()}" for _, each in OCIO.FileTransform.getFormats()}
     if suffix in CONFIGS:

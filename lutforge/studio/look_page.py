@@ -18,8 +18,9 @@ from panel.custom import JSComponent
 
 from lutforge.errors import LutError, SettingsError
 from lutforge.grading.profile_recipe import BakedGrades, SettingChange, baked_steps
-from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range, lattice_ops
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import confidence
 from lutforge.model.transform import Transform

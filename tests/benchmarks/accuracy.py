@@ -42,9 +42,9 @@ from lutforge.evaluation.methods import fit_baselines
 from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake_forms, bake_steps, grading_steps
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.programs import target_of
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import match, raw_to_balanced
 from lutforge.model.transform import through_stages
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill

@@ -21,9 +21,10 @@ from lutforge.grading.batch import apply_batch
 from lutforge.grading.grade import ConfigRecipe, LutRecipe
 from lutforge.grading.inputs import find_inputs
 from lutforge.images.read import ImageReader, is_premultiplied, read_image
+from lutforge.luts.input_and_output import input_and_output_of, read_input_and_output
 from lutforge.luts.ops import Cube
 from lutforge.luts.reading import read_lut
-from lutforge.luts.sequence import Lut, input_and_output_of, read_input_and_output
+from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.ocio.config import write_config
 from lutforge.shots.tags import tags

@@ -24,8 +24,8 @@ from lutforge.grading.profile_recipe import ProfileRecipe, SettingChange, source
 from lutforge.images.jpeg import read_header
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube
-from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.grading import Grading, apply

@@ -11,8 +11,8 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import LutForgeError, SettingsError, ShotError
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import load_profile
 from lutforge.pipeline.calibration import calibrate as calibrate_profile
 from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs

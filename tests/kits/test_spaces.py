@@ -13,8 +13,8 @@ from lutforge.colour.spectra import surface_reflectances
 from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.errors import SettingsError
 from lutforge.luts.check import check_lut
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.baking import TransformRequest, bake, bake_files, transform
 from lutforge.simulate.camera import nikon_d5100
