@@ -72,7 +72,8 @@ def demo(
 
 def _bake(profile: "lf.CameraProfile", shots: "DemoShots", folder: Path, verbose: bool) -> None:
     """Bake a LUT for each job, and say by how much the worst of the files differs from the model."""
-    from lutforge.pipeline.baking import TransformRequest, bake_files
+    from lutforge.pipeline.baking import bake_files
+    from lutforge.pipeline.transforms import TransformRequest
 
     jobs = (
         (TransformRequest("render", target=shots.target), ["render.clf"]),

@@ -14,9 +14,10 @@ from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.grading.grade import Grade, Recipe
 from lutforge.grading.image import TELL_ADOBE_RGB
 from lutforge.images.write import IN_SRGB
-from lutforge.luts.bake import bake, grading_lut, grading_steps
+from lutforge.luts.bake import bake
 from lutforge.luts.ocio_transforms import of_codes
 from lutforge.luts.ops import Cube, Matrix, Range
+from lutforge.luts.refinish import refinish_lut, steps_of
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, match, raw_to_balanced, same_light
 from lutforge.model.gamut_map import GamutMap
@@ -80,7 +81,7 @@ class BakedGrades:
         self._luts: dict[object, Lut] = {}
         # Only the last ones are kept: pictures on automatic white balance each have a grade of their own.
         self.refinish: Callable[[SettingChange], Lut] = lru_cache(16)(
-            lambda change: grading_lut(change.transform, self.baked)
+            lambda change: refinish_lut(change.transform, self.baked)
         )
         self.processor: Callable[..., OCIO.CPUProcessor] = lru_cache(32)(Lut.processor)
 
@@ -97,7 +98,7 @@ class BakedGrades:
 
     def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
         """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""
-        steps = () if refinish.is_identity else (grading_steps(refinish)[0], grading_steps(refinish)[-1])
+        steps = () if refinish.is_identity else (steps_of(refinish).linearize, steps_of(refinish).render)
         return tuple(step for step in steps if isinstance(_core(step), GamutMap) and _core(step) not in self._luts)
 
     def add(self, step: Transform, lut: Lut) -> None:
@@ -117,7 +118,7 @@ def baked_steps(steps: Sequence[Transform], progress: Progress = silent) -> tupl
     baked = []
     for number, step in enumerate(steps):
         progress("baking", number / len(steps))
-        baked.append(bake(step, display_referred=False))
+        baked.append(bake(step))
     return tuple(baked)
 
 

@@ -20,7 +20,7 @@ from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz
 from lutforge.errors import LutError, one_line
 from lutforge.images.icc import profile_name
 from lutforge.kits.kit import Look
-from lutforge.luts.bake import fit_cube
+from lutforge.luts.fit_cube import Axes, fit_cube
 from lutforge.luts.ops import Cube, Curve
 
 ENTRIES = 4096
@@ -80,8 +80,8 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
     even = np.linspace(0.0, 1.0, len(level))
     column = np.rint(np.interp(_ROOTS, level, even) * 65535) / 65535
     curve = Curve(np.repeat(column[:, None], 3, axis=1))
-    levels, knots = (level, level, level), (even, even, even)
-    values = fit_cube(codes, levels, knots, "tetrahedral", curve=lambda root: curve(root**GAMMA))
+    axes = Axes((level, level, level), (even, even, even), lambda root: curve(root**GAMMA))
+    values = fit_cube(codes, axes, "tetrahedral", np.ones(3))
     return IccProfile(f"{look.title}{variant}", curve, Cube(np.rint(values * 65535) / 65535))
 
 

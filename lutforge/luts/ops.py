@@ -4,6 +4,7 @@ The models are OpenColorIO's `ops/` (https://github.com/AcademySoftwareFoundatio
 the Common LUT Format (SMPTE ST 2136-1). A curve or cube clamps its inputs to its domain, and takes NaN for the lowest.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -147,3 +148,15 @@ class Cube:
 
 Op = Matrix | Range | Curve | Cube
 """Any operation: (…, 3) → (…, 3), float64."""
+
+
+def joined(ops: Sequence[Op]) -> tuple[Op, ...]:
+    """Return operations with neighbouring matrices made one, and without those that change nothing."""
+    result: list[Op] = []
+    for op in ops:
+        before = result[-1] if result else None
+        if isinstance(op, Matrix) and isinstance(before, Matrix):
+            result[-1] = Matrix(op.matrix @ before.matrix, op.matrix @ before.offset + op.offset)
+        else:
+            result.append(op)
+    return tuple(op for op in result if not (isinstance(op, Matrix) and op.is_identity))

@@ -231,6 +231,11 @@ class Target:
     sizes: tuple[int, ...] = TRIED
     curve: bool = False
 
+    @property
+    def method(self) -> Interpolation:
+        """The interpolation of cubes that are fitted."""
+        return self.interpolation or "tetrahedral"
+
 
 def program_named(name: str) -> Program:
     """The program of a name, in any case. Raises LutError listing those that are known."""

@@ -15,10 +15,11 @@ from lutforge.calibration.options import LatticeOptions
 from lutforge.colour.rgb_spaces import SPACES
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import export_published
-from lutforge.pipeline.baking import TransformRequest, bake_files
+from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.configs import write_config
 from lutforge.pipeline.kits import kits_of, write_kit
 from lutforge.pipeline.reports import report
+from lutforge.pipeline.transforms import TransformRequest
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples

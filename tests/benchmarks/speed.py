@@ -29,7 +29,7 @@ from lutforge.arrays import Pixels
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
-from lutforge.luts.bake import bake_forms
+from lutforge.luts.bake import bake_to
 from lutforge.luts.programs import target_of
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.samples.sample_set import SampleSet
@@ -179,7 +179,9 @@ def bake_task(size: int, _: int) -> Callable[[], object]:
     transform = common.nikon_d40(data).refinish("standard/tungsten", "standard/daylight")
     paths = [folder / "a.clf", folder / "a.resolve.cube"]
     targets = [target_of(path, None, size) for path in paths]
-    return lambda: [lut.write(path) for lut, path in zip(bake_forms(transform, targets), paths, strict=True)]
+    return lambda: [
+        lut.write(path) for lut, path in zip([bake_to(transform, target) for target in targets], paths, strict=True)
+    ]
 
 
 TASKS = {"lattice": lattice_task, "gamut map": gamut_map_task, "bake": bake_task}

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array
 from lutforge.grading.image import grade_floats
 from lutforge.interpolation import Interpolation, Levels
-from lutforge.luts.bake import joined
-from lutforge.luts.ops import Cube, Matrix, Range
+from lutforge.luts.ops import Cube, Matrix, Range, joined
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import SHAPER_SIZE, is_even, shaper
 

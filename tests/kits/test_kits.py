@@ -31,8 +31,8 @@ from lutforge.kits.kit import look_of
 from lutforge.kits.programs import KITS
 from lutforge.luts.reading import read_lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, match
-from lutforge.pipeline.baking import TransformRequest, choose_transform
 from lutforge.pipeline.kits import KitCheck, check_kit, compare_with_jpeg, write_kit
+from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_picture
 from tests.conftest import CommandLine

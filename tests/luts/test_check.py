@@ -18,7 +18,8 @@ from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.pipeline.baking import TransformRequest, bake_files
+from lutforge.pipeline.baking import bake_files
+from lutforge.pipeline.transforms import TransformRequest
 from tests.cases.pictures import lut_of_nodes
 from tests.cases.profiles import small_profile
 
