@@ -16,7 +16,8 @@ from lutforge.errors import SampleError, ShotError
 from lutforge.pipeline.sampling import gather_samples, sample_shots
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from tests.cases.profiles import small_profile
 from tests.cases.samples import chart_140, made_samples, photograph_patches

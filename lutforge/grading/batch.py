@@ -16,7 +16,8 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.atomic_write import atomic_path, remove_temporaries
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.grading.grade import Grade, Recipe
-from lutforge.grading.image import REGION_SAMPLES, GradedImage, apply_image, check_colours
+from lutforge.grading.image import REGION_SAMPLES, GradedImage, apply_image
+from lutforge.grading.image_colours import check_colours
 from lutforge.grading.inputs import JOURNAL, Failure, resolver
 from lutforge.images.heif import is_heif
 from lutforge.images.read import ImageReader, is_premultiplied

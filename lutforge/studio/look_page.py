@@ -17,7 +17,7 @@ import param
 from panel.custom import JSComponent
 
 from lutforge.errors import LutError, SettingsError
-from lutforge.grading.profile_recipe import BakedGrades, SettingChange, baked_steps
+from lutforge.grading.baked_grades import BakedGrades, SettingChange, baked_steps
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops

@@ -12,7 +12,7 @@ from PIL import Image
 
 from lutforge.arrays import Pixels
 from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
-from lutforge.grading.profile_recipe import choose_camera, source_selector
+from lutforge.grading.picture_settings import choose_camera, source_selector
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
 from lutforge.images.orientation import upright

@@ -49,7 +49,8 @@ from lutforge.luts.refinish import steps_of
 from lutforge.model.camera_profile import match, raw_to_balanced
 from lutforge.model.transform import through_stages
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, palette
 from lutforge.thesis.options import Options, ThesisOptions
 from tests.benchmarks import common, lattices

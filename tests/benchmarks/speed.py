@@ -35,7 +35,8 @@ from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from lutforge.thesis.gamut_map import fit_gamut_map
 from tests.benchmarks import common

@@ -36,7 +36,8 @@ from lutforge.pipeline.inspection import check, inspect
 from lutforge.samples.table import read_samples
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from tests.cases.lut_texts import SOUND
 from tests.cases.pictures import lut_of_nodes

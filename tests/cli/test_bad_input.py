@@ -22,7 +22,7 @@ from lutforge.luts.programs import PROGRAMS
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import write_dng
+from lutforge.simulate.dng import write_dng
 from tests.cases.pictures import write_picture
 from tests.cases.samples import chart_140, made_samples, photograph_patches, spread_over_picture, with_gamma
 from tests.conftest import CommandLine, Refused

@@ -22,7 +22,8 @@ from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Distortion, Registration
 from lutforge.shots.read import EMBEDDED, Shot, read_shot
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES, Scene
 
 SHAPE = (404, 608)

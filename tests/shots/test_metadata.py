@@ -18,7 +18,8 @@ from lutforge.shots.metadata import read_metadata, read_picture_settings, softwa
 from lutforge.shots.tags import Tags, key_of, maker_table, tags_of
 from lutforge.shots.tags import tags as file_tags
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from tests.cases.damaged import damaged
 
