@@ -154,7 +154,14 @@ def assembled(
         options=options,
         notes=(*state.notes, *notes, *([by_matrix] if computed else [])),
         raw_camera=state.raw_camera,
+        dng_camera="" if state.raw_camera else _dng_camera(state.samples),
         raw_transfer=state.raw_transfer,
         vignettings=state.vignettings,
         diagnoses=state.diagnoses,
     )
+
+
+def _dng_camera(samples: SampleSet) -> str:
+    """The UniqueCameraModel that all DNG files among the shots state; "" where there is none, or they disagree."""
+    stated = np.unique(samples.dng_camera[samples.dng_camera != ""])
+    return str(stated[0]) if len(stated) == 1 else ""

@@ -38,9 +38,7 @@ def write_lut(look: Look, path: Path, source: str, target: str, size: int | None
 
 def described(look: Look, lut: Lut, ends: InputAndOutput, place: str = "") -> Lut:
     """Return a LUT with the look's title, and what files say of themselves."""
-    errors = look.profile.render(look.setting).purpose.comments
-    details = [f"camera and settings: {look.profile.camera}, {look.setting}", *errors]
-    return replace(lut, title=look.title, comments=description(ends, place, details))
+    return replace(lut, title=look.title, comments=description(ends, place, look.details))
 
 
 def baked(function: ColourFunction, path: Path, size: int) -> Lut:

@@ -189,6 +189,7 @@ class ProfileData:
     whose RAW stood in for a camera without RAW (4.9), else ""; raw_transfer: Tc (3, 3), which takes that camera's RAW
     to this camera's, as far as it can be known. vignettings: what JPEGs are brighter towards the corners than the
     middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes.
+    dng_camera: the UniqueCameraModel of its DNG files, by which developers match camera profiles; "" where unknown.
     Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
     singular.
     """
@@ -204,6 +205,7 @@ class ProfileData:
     vignettings: tuple[Vignetting, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
     raw_transfer: Array | None = None
+    dng_camera: str = ""
 
     @property
     def developer(self) -> str:
@@ -226,7 +228,7 @@ class ProfileData:
         object.__setattr__(self, "styles", StylesByName(self.styles))
         if not self.styles or not self.white_balances:
             raise ProfileError(f"{self.camera}: a profile needs at least one picture style and one white balance")
-        for name in (self.camera, self.raw_camera, *self.styles, *self.white_balances):
+        for name in (self.camera, self.raw_camera, self.dng_camera, *self.styles, *self.white_balances):
             if len(name) > 200 or not name.isprintable():  # they become names of files and of colour spaces
                 raise ProfileError(
                     f"{name[:200]!r} is no name of a camera, style or white balance: one line of at most "
@@ -249,6 +251,7 @@ class ProfileData:
             "software": f"LutForge {__version__}",
             "camera": self.camera,
             "raw_camera": self.raw_camera,
+            "dng_camera": self.dng_camera,
             "raw_transfer": None if self.raw_transfer is None else self.raw_transfer.tolist(),
             "matrix": self.matrix.tolist(),
             "white_balances": {name: asdict(balance) for name, balance in self.white_balances.items()},
@@ -310,6 +313,7 @@ class ProfileData:
                 options=document["options"],
                 notes=tuple(map(str, document["notes"])),
                 raw_camera=str(document["raw_camera"]),
+                dng_camera=str(document.get("dng_camera", "")),  # profiles of before have none
                 raw_transfer=None if transfer is None else np.array(transfer, dtype=np.float64),
                 vignettings=tuple(vignettings),
                 diagnoses=tuple(

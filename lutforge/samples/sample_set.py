@@ -21,7 +21,7 @@ REQUIRED_COLUMNS = (*TEXT_COLUMNS, "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS)
 POSITION_COLUMNS = ("x", "y")
 SHOT_COLUMNS = ("focal_mm", "aperture", "d65_r", "d65_b")
 OPTIONAL_COLUMNS = (
-    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, "raw_camera", "lens", "raw_space", "developer",
+    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, "raw_camera", "lens", "raw_space", "developer", "dng_camera",
 )  # fmt: skip
 NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS)
 COLUMNS_OF = {"raw": RAW_COLUMNS, "srgb": SRGB_COLUMNS, "wb": WB_COLUMNS, "position": POSITION_COLUMNS}
@@ -132,7 +132,8 @@ class SampleSet:
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. d65_r,
     d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
     raw_space, developer: where a program's pictures stand in the place of the RAW, the RGB space in which these were
-    encoded, and the program; "" for RAW. The columns from `position` on may be left out; they are unknown then.
+    encoded, and the program; "" for RAW. dng_camera: the UniqueCameraModel of DNG files, "" of others. The columns
+    from `position` on may be left out; they are unknown then.
     `from_arrays` fills in more. Raises SampleError where the columns differ in length.
     """
 
@@ -154,10 +155,11 @@ class SampleSet:
     d65_b: Array = field(default_factory=lambda: np.zeros(0))
     raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    dng_camera: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
     def __post_init__(self) -> None:
         count = len(self.camera)
-        for name in ("position", "lens", "focal_mm", "aperture", "d65_r", "d65_b", "raw_space", "developer"):
+        for name in ("position", *SHOT_COLUMNS, "lens", "raw_space", "developer", "dng_camera"):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
                 unknown = np.nan if column.dtype.kind == "f" else ""
