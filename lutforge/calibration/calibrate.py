@@ -24,7 +24,7 @@ from lutforge.calibration.style import StyleData, fit_lattices, style_data
 from lutforge.calibration.white_balance import named_white_balances
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import identity_gamut_map
-from lutforge.model.profile_data import CameraModel, PictureStyle
+from lutforge.model.profile import CameraModel, PictureStyle
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
 from lutforge.threads import each, one_blas_thread
@@ -153,8 +153,7 @@ def assembled(
         shots=tuple(name for name, _ in state.samples.by_shot()),
         options=options,
         notes=(*state.notes, *notes, *([by_matrix] if computed else [])),
-        raw_camera=state.raw_camera,
-        raw_transfer=state.raw_transfer,
+        provenance=state.provenance,
         vignettings=state.vignettings,
         diagnoses=state.diagnoses,
     )

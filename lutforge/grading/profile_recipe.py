@@ -20,6 +20,7 @@ from lutforge.luts.sequence import Lut, of_codes
 from lutforge.model.camera_profile import CameraProfile, load_profile, match, raw_to_balanced, same_light
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.provenance import Pictures, ReferenceRaw
 from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Transform, through_stages
 from lutforge.model.white_balance import LIGHT_SOURCES, temperatures_of
@@ -30,12 +31,12 @@ from lutforge.settings import (
     Multipliers,
     Selector,
     Shift,
+    StyleName,
     parse_selector,
     require_exposure,
     split_shift,
 )
 from lutforge.shots.discover import RAW_SUFFIXES
-from lutforge.shots.maker_settings import ADOBE_RGB
 from lutforge.shots.metadata import ShotMetadata, read_picture_settings, software_tag
 
 
@@ -230,16 +231,16 @@ class ProfileRecipe(_OfProfiles):
             notes=(*settings.notes, *notes, *doubts),
             lut=lut,
             codes=grades.processor(lut, codes=True),
-            for_srgb=not given.style.endswith(ADOBE_RGB),
+            for_srgb=given.colour_space == "srgb",
         )
 
     def _developed(self, source: Path, settings: ShotMetadata, camera: CameraProfile) -> Grade:
         """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
-        if camera.developer:
+        if isinstance(camera.provenance, Pictures):
             raise SettingsError(
-                f"{source}: the profile is of {camera.developer}, not of RAW: develop it with `lutforge kit`"
+                f"{source}: the profile is of {camera.provenance}, not of RAW: develop it with `lutforge kit`"
             )
-        stated = (settings.style, settings.style.removesuffix(f" {ADOBE_RGB}"))
+        stated = (settings.style, str(replace(StyleName.parse(settings.style), colour_space="srgb")))
         style = next((name for name in stated if name in camera.styles), next(iter(camera.styles)))
         asked = Selector(style, self.asked.white_balance)
         given, notes = source_selector(source, replace(settings, style=style), camera, asked)
@@ -370,7 +371,7 @@ class SceneRecipe(_OfProfiles):
             notes=(*settings.notes, *notes, *doubts),
             gives_linear=True,
             lut=lut,
-            for_srgb=not given.style.endswith(ADOBE_RGB),
+            for_srgb=given.colour_space == "srgb",
             marks_clipped=True,
         )
 
@@ -389,9 +390,9 @@ def _attributes(look: CameraProfile, wanted: Selector, given: Selector | None = 
     light = LIGHT_SOURCES.get(wanted.white_balance, 0) if isinstance(wanted.white_balance, str) else 255  # other
     software = software_tag(look.camera, str(wanted))
     space: Mapping[str, object] = {}
-    if wanted.style.endswith(ADOBE_RGB):
+    if wanted.colour_space == "adobe rgb":
         space = TELL_ADOBE_RGB
-    elif given is not None and given.style.endswith(ADOBE_RGB):
+    elif given is not None and given.colour_space == "adobe rgb":
         space = {"ICCProfile": None, "Exif:ColorSpace": IN_SRGB}
     return {**dict.fromkeys(STALE), "Software": software, "Exif:WhiteBalance": 1, "Exif:LightSource": light, **space}
 
@@ -482,7 +483,7 @@ def _balance_of_file(settings: ShotMetadata, camera: CameraProfile) -> str | Kel
     name = settings.white_balance
     known = camera.white_balances.get(name)
     steady = known is not None and known.spread <= STEADY
-    if settings.multipliers is not None and not camera.raw_camera:
+    if settings.multipliers is not None and not isinstance(camera.provenance, ReferenceRaw):
         r, g, b = (float(value) for value in settings.multipliers)
         departure = 0.0 if known is None else float(np.max(np.abs(settings.multipliers / known.multipliers - 1)))
         if not steady or STEADY < departure <= 0.3:  # multipliers that depart further are not believed

@@ -22,12 +22,13 @@ from lutforge.luts.description import description
 from lutforge.luts.formats import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
 from lutforge.luts.programs import Target, files_for, program_named, target_of
 from lutforge.luts.sequence import ADOBE_RGB, ENCODED, FORMS, Form, Lut, format_of, input_and_output_of
-from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, is_response_alone, match, through_camera
+from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, match, through_camera
+from lutforge.model.provenance import Pictures, ResponseOnly
 from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Purpose, Transform
 from lutforge.pipeline.outputs import Paths, check_output, one_of, several
 from lutforge.progress import Progress, silent, telling_of_compilation
-from lutforge.shots.maker_settings import ADOBE_RGB as ADOBE_RGB_STYLE
+from lutforge.settings import StyleName
 
 KINDS = ("render", "linearize", "refinish", "match")
 
@@ -117,7 +118,8 @@ def choose_transform(camera: CameraProfile, wanted: TransformRequest) -> Transfo
             )
     source, target = wanted.source or "", wanted.target or ""
     if kind == "linearize":
-        return camera.linearize(source, "linear-srgb" if space == "raw" and is_response_alone(camera) else space, model)
+        response_only = isinstance(camera.provenance, ResponseOnly)
+        return camera.linearize(source, "linear-srgb" if space == "raw" and response_only else space, model)
     if kind == "render":
         fed = camera.fed_to if space == "raw" else space
         return camera.render(target, model) if fed == "raw" else through_camera(camera, target, fed, wanted.ev, model)
@@ -206,7 +208,7 @@ def bake(
     _require_fed(program, purpose)
     named, notes = _files([check_output(path) for path in several(outputs)], program, title)
     metadata = _clf_metadata(clf_version, named)
-    adobe_rgb = purpose.source.partition("/")[0].endswith(ADOBE_RGB_STYLE)
+    adobe_rgb = StyleName.parse(purpose.source.partition("/")[0]).colour_space == "adobe rgb"
     ends = input_and_output_of(kind, purpose.light, ADOBE_RGB if adobe_rgb else ENCODED) if kind else None
     scenes = takes_scenes(transform) or highest != 1
     if kind:  # of camera RAW, a matrix in front is that of a reference camera
@@ -285,8 +287,8 @@ def bake_files(
     purpose = transform.purpose
     profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
     for path in profiles:
-        if camera.developer:
-            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.developer}")
+        if isinstance(camera.provenance, Pictures):
+            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.provenance}")
         if (purpose.kind, purpose.space) != ("render", "raw"):
             raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
         if program is not None and path.suffix.lower().replace(".icm", ".icc") not in program_named(program).reads:

@@ -15,7 +15,7 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.srgb import srgb_encode
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.progress import part, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet

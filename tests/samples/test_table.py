@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 
 from lutforge.errors import SampleError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import NUMBER_COLUMNS, SampleSet
 from lutforge.samples.table import is_table, read_samples, write_samples
