@@ -52,6 +52,10 @@ class ReferenceRaw:
     def __hash__(self) -> int:
         return hash((self.camera, self.transfer.tobytes()))
 
+    def __repr__(self) -> str:
+        rows = ("[" + ", ".join(f"{value:.4g}" for value in row) + "]" for row in self.transfer)
+        return f"ReferenceRaw({self.camera!r}, [{', '.join(rows)}])"
+
     def __str__(self) -> str:
         return f"RAW files of {self.camera}"
 

@@ -12,7 +12,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from lutforge.errors import ProfileError
+from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.profile import Diagnosis, PictureStyle
 from lutforge.model.provenance import Chart, Developed, OwnRaw, Provenance, ReferenceRaw, ResponseOnly
@@ -148,6 +148,18 @@ def test_every_provenance_is_tested() -> None:
 def test_a_provenance_that_none_has_is_refused(saved: Path, stated: Any) -> None:
     _edit(saved, provenance=stated)
     assert len(_refused(saved)) < 400
+
+
+def test_a_missing_style_names_the_known_ones(saved: Path) -> None:
+    with pytest.raises(SettingsError, match=r"picture style 'neutral' is not in the profile; known: standard, vivid"):
+        load_profile(saved).styles["neutral"]
+
+
+def test_records_show_as_one_line(saved: Path) -> None:
+    profile = load_profile(saved)
+    for record in (profile, profile.styles["standard"], profile.styles["vivid"], profile.provenance):
+        assert len(repr(record)) < 300
+        assert "\n" not in repr(record)
 
 
 def test_the_same_profile_gives_the_same_bytes(saved: Path, tmp_path: Path) -> None:
