@@ -182,7 +182,7 @@ def test_a_shot_may_have_any_name() -> None:
     rows = tuple(
         EvaluationRow("render", "standard", shot, all_shots, LATTICE, True, figures) for shot, all_shots in names
     )
-    whole, by_shot = error_tables(LATTICE, Evaluation("A camera", rows, ()))
+    whole, by_shot = error_tables(LATTICE, Evaluation("A camera", tuple(rows), ()))
     assert len(whole.rows) == 1
     assert len(by_shot.rows) == 2
 
