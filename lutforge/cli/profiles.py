@@ -83,7 +83,6 @@ def sample(
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
     from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output, named_or_new
     from lutforge.pipeline.sampling import raw_substitute, sample_by_reference, sample_shots
-    from lutforge.samples.table import write_samples
 
     output = check_output(named_or_new(output, "samples.csv"), TABLE_SUFFIXES, shots)
     if chart and reference is not None:
@@ -94,7 +93,7 @@ def sample(
         else:
             sampled = sample_shots(shots, progress, raw_substitute(developed, developed_space), chart)
     tell(sampled)
-    write_samples(output, sampled.samples)
+    sampled.samples.save(output)
     say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shot{'s' * (len(sampled.shots) != 1)}")
 
 

@@ -18,7 +18,6 @@ from lutforge.model.provenance import Developed
 from lutforge.pipeline.calibration import calibrate as calibrate_profile
 from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import write_samples
 from tests.cases.pictures import write_picture
 from tests.conftest import CommandLine
 
@@ -67,7 +66,7 @@ def test_raw_is_not_taken_for_what_a_program_developed(
     profile = calibrate(s40_samples, CalibrationOptions(size=9))[0]
     developed = Developed("pictures in prophoto", "linear-prophoto")
     replace(profile, provenance=developed).save(tmp_path / "developed.npz")
-    write_samples(tmp_path / "samples.csv", s40_samples)
+    s40_samples.save(tmp_path / "samples.csv")
     raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
     for words in (
         ("evaluate", "developed.npz", "samples.csv"),

@@ -172,8 +172,6 @@ WORDS_ACROSS_LINES = """() => [...document.querySelectorAll("td, th, p, li")].fi
 """The cells and paragraphs of a page in which a word is broken."""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
-@pytest.mark.parametrize("width", [1024, 1280])
 def test_a_shot_may_have_any_name() -> None:
     """One named "all day", or "all", is a shot, and not all of them."""
     colours = np.random.default_rng(0).random((9, 3))
@@ -187,6 +185,8 @@ def test_a_shot_may_have_any_name() -> None:
     assert len(by_shot.rows) == 2
 
 
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+@pytest.mark.parametrize("width", [1024, 1280])
 def test_no_word_is_broken_and_tables_are_folded(
     hostile: tuple[CameraProfile, SampleSet], tmp_path: Path, width: int
 ) -> None:
