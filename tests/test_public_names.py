@@ -14,7 +14,6 @@ import pytest
 import lutforge as lf
 from lutforge.errors import SampleError, ShotError
 from lutforge.pipeline.sampling import gather_samples, sample_shots
-from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
@@ -184,7 +183,7 @@ def test_a_bad_shot_is_left_out_and_named(tmp_path: Path) -> None:
 
 def test_a_table_that_is_named_twice_counts_once(tmp_path: Path) -> None:
     samples = photograph_patches(nikon_d5100(), chart_140()[:8], balances=("daylight",), stops=(-1,))
-    write_samples(tmp_path / "a.csv", samples)
+    samples.save(tmp_path / "a.csv")
     (tmp_path / "again.csv").symlink_to(tmp_path / "a.csv")
     found = gather_samples([tmp_path / "a.csv", tmp_path / "." / "a.csv", tmp_path / "again.csv"])
     assert len(found.samples) == len(samples)

@@ -24,7 +24,8 @@ from lutforge.calibration.style import StyleData, fit_lattices, style_data
 from lutforge.calibration.white_balance import named_white_balances
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import identity_gamut_map
-from lutforge.model.profile_data import CameraModel, PictureStyle
+from lutforge.model.profile import CameraModel, PictureStyle
+from lutforge.model.provenance import OwnRaw
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
 from lutforge.threads import each, one_blas_thread
@@ -153,9 +154,8 @@ def assembled(
         shots=tuple(name for name, _ in state.samples.by_shot()),
         options=options,
         notes=(*state.notes, *notes, *([by_matrix] if computed else [])),
-        raw_camera=state.raw_camera,
-        dng_camera="" if state.raw_camera else _dng_camera(state.samples),
-        raw_transfer=state.raw_transfer,
+        provenance=state.provenance,
+        dng_camera=_dng_camera(state.samples) if isinstance(state.provenance, OwnRaw) else "",
         vignettings=state.vignettings,
         diagnoses=state.diagnoses,
     )

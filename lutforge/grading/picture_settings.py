@@ -7,6 +7,7 @@ import numpy as np
 
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.provenance import ReferenceRaw
 from lutforge.model.white_balance import temperatures_of
 from lutforge.settings import KELVIN_RANGE, Kelvin, Multipliers, Selector
 from lutforge.shots.metadata import ShotMetadata
@@ -94,7 +95,7 @@ def _balance_of_file(settings: ShotMetadata, camera: CameraProfile) -> str | Kel
     name = settings.white_balance
     known = camera.white_balances.get(name)
     steady = known is not None and known.spread <= STEADY
-    if settings.multipliers is not None and not camera.raw_camera:
+    if settings.multipliers is not None and not isinstance(camera.provenance, ReferenceRaw):
         r, g, b = (float(value) for value in settings.multipliers)
         departure = 0.0 if known is None else float(np.max(np.abs(settings.multipliers / known.multipliers - 1)))
         if not steady or STEADY < departure <= 0.3:  # multipliers that depart further are not believed

@@ -15,11 +15,11 @@ from lutforge.grading.picture_settings import AS_IT_IS, AS_SHOT, NAMED_BY_FILE, 
 from lutforge.images.write import IN_SRGB
 from lutforge.luts.ocio_transforms import of_codes
 from lutforge.model.camera_profile import CameraProfile, load_profile, same_light
+from lutforge.model.provenance import Pictures
 from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.white_balance import LIGHT_SOURCES
-from lutforge.settings import Multipliers, Selector, Shift, parse_selector, split_shift
+from lutforge.settings import Multipliers, Selector, Shift, StyleName, parse_selector, split_shift
 from lutforge.shots.discover import RAW_SUFFIXES
-from lutforge.shots.maker_settings import ADOBE_RGB
 from lutforge.shots.metadata import ShotMetadata, read_picture_settings, software_tag
 
 STALE = (
@@ -119,16 +119,16 @@ class ProfileRecipe(RecipeOfProfiles):
             notes=(*settings.notes, *notes, *doubts),
             lut=lut,
             codes=grades.processor(lut, codes=True),
-            for_srgb=not given.style.endswith(ADOBE_RGB),
+            for_srgb=given.colour_space == "srgb",
         )
 
     def _developed(self, source: Path, settings: ShotMetadata, camera: CameraProfile) -> Grade:
         """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
-        if camera.developer:
+        if isinstance(camera.provenance, Pictures):
             raise SettingsError(
-                f"{source}: the profile is of {camera.developer}, not of RAW: develop it with `lutforge kit`"
+                f"{source}: the profile is of {camera.provenance}, not of RAW: develop it with `lutforge kit`"
             )
-        stated = (settings.style, settings.style.removesuffix(f" {ADOBE_RGB}"))
+        stated = (settings.style, str(replace(StyleName.parse(settings.style), colour_space="srgb")))
         style = next((name for name in stated if name in camera.styles), next(iter(camera.styles)))
         asked = Selector(style, self.asked.white_balance)
         given, notes = source_selector(source, replace(settings, style=style), camera, asked)
@@ -208,8 +208,8 @@ def _attributes(look: CameraProfile, wanted: Selector, given: Selector | None = 
     light = LIGHT_SOURCES.get(wanted.white_balance, 0) if isinstance(wanted.white_balance, str) else 255  # other
     software = software_tag(look.camera, str(wanted))
     space: Mapping[str, object] = {}
-    if wanted.style.endswith(ADOBE_RGB):
+    if wanted.colour_space == "adobe rgb":
         space = TELL_ADOBE_RGB
-    elif given is not None and given.style.endswith(ADOBE_RGB):
+    elif given is not None and given.colour_space == "adobe rgb":
         space = {"ICCProfile": None, "Exif:ColorSpace": IN_SRGB}
     return {**dict.fromkeys(STALE), "Software": software, "Exif:WhiteBalance": 1, "Exif:LightSource": light, **space}

@@ -17,7 +17,6 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.transform import Transform
 from lutforge.settings import Selector, require_exposure
 from lutforge.shots.discover import RAW_SUFFIXES
-from lutforge.shots.maker_settings import ADOBE_RGB
 from lutforge.shots.metadata import read_picture_settings
 
 UNIT_EXPOSURE = 2.0**-10
@@ -83,7 +82,7 @@ class SceneRecipe(RecipeOfProfiles):
             notes=(*settings.notes, *notes, *doubts),
             gives_linear=True,
             lut=lut,
-            for_srgb=not given.style.endswith(ADOBE_RGB),
+            for_srgb=given.colour_space == "srgb",
             marks_clipped=True,
         )
 

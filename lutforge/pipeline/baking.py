@@ -27,11 +27,12 @@ from lutforge.luts.programs import Program, Target, files_for, program_named, ta
 from lutforge.luts.sequence import Lut
 from lutforge.luts.writers.process_list import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
 from lutforge.model.camera_profile import CameraProfile, as_profile
+from lutforge.model.provenance import Pictures
 from lutforge.model.transform import Purpose, Transform
 from lutforge.pipeline.outputs import Paths, check_output, one_of, several
 from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
-from lutforge.shots.maker_settings import ADOBE_RGB as ADOBE_RGB_STYLE
+from lutforge.settings import StyleName
 
 CAMERA_PROFILES = (".icc", ".icm", ".dcp")
 
@@ -207,7 +208,7 @@ def _ends(purpose: Purpose) -> InputAndOutput | None:
     """Input and output of a transform of a profile; none of any other function."""
     if not purpose.kind:
         return None
-    is_adobe_rgb = purpose.source.partition("/")[0].endswith(ADOBE_RGB_STYLE)
+    is_adobe_rgb = StyleName.parse(purpose.source.partition("/")[0]).colour_space == "adobe rgb"
     return input_and_output_of(purpose.kind, purpose.light, ADOBE_RGB if is_adobe_rgb else ENCODED)
 
 
@@ -320,8 +321,8 @@ def bake_files(
     purpose = transform.purpose
     profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
     for path in profiles:
-        if camera.developer:
-            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.developer}")
+        if isinstance(camera.provenance, Pictures):
+            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.provenance}")
         if (purpose.kind, purpose.space) != ("render", "raw"):
             raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
         if program is not None and path.suffix.lower().replace(".icm", ".icc") not in program_named(program).reads:

@@ -12,7 +12,8 @@ from lutforge.errors import ImageError, LutError
 from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.reports.tables import exposure_time
-from lutforge.samples.table import is_table, read_samples
+from lutforge.samples.table import read_samples
+from lutforge.samples.table_file import is_table
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 
 # What reads one kind of file is imported where it reads it: inspecting should not wait for the others.

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import SettingsError
-from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, is_response_alone, match, through_camera
+from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, match, through_camera
+from lutforge.model.provenance import ResponseOnly
 from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Transform
 from lutforge.pipeline.outputs import one_of
@@ -98,7 +99,7 @@ def choose_transform(camera: CameraProfile, request: TransformRequest) -> Transf
     space = request.space
 
     if request.kind == "linearize":
-        if space == "raw" and is_response_alone(camera):
+        if space == "raw" and isinstance(camera.provenance, ResponseOnly):
             space = "linear-srgb"
         return camera.linearize(source, space, model)
     if request.kind == "render":

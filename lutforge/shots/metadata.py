@@ -91,7 +91,7 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     )
     notes = [*notes_of(found), *(note for holds, note in doubts if holds)]
     return ShotMetadata(
-        camera=tidy_camera(make or UNKNOWN, model or "camera"), style=style or "standard",
+        camera=tidy_camera(make or UNKNOWN, model or "camera"), style=str(style or "standard"),
         white_balance=white_balance_of(found) or UNKNOWN, multipliers=raw.multipliers,
         exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else time_s or math.nan,
         iso=raw.iso if math.isfinite(raw.iso) and raw.iso != 65535 else iso or raw.iso,
@@ -165,7 +165,7 @@ def read_picture_settings(path: Path) -> ShotMetadata:
         except ImageError:
             multipliers = None  # then the RAW file is of no help; the picture itself may be fine
     return ShotMetadata(
-        camera=camera, style=setting_name(style_of(found) or UNKNOWN),
+        camera=camera, style=setting_name(str(style_of(found) or UNKNOWN)),
         white_balance=setting_name(white_balance_of(found) or UNKNOWN), multipliers=multipliers, exposure_s=time_s,
         iso=iso, notes=(*notes_of(found), *edited_notes(found)), aperture=aperture,
     )  # fmt: skip

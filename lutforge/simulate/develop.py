@@ -33,9 +33,9 @@ def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Came
         grid = np.stack(np.meshgrid(*(np.arange(side) + 0.5 for side in size)), axis=-1)
         edges = np.concatenate([grid[0], grid[-1], grid[:, 0], grid[:, -1]]) - size / 2
         zooms = np.linspace(0.8, 1.25, 901)
-        fits = [np.all(np.abs(lens.drawn(size / 2 + zoom * edges) - size / 2) <= size / 2) for zoom in zooms]
+        fits = [np.all(np.abs(lens.distorted(size / 2 + zoom * edges) - size / 2) <= size / 2) for zoom in zooms]
         straight = size / 2 + zooms[np.flatnonzero(fits)[-1]] * (grid - size / 2)
-        places = lens.drawn(straight) - (lens.x, lens.y)
+        places = lens.distorted(straight) - (lens.x, lens.y)
         channels = []
         for channel, magnified in enumerate((1 + lens.red, 1.0, 1 + lens.blue)):
             x, y = np.moveaxis(magnified * places + (lens.x, lens.y), -1, 0)

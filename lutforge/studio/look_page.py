@@ -23,6 +23,7 @@ from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import confidence
+from lutforge.model.provenance import ReferenceRaw
 from lutforge.model.transform import Transform
 from lutforge.model.white_balance import temperature_range
 from lutforge.settings import Selector, Shift
@@ -56,10 +57,11 @@ class SettingControl:
     def offer(self, profile: CameraProfile) -> None:
         """Offer the settings of a profile; what is chosen stays where it has that, else it is the usual setting."""
         self.profile, kelvins = profile, None
+        through_reference = isinstance(profile.provenance, ReferenceRaw)
         with suppress(SettingsError):
-            kelvins = None if profile.raw_camera else temperature_range(profile.white_balances)
+            kelvins = None if through_reference else temperature_range(profile.white_balances)
         self.tint.disabled = kelvins is None
-        others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
+        others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if through_reference else [BY_MULTIPLIERS])]
         styles, usual = sorted(profile.styles, key=lambda name: name.lower() != "standard"), usual_setting(profile)
         offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
         for (widget, values), one in zip(offered.items(), usual.split("/"), strict=True):

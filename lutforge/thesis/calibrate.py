@@ -24,7 +24,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import Both, CameraModel, PictureStyle
+from lutforge.model.profile import ByDirection, CameraModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
@@ -125,7 +125,7 @@ def prepared(samples: SampleSet, options: ThesisOptions, given: CameraProfile | 
     return state
 
 
-def fit_lattices(data: StyleData, options: ThesisOptions) -> Both[Lattice]:
+def fit_lattices(data: StyleData, options: ThesisOptions) -> ByDirection[Lattice]:
     """The lattices of both directions of a style. Raises CalibrationError.
 
     A black-and-white style is linearized by the inverse of the greys of its rendering.
@@ -133,9 +133,9 @@ def fit_lattices(data: StyleData, options: ThesisOptions) -> Both[Lattice]:
     balanced, encoded = data.balanced, data.encoded
     if data.monochrome:
         render = fit_thesis(balanced, encoded, options, clips=True)
-        return Both(render, inverse_of_greys(render, options))
+        return ByDirection(render, inverse_of_greys(render, options))
     directions = ((balanced, encoded, True), (encoded, balanced, False))
-    return Both(*each(lambda sides: fit_thesis(sides[0], sides[1], options, clips=sides[2]), directions))
+    return ByDirection(*each(lambda sides: fit_thesis(sides[0], sides[1], options, clips=sides[2]), directions))
 
 
 def fit_camera_model(data: StyleData, options: ThesisOptions) -> CameraModel:

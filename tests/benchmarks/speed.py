@@ -33,7 +33,7 @@ from lutforge.luts.bake import bake_to
 from lutforge.luts.programs import target_of
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import read_samples, write_samples
+from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
@@ -383,7 +383,7 @@ def samples_of_the_d40(count: int) -> SampleSet:
 def parts(folder: Path) -> Parts:
     """The parts of the table, by the words that ask for them."""
     lut, table, profile = write_cube(folder / "look.cube"), folder / "samples.csv", folder / "camera.npz"
-    write_samples(table, samples_of_the_d40(5000))
+    samples_of_the_d40(5000).save(table)
     calibrate(read_samples(table))[0].save(profile)
     return {
         "start": lambda: start_lines(folder, lut, profile),

@@ -31,6 +31,7 @@ from lutforge.kits.kit import look_of
 from lutforge.kits.programs import KITS
 from lutforge.luts.reading import read_lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, match
+from lutforge.model.provenance import Developed
 from lutforge.pipeline.kits import KitCheck, check_kit, compare_with_jpeg, write_kit
 from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.samples.sample_set import SampleSet
@@ -48,8 +49,7 @@ def developed_profile(s40_samples: SampleSet) -> CameraProfile:
     developed = np.clip(balanced @ (matrix_between("linear-srgb", "linear-rec2020") @ matrix).T, 0.0, 1.0)
     samples = replace(s40_samples, raw=developed, wb=np.ones_like(s40_samples.wb))
     profile = calibrate(samples, CalibrationOptions(size=17))[0]
-    left = {"raw_space": "linear-rec2020", "developer": "darktable 4.2.1"}
-    return replace(profile, options={**profile.options, **left})
+    return replace(profile, provenance=Developed("darktable 4.2.1", "linear-rec2020"))
 
 
 def colours_of_photographs(samples: SampleSet) -> np.ndarray:
