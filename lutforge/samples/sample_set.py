@@ -36,7 +36,8 @@ class SampleSet:
     d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
     raw_space, developer: where a program's pictures replace the RAW, the RGB space in which these were encoded, and the
     program; "" for RAW. dng_camera: the UniqueCameraModel of DNG files, "" of others. The columns from `position` on
-    may be left out; they are unknown then. `from_arrays` fills in more. Raises SampleError where the columns differ in length.
+    may be left out; they are unknown then. `from_arrays` fills in more. Raises SampleError where the
+    columns differ in length.
     """
 
     camera: Text
