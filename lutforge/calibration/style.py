@@ -97,7 +97,7 @@ class StyleData:
         balances = tuple(str(name) for name in np.unique(self.samples.white_balance))
         scenes, base = self.scenes, self.base
         inverse = fit_inverse(
-            scenes.gamut_map, base.response, scenes.linear, scenes.mapped, scenes.weight, scenes.whole
+            scenes.gamut_map, base.matrix, base.response, scenes.linear, scenes.mapped, scenes.weight, scenes.whole
         )
         return CameraModel(balances, base.matrix, base.response, scenes.gamut_map, inverse)
 

@@ -247,12 +247,12 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
         base = model["arrays"]
         gamut_map = _map_from_json(model["gamut_map"], f"{base}_gamut_map", array)
         described = model["inverse_gamut_map"]
+        matrix = np.array(model["matrix"], dtype=np.float64)
         inverse: GamutMap | SolvedInverse
         if "top" in described:
-            inverse = SolvedInverse(gamut_map, array(f"{base}_likely"), float(described["top"]))
+            inverse = SolvedInverse(gamut_map, matrix, array(f"{base}_likely"), float(described["top"]))
         else:
             inverse = _map_from_json(described, f"{base}_inverse_gamut_map", array)
-        matrix = np.array(model["matrix"], dtype=np.float64)
         response = Response(array(f"{base}_response"))
         balances = tuple(map(str, model["white_balances"]))
         models.append(CameraModel(balances, matrix, response, gamut_map, inverse))
