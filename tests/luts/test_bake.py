@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
+from lutforge.calibration.calibrate import calibrate
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError, SettingsError
@@ -27,6 +29,7 @@ from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.response import Response
 from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Purpose, Stage, Transform
 from lutforge.pipeline.baking import bake
+from tests.cases.samples import made_samples
 
 MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.5, 1.5]])
 GAIN = np.array([2.0, 1.0, 1.5])
@@ -203,6 +206,19 @@ def test_a_white_balance_in_the_shaper_is_fitted_with_it(tmp_path: Path, gain: t
     x = points()
     errors = [np.linalg.norm(y - transform(x), axis=1).mean() for y in (full(x), shaped(x), behind(x * transform.gain))]
     assert errors[0] < errors[1] < 1.3 * errors[2]
+
+
+def test_a_plain_cube_of_a_calibrated_camera(tmp_path: Path) -> None:
+    """A refinish to another white balance, as OpenColorIO reads it, is within one code of the camera's own JPEG."""
+    profile = calibrate(made_samples(), CalibrationOptions(size=9))[0]
+    red, blue = 2.0, 1.3
+    lut = bake(profile.refinish("standard/daylight", f"standard/{red},1,{blue}"), tmp_path / "a.cube", size=9)
+    assert lut.summary == "Cube 9³"
+    jpeg = np.random.default_rng(0).uniform(0.1, 0.9, (2000, 3))
+    ratio = np.array([red, 1.0, blue]) / profile.multipliers("standard/daylight")
+    camera = np.clip(jpeg ** (1 / 0.45) * ratio, 0.0, 1.0) ** 0.45
+    read = evaluate(file_processor(tmp_path / "a.cube"), jpeg)
+    assert np.abs(read - camera).mean() < 1 / 255
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])

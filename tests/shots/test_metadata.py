@@ -2,17 +2,23 @@
 
 import struct
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 
+from lutforge.calibration.calibrate import assembled
+from lutforge.calibration.steps import State
 from lutforge.errors import ImageError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import Image
 from lutforge.images.write import write_image
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.inspection import inspect
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples, write_samples
 from lutforge.settings import StyleName
 from lutforge.shots.maker_settings import kelvin_of, multipliers_of, notes_of, style_of, white_balance_of
 from lutforge.shots.metadata import read_metadata, read_picture_settings, software_tag, tidy_camera
@@ -20,9 +26,12 @@ from lutforge.shots.tags import Tags, key_of, maker_table, tags_of
 from lutforge.shots.tags import tags as file_tags
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from tests.cases.damaged import damaged
+from tests.cases.profiles import small_profile
+from tests.cases.samples import made_samples
 
 
 def style_text(tags: Tags) -> str | None:
@@ -361,3 +370,20 @@ def test_an_aperture_that_the_file_does_not_state_is_told(tmp_path: Path) -> Non
     shot.dng.rename(tmp_path / "alone.dng")
     completed = read_picture_settings(picture)
     assert not completed.exposure_notes and completed.exposure == pytest.approx(whole.exposure, rel=1e-3)
+
+
+def test_a_dngs_own_name_of_the_camera_goes_into_the_profile(tmp_path: Path) -> None:
+    mosaic = np.full((64, 64), 500, dtype=np.uint16)
+    write_dng(tmp_path / "a.dng", mosaic, make="Leica Camera AG", model="LEICA Q2")
+    metadata = read_metadata(tmp_path / "a.dng", read_raw(tmp_path / "a.dng"), None)
+    assert (metadata.camera, metadata.dng_camera) == ("Leica Q2", "Leica Camera AG LEICA Q2")
+    samples = replace(made_samples(), dng_camera=np.resize(["", metadata.dng_camera], len(made_samples())))
+    write_samples(tmp_path / "samples.csv", samples)
+    assert _profile_of(read_samples(tmp_path / "samples.csv")).dng_camera == metadata.dng_camera
+    assert _profile_of(replace(samples, dng_camera=np.resize(["Q2", "Q3"], len(samples)))).dng_camera == ""
+
+
+def _profile_of(samples: SampleSet) -> CameraProfile:
+    """A profile as a calibration assembles it from samples, with the styles of another."""
+    state = State(samples, samples.wb, beta=0.3, curves=15)
+    return assembled(state, np.eye(3), small_profile().styles, {})
