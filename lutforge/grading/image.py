@@ -4,6 +4,7 @@ Whole in memory are images that must be rendered, turned or converted, and JPEG 
 """
 
 import os
+import shlex
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,7 +30,15 @@ from lutforge.images.heif import is_heif
 from lutforge.images.icc import codes_moved, foreign_profile, is_srgb, pixels_to_srgb, profile_name, stored_profile
 from lutforge.images.jpeg import APP1, APP2, JpegHeader, decode, encode, read_header, stored_metadata, with_colours
 from lutforge.images.orientation import upright
-from lutforge.images.packets import XMP_SEGMENT, Packets, declares_film, read_packets, without_further_pictures
+from lutforge.images.packets import (
+    LARGEST_JPEG_PACKET,
+    XMP_SEGMENT,
+    Packets,
+    declares_film,
+    holds_packets,
+    read_packets,
+    without_further_pictures,
+)
 from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
 from lutforge.images.write import (
     IN_ANOTHER_SPACE,
@@ -88,7 +97,9 @@ def apply_image(
             converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
             grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
         check_colours(source, spec)
-        packets = Packets() if grade.raw or is_heif(source) else read_packets(source)
+        packets = Packets() if grade.raw else read_packets(source)
+        if image.format == "openexr":  # whose attribute `image_writer` sets
+            packets = replace(packets, xmp=spec.get_string_attribute("xmp").encode())
         if grade.for_srgb and packets.encoding:
             raise ImageError(
                 f"{source}: says that it is encoded as {packets.encoding}, and this grade is for sRGB; "
@@ -121,10 +132,10 @@ def apply_image(
             grade_whole(source, jpeg, grade, target, threads)
         else:
             start = None if jpeg is None else jpeg_metadata(jpeg, grade)
-            xmp = b"" if start is not None else without_further_pictures(packets.xmp)
+            xmp, iptc = (b"", b"") if start is not None else (without_further_pictures(packets.xmp), packets.iptc)
             if packets.lossless and format_of(target) == "webp":
                 output.attribute("compression", "lossless")
-            writer = stack.enter_context(image_writer(target, output, start, xmp))
+            writer = stack.enter_context(image_writer(target, output, start, xmp, iptc))
             broken = _grade_regions(grade, image, writer, threads, region_samples, count > 1)
         parts = image.parts
     notes = (
@@ -132,7 +143,7 @@ def apply_image(
         *notes_on(grade, image.format, spec, output, space, broken),
         *((f"the first of {parts} images in the file was used",) if parts != 1 else ()),
         *(() if jpeg is None else jpeg.notes),
-        *notes_on_packets(packets, spec, image.format, format_of(target)),
+        *notes_on_packets(packets, spec, image.format, format_of(target), jpeg is not None),
     )
     return GradedImage(source, target, spec.width, spec.height, notes)
 
@@ -304,8 +315,15 @@ TELL_ADOBE_RGB: Mapping[str, object] = {"ICCProfile": adobe_rgb_profile(), "Exif
 def check_colours(path: Path, spec: oiio.ImageSpec) -> None:
     """Raise ImageError where the first three channels are not RGB colours, or their alpha is not the fourth."""
     if spec.nchannels < 3:
-        grey = " (greyscale); convert it to RGB first" if spec.nchannels <= 2 else ""
-        raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s){grey}")
+        part = part_with_colours(path)
+        if part is not None:
+            names = ", ".join(spec.channelnames)
+            command = shlex.join(["oiiotool", str(path), "--subimage", str(part), "-o", f"colours{path.suffix}"])
+            raise ImageError(f"{path}: its first part holds {names} alone; grade the part with colours: {command}")
+        raise ImageError(
+            f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s) (greyscale); convert "
+            "it to RGB first"
+        )
     for name in ("jpeg:ColorSpace", "tiff:ColorSpace"):
         if (stored := spec.get_string_attribute(name)) in _NOT_RGB:
             raise ImageError(f"{path}: its colours are {_NOT_RGB[stored]}, not RGB; convert it to RGB first")
@@ -314,6 +332,15 @@ def check_colours(path: Path, spec: oiio.ImageSpec) -> None:
     alpha = spec.alpha_channel
     if 0 <= alpha < 3 or (alpha > 3 and is_premultiplied(spec)):
         raise ImageError(f"{path}: channels are {', '.join(spec.channelnames)}; put R, G, B, A first")
+
+
+def part_with_colours(path: Path) -> int | None:
+    """The first part of a file, after the one at 0, that has red, green and blue; None where there is none."""
+    if is_heif(path):
+        return None
+    with ImageReader(path) as reader:
+        parts = enumerate(reader.further_parts(), 1)
+        return next((index for index, part in parts if {*_last_words(part.channelnames)} >= {"r", "g", "b"}), None)
 
 
 def _last_words(names: Sequence[str]) -> Iterator[str]:
@@ -345,8 +372,13 @@ def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, o
     return source.get_string_attribute("ICCProfile:profile_description").strip() or "a space without a name"
 
 
-def notes_on_packets(packets: Packets, source: oiio.ImageSpec, format: str, written: str) -> Iterator[str]:
-    """Yield what of a file besides its picture is not in the graded one. format, written: of source and result."""
+def notes_on_packets(
+    packets: Packets, source: oiio.ImageSpec, format: str, written: str, segments_stay: bool
+) -> Iterator[str]:
+    """Yield what of a file besides its picture is not in the graded one.
+
+    format, written: of source and result; segments_stay: both are JPEG, and all segments of metadata are copied.
+    """
     if packets.encoding:
         yield f"the picture says that it is encoded as {packets.encoding}, and was graded as it is"
     if packets.animated and format == "png":
@@ -356,20 +388,27 @@ def notes_on_packets(packets: Packets, source: oiio.ImageSpec, format: str, writ
     names = [attribute.name for attribute in source.extra_attribs]
     lost = ["EXIF"] if any(name.startswith("Exif:") for name in names) and written not in _HOLDS_EXIF else []
     lost += ["GPS"] if any(name.startswith("GPS:") for name in names) and written not in _HOLDS_EXIF else []
-    lost += ["XMP"] if packets.xmp and written not in _HOLDS_XMP else []
-    # Of other formats, OpenImageIO calls a part of XMP by IPTC's names.
-    iptc = format in ("jpeg", "tiff") and any(name.startswith("IPTC:") for name in names)
-    lost += ["IPTC"] if iptc and written not in _HOLDS_IPTC else []
-    lost += list(packets.unread)
+    held = set(holds_packets(written))
+    if (written == "openexr" and format in ("jpeg", "tiff")) or written == format == "png":
+        held.add("IPTC")  # as attributes, which OpenImageIO reads of these alone; as a text
+    for kind, packet in (("XMP", packets.xmp), ("IPTC", packets.iptc)):
+        if not packet or segments_stay:
+            continue
+        if kind not in held:
+            lost.append(kind)
+        elif written == "jpeg" and len(packet) >= LARGEST_JPEG_PACKET:
+            lost.append(f"{kind} of {len(packet):,} bytes, more than a JPEG holds")
+    if packets.extended and not segments_stay:
+        lost.append("the part of XMP beyond 64 kB")
+    if packets.exif and len(packets.exif) >= 65_500:
+        lost.append("EXIF of more than 64 kB")
     lost += ["ICC profile"] if "ICCProfile" in names and written not in _HOLDS_ICC else []
     if lost:
         yield f"metadata that the graded file does not hold were left out: {', '.join(dict.fromkeys(lost))}"
 
 
 _HOLDS_EXIF = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr", "jpegxl"})
-_HOLDS_XMP = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr"})
-_HOLDS_IPTC = frozenset({"jpeg", "openexr"})
-_HOLDS_ICC = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr", "jpegxl"})
+_HOLDS_ICC = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "jpegxl"})
 """Formats, by OpenImageIO's names, that a graded picture's metadata are written to."""
 
 
