@@ -26,8 +26,8 @@ def fit_inverse(
 ) -> SolvedInverse:
     """The inverse of a gamut map, by likely scenes.
 
-    matrix: Ts (3, 3); linear, mapped: X and h(X) of the scenes (m, 3), X = Ts Tw E; weight, whole: (m,), their weights, and which of them
-    no channel clips.
+    matrix: Ts (3, 3); linear, mapped: X and h(X) of the scenes (m, 3), X = Ts Tw E; weight, whole: (m,), their weights,
+    and which of them no channel clips.
     """
     top = float(max(to_even(response.inverse[-1], forward.offset).max(), 1e-3))
     even = np.clip(to_even(mapped[whole], forward.offset), 0.0, top)

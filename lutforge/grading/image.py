@@ -86,7 +86,9 @@ def apply_image(
             converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
             grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
         check_colours(source, spec)
-        packets = Packets() if grade.raw or is_heif(source) else read_packets(source)
+        packets = Packets() if grade.raw else read_packets(source)
+        if image.format == "openexr":  # whose attribute `image_writer` sets
+            packets = replace(packets, xmp=spec.get_string_attribute("xmp").encode())
         if grade.for_srgb and packets.encoding:
             raise ImageError(
                 f"{source}: says that it is encoded as {packets.encoding}, and this grade is for sRGB; "
@@ -119,10 +121,10 @@ def apply_image(
             grade_whole(source, jpeg, grade, target, threads)
         else:
             start = None if jpeg is None else jpeg_metadata(jpeg, grade)
-            xmp = b"" if start is not None else without_further_pictures(packets.xmp)
+            xmp, iptc = (b"", b"") if start is not None else (without_further_pictures(packets.xmp), packets.iptc)
             if packets.lossless and format_of(target) == "webp":
                 output.attribute("compression", "lossless")
-            writer = stack.enter_context(image_writer(target, output, start, xmp))
+            writer = stack.enter_context(image_writer(target, output, start, xmp, iptc))
             broken = _grade_regions(grade, image, writer, threads, region_samples, count > 1)
         parts = image.parts
     notes = (
@@ -130,7 +132,7 @@ def apply_image(
         *notes_on(grade, image.format, spec, output, space, broken),
         *((f"the first of {parts} images in the file was used",) if parts != 1 else ()),
         *(() if jpeg is None else jpeg.notes),
-        *notes_on_packets(packets, spec, image.format, format_of(target)),
+        *notes_on_packets(packets, spec, image.format, format_of(target), jpeg is not None),
     )
     return GradedImage(source, target, spec.width, spec.height, notes)
 

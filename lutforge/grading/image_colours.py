@@ -1,5 +1,6 @@
 """Whether a grade can take the colours of an image, what states their space, and notes on them."""
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -8,10 +9,11 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.grading.grade import Grade
+from lutforge.images.heif import is_heif
 from lutforge.images.icc import codes_moved, is_srgb, stored_profile
 from lutforge.images.jpeg import JpegHeader
-from lutforge.images.packets import Packets, declares_film
-from lutforge.images.read import is_premultiplied
+from lutforge.images.packets import LARGEST_JPEG_PACKET, Packets, declares_film, holds_packets
+from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.images.write import IN_ANOTHER_SPACE
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
@@ -29,8 +31,15 @@ TELL_ADOBE_RGB: Mapping[str, object] = {"ICCProfile": adobe_rgb_profile(), "Exif
 def check_colours(path: Path, spec: oiio.ImageSpec) -> None:
     """Raise ImageError where the first three channels are not RGB colours, or their alpha is not the fourth."""
     if spec.nchannels < 3:
-        grey = " (greyscale); convert it to RGB first" if spec.nchannels <= 2 else ""
-        raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s){grey}")
+        part = part_with_colours(path)
+        if part is not None:
+            names = ", ".join(spec.channelnames)
+            command = shlex.join(["oiiotool", str(path), "--subimage", str(part), "-o", f"colours{path.suffix}"])
+            raise ImageError(f"{path}: its first part holds {names} alone; grade the part with colours: {command}")
+        raise ImageError(
+            f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s) (greyscale); convert "
+            "it to RGB first"
+        )
     for name in ("jpeg:ColorSpace", "tiff:ColorSpace"):
         if (stored := spec.get_string_attribute(name)) in _NOT_RGB:
             raise ImageError(f"{path}: its colours are {_NOT_RGB[stored]}, not RGB; convert it to RGB first")
@@ -39,6 +48,15 @@ def check_colours(path: Path, spec: oiio.ImageSpec) -> None:
     alpha = spec.alpha_channel
     if 0 <= alpha < 3 or (alpha > 3 and is_premultiplied(spec)):
         raise ImageError(f"{path}: channels are {', '.join(spec.channelnames)}; put R, G, B, A first")
+
+
+def part_with_colours(path: Path) -> int | None:
+    """The first part of a file, after the one at 0, that has red, green and blue; None where there is none."""
+    if is_heif(path):
+        return None
+    with ImageReader(path) as reader:
+        parts = enumerate(reader.further_parts(), 1)
+        return next((index for index, part in parts if {*_last_words(part.channelnames)} >= {"r", "g", "b"}), None)
 
 
 def _last_words(names: Sequence[str]) -> Iterator[str]:
@@ -70,8 +88,13 @@ def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, o
     return source.get_string_attribute("ICCProfile:profile_description").strip() or "a space without a name"
 
 
-def notes_on_packets(packets: Packets, source: oiio.ImageSpec, format: str, written: str) -> Iterator[str]:
-    """Yield what of a file besides its picture is not in the graded one. format, written: of source and result."""
+def notes_on_packets(
+    packets: Packets, source: oiio.ImageSpec, format: str, written: str, segments_stay: bool
+) -> Iterator[str]:
+    """Yield what of a file besides its picture is not in the graded one.
+
+    format, written: of source and result; segments_stay: both are JPEG, and all segments of metadata are copied.
+    """
     if packets.encoding:
         yield f"the picture says that it is encoded as {packets.encoding}, and was graded as it is"
     if packets.animated and format == "png":
@@ -81,20 +104,27 @@ def notes_on_packets(packets: Packets, source: oiio.ImageSpec, format: str, writ
     names = [attribute.name for attribute in source.extra_attribs]
     lost = ["EXIF"] if any(name.startswith("Exif:") for name in names) and written not in _HOLDS_EXIF else []
     lost += ["GPS"] if any(name.startswith("GPS:") for name in names) and written not in _HOLDS_EXIF else []
-    lost += ["XMP"] if packets.xmp and written not in _HOLDS_XMP else []
-    # Of other formats, OpenImageIO calls a part of XMP by IPTC's names.
-    iptc = format in ("jpeg", "tiff") and any(name.startswith("IPTC:") for name in names)
-    lost += ["IPTC"] if iptc and written not in _HOLDS_IPTC else []
-    lost += list(packets.unread)
+    held = set(holds_packets(written))
+    if (written == "openexr" and format in ("jpeg", "tiff")) or written == format == "png":
+        held.add("IPTC")  # as attributes, which OpenImageIO reads of these alone; as a text
+    for kind, packet in (("XMP", packets.xmp), ("IPTC", packets.iptc)):
+        if not packet or segments_stay:
+            continue
+        if kind not in held:
+            lost.append(kind)
+        elif written == "jpeg" and len(packet) >= LARGEST_JPEG_PACKET:
+            lost.append(f"{kind} of {len(packet):,} bytes, more than a JPEG holds")
+    if packets.extended and not segments_stay:
+        lost.append("the part of XMP beyond 64 kB")
+    if packets.exif and len(packets.exif) >= 65_500:
+        lost.append("EXIF of more than 64 kB")
     lost += ["ICC profile"] if "ICCProfile" in names and written not in _HOLDS_ICC else []
     if lost:
         yield f"metadata that the graded file does not hold were left out: {', '.join(dict.fromkeys(lost))}"
 
 
 _HOLDS_EXIF = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr", "jpegxl"})
-_HOLDS_XMP = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr"})
-_HOLDS_IPTC = frozenset({"jpeg", "openexr"})
-_HOLDS_ICC = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr", "jpegxl"})
+_HOLDS_ICC = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "jpegxl"})
 """Formats, by OpenImageIO's names, that a graded picture's metadata are written to."""
 
 

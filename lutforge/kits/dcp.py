@@ -65,7 +65,7 @@ class DngProfile:
 
     def __call__(self, balanced: Array) -> Array:
         """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
-        from scipy.ndimage import map_coordinates
+        from scipy.ndimage import map_coordinates  # imported here: only checks of a written file need it
 
         rgb = np.clip(balanced @ (np.linalg.inv(to_xyz_d50("linear-prophoto")) @ self.forward_matrix).T, 0.0, 1.0)
         hue, saturation, value = np.moveaxis(hsv_of_prophoto(rgb), -1, 0)

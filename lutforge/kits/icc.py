@@ -166,7 +166,7 @@ def read_icc(path: str | Path) -> IccProfile:
 
 def icc_lines(path: str | Path) -> list[str]:
     """What is in an ICC profile, anyone's, and what Little CMS makes of it. Raises LutError where it is none."""
-    from PIL import Image, ImageCms
+    from PIL import Image, ImageCms  # imported here: kits are written without it
 
     data, tags = _tags(Path(path))
     names = {b"scnr": "input", b"mntr": "display", b"prtr": "output", b"spac": "colour space", b"link": "device link"}

@@ -13,7 +13,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ProfileError, SettingsError, alternatives
-from lutforge.model.gamut_map import GamutMap
+from lutforge.model.gamut_map import GamutMap, identity_gamut_map
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice
 from lutforge.model.provenance import OwnRaw, Provenance, is_invertible, require_name
@@ -73,6 +73,12 @@ class CameraModel:
     def __post_init__(self) -> None:
         if not is_invertible(self.matrix):
             raise ProfileError("a camera model's matrix is not 3 × 3 numbers that can be inverted")
+
+    @classmethod
+    def without_gamut_map(cls, white_balances: tuple[str, ...], matrix: Array, response: Response) -> "CameraModel":
+        """A model whose h and h⁻¹ change nothing: response and matrix alone."""
+        unchanged = identity_gamut_map()
+        return cls(white_balances, matrix, response, unchanged, unchanged)
 
     def render(self, balanced: Array) -> Array:
         """Tw E (…, 3) → I (…, 3) in [0, 1]."""

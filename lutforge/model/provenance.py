@@ -126,8 +126,8 @@ def require_space(name: str) -> None:
     """Raise ProfileError where an RGB space is unknown."""
     try:
         rgb_space(name)
-    except SettingsError as error:
-        raise ProfileError(str(error)) from None
+    except SettingsError:
+        raise ProfileError(f"the samples are of no known colour space, but of {name[:60]!r}") from None
 
 
 def is_invertible(matrix: Array) -> bool:

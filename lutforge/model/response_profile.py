@@ -3,7 +3,6 @@
 import numpy as np
 
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile import CameraModel, PictureStyle
 from lutforge.model.provenance import ResponseOnly
 from lutforge.model.response import Response
@@ -14,8 +13,7 @@ def profile_of_response(
     response: Response, camera: str, style: str, white_balance: str, shots: tuple[str, ...] = ()
 ) -> CameraProfile:
     """A profile with f alone: no matrix, no gamut map; linear values have the primaries of the JPEG."""
-    unchanged = identity_gamut_map()
-    model = CameraModel((white_balance,), np.eye(3), response, unchanged, unchanged)
+    model = CameraModel.without_gamut_map((white_balance,), np.eye(3), response)
     return CameraProfile(
         camera=camera,
         matrix=np.eye(3),

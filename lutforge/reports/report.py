@@ -16,6 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
+from lutforge import __version__
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.calibration.brightness_transfer import judge, transfer_functions
@@ -621,8 +622,6 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
 
 def write_page(report: Report, path: str | Path, progress: Progress = silent) -> None:
     """One self-contained HTML file: no script, nothing from a network; names are escaped."""
-    from lutforge import __version__
-
     loader = PackageLoader("lutforge.reports")
     jinja = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     for index, picture in enumerate(report.pictures):

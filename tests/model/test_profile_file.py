@@ -136,6 +136,7 @@ def test_every_provenance_is_tested() -> None:
         {"kind": "developed", "program": "a" * 201, "space": "srgb"},
         {"kind": "developed", "program": "two\nlines", "space": "srgb"},
         {"kind": "developed", "program": "a", "space": "raw"},
+        {"kind": "developed", "program": "a", "space": "s" * 100_000},
         {"kind": "chart", "name": "classic", "space": "srgb"},
         {"kind": "chart", "name": "classic", "light": "D\x00", "space": "srgb"},
         {"kind": "reference raw", "camera": "A"},

@@ -18,7 +18,7 @@ from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.inspection import inspect
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import read_samples, write_samples
+from lutforge.samples.table import read_samples
 from lutforge.settings import StyleName
 from lutforge.shots.maker_settings import kelvin_of, multipliers_of, notes_of, style_of, white_balance_of
 from lutforge.shots.metadata import read_metadata, read_picture_settings, software_tag, tidy_camera
@@ -378,7 +378,7 @@ def test_a_dngs_own_name_of_the_camera_goes_into_the_profile(tmp_path: Path) -> 
     metadata = read_metadata(tmp_path / "a.dng", read_raw(tmp_path / "a.dng"), None)
     assert (metadata.camera, metadata.dng_camera) == ("Leica Q2", "Leica Camera AG LEICA Q2")
     samples = replace(made_samples(), dng_camera=np.resize(["", metadata.dng_camera], len(made_samples())))
-    write_samples(tmp_path / "samples.csv", samples)
+    samples.save(tmp_path / "samples.csv")
     assert _profile_of(read_samples(tmp_path / "samples.csv")).dng_camera == metadata.dng_camera
     assert _profile_of(replace(samples, dng_camera=np.resize(["Q2", "Q3"], len(samples)))).dng_camera == ""
 
