@@ -188,7 +188,7 @@ def expected_errors(
         if lattice is None:
             continue
         red, green, blue = (np.unique(np.append(level[::2], level[-1])) for level in lattice.levels)
-        coarse = grid((red, green, blue))
+        coarse = lattice.from_axes(grid((red, green, blue)))
         codes = np.clip(lattice(coarse), 0.0, 1.0) if direction == "render" else coarse
         at_sample, by_deviation = errors.coefficients()
         expected = at_sample + by_deviation * deviation[direction](coarse, codes)

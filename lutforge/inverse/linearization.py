@@ -20,7 +20,7 @@ from lutforge.compiled import compiled
 from lutforge.errors import LutError
 from lutforge.interpolation import Axis, Levels, apply_curve, indexed, interpolate, locate
 from lutforge.inverse.round_trip import in_every_cell, raw_colours
-from lutforge.luts.ops import Cube, Curve, Range
+from lutforge.luts.ops import Cube, Curve, Matrix, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels, shaper
 from lutforge.model.lattice import Lattice, grid, snap_levels
@@ -30,14 +30,18 @@ from lutforge.threads import each, slabs
 
 
 class BakedRender(Lattice):
-    """RAW (…, 3) → lattice → output curve → JPEG, as the file of a render evaluates it."""
+    """RAW (…, 3) → matrix → lattice → output curve → JPEG, as the file of a render evaluates it."""
 
     output_curve: Array
 
     @classmethod
     def of(cls, lut: Lut) -> "BakedRender":
-        """The parts of a render LUT: node levels, a cube, an output curve. Raises LutError on any other sequence."""
+        """The parts of a render LUT: matrix, node levels, cube, output curve. Raises LutError on any other sequence."""
         ops = [op for op in lut.ops if not isinstance(op, Range)]
+        matrix = None
+        if isinstance(ops[0], Matrix):
+            matrix = np.column_stack([ops[0].matrix, ops[0].offset])
+            ops = ops[1:]
         if isinstance(ops[-1], Cube):
             ops.append(Curve(np.repeat([[0.0], [1.0]], 3, axis=1)))
         match ops:
@@ -47,7 +51,7 @@ class BakedRender(Lattice):
                 levels = node_levels(front, cube)
             case _:
                 raise LutError(f"a render is node levels, a cube and a curve, not {lut.summary}")
-        return cls(levels, cube.values, cube.interpolation, output_curve.outputs)
+        return cls(levels, cube.values, cube.interpolation, output_curve.outputs, matrix)
 
     def __call__(self, raw: ArrayLike) -> Array:
         """JPEG colours of RAW (…, 3), clamped to [0, 1] as a file holds them."""
@@ -245,6 +249,7 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
     """
     lattice_values, sides, axes = render.to_values(jpeg), clipped_sides(jpeg), indexed(render.levels)
     ends = np.array([axis[[0, -1]] for axis in render.levels])
+    matrix = render.input_matrix
     weights, raw = render.slope(lattice_values), np.empty(jpeg.shape)
 
     def search(part: tuple[int, int]) -> None:
@@ -252,13 +257,19 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
 
         def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
             residual, slope = np.empty(raw.shape), np.empty((*raw.shape, 3))
+            places = render.on_axes(raw)
+            within = np.clip(places, ends[:, 0], ends[:, 1])
             _residual_and_slope(
-                render.values, axes, render.interpolation == "tetrahedral", raw, rows.start + which, lattice_values,
+                render.values, axes, render.interpolation == "tetrahedral", within, rows.start + which, lattice_values,
                 weights, sides, margin, residual, slope,
             )  # fmt: skip
+            if matrix is not None:  # what is beyond the axes changes nothing
+                slope = (slope * (places == within)[:, None, :]) @ matrix[:, :3]
             return residual, slope
 
-        raw[rows] = gauss_newton(linearize, start[rows], lower=ends[:, 0], upper=ends[:, 1]).value
+        # RAW is limited by the ends of the axes, or by the sensor's where these are linear values.
+        lower, upper = (ends[:, 0], ends[:, 1]) if matrix is None else (0.0, 1.0)
+        raw[rows] = gauss_newton(linearize, start[rows], lower=lower, upper=upper).value
 
     at_once = 8192  # colours whose slopes stay in a core's cache
     for _ in each(search, slabs(0, len(jpeg), 1, -(-len(jpeg) // at_once))):

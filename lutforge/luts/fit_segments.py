@@ -7,10 +7,10 @@ import numpy as np
 from lutforge.interpolation import Interpolation
 from lutforge.luts.fit_axes import FittedAxes, fit_axes, fit_axes_before_curve
 from lutforge.luts.fit_cube import Axes, Function, Share, fit_cube, fit_cube_before_curve, slope_weight
-from lutforge.luts.lower import EvenSegment, Part, Segment, SegmentBeforeCurve, WholeSegment
+from lutforge.luts.lower import EvenSegment, Part, Segment, SegmentBeforeCurve, SegmentOnLevels, WholeSegment
 from lutforge.luts.ops import Cube, Op, joined
-from lutforge.luts.shaper import SHAPER_SIZE, is_even, levels_behind_gain, shaper
-from lutforge.model.lattice import uniform_levels
+from lutforge.luts.shaper import FEW, SHAPER_SIZE, is_even, levels_behind_gain, shaper
+from lutforge.model.lattice import resized_levels, snapped, uniform_levels
 from lutforge.progress import Progress
 
 
@@ -21,7 +21,7 @@ def fit_segments(parts: Sequence[Part], size: int, method: Interpolation, progre
 
 def _fitted(part: Part, size: int, method: Interpolation, progress: Progress) -> tuple[Op, ...]:
     """A segment as operations; an operation as it is."""
-    if not isinstance(part, Segment | EvenSegment):
+    if not isinstance(part, Segment | SegmentOnLevels | EvenSegment):
         return (part,)
 
     progress(f"{size}³ nodes: where they lie", 0.0)
@@ -35,6 +35,8 @@ def _fitted(part: Part, size: int, method: Interpolation, progress: Progress) ->
             axes = fit_axes(part.function, part.gain, size, part.curve, part.stops)
             values = fit_cube(within(part.function), axes.of_cube(), method, part.gain, share)
             ops = (*_shaper(axes), Cube(values, method))
+        case SegmentOnLevels():
+            ops = _fitted_on_levels(part, size, method, share)
         case EvenSegment():
             even = uniform_levels(size)
             values = fit_cube(part.function, Axes(even, even, lambda x: x), method, np.ones(3), share)
@@ -49,6 +51,14 @@ def _fitted_before_curve(part: SegmentBeforeCurve, size: int, method: Interpolat
     axes = fit_axes_before_curve(part.function, part.gain, size, weight, part.curve)
     values = fit_cube_before_curve(within(part.function), axes.of_cube(), method, part.gain, weight, share)
     return (*_shaper(axes), Cube(values, method))
+
+
+def _fitted_on_levels(part: SegmentOnLevels, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:
+    """A segment at node levels of another number."""
+    axes = FittedAxes(None, snapped(resized_levels(part.levels, size), FEW))
+    weight = slope_weight(part.output_curve)
+    values = fit_cube_before_curve(part.function, axes.of_cube(), method, np.ones(3), weight, share)
+    return shaper(axes.levels, FEW), Cube(values, method)
 
 
 def _fitted_whole(part: WholeSegment, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:

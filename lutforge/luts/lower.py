@@ -5,13 +5,14 @@ axes, and what the camera clips is clipped by the response, not rounded off by t
 lowered to operations as it stands, where it has the size and the interpolation of the target.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from lutforge.arrays import Array, ColourFunction
 from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.errors import LutError
+from lutforge.interpolation import Levels
 from lutforge.luts.fit_cube import Function
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range, joined
 from lutforge.luts.parts import Parts, checked, curve_alone, parts_of
@@ -44,6 +45,18 @@ class SegmentBeforeCurve(Segment):
 
 
 @dataclass(frozen=True, eq=False)
+class SegmentOnLevels:
+    """A function of [0, 1]³, (n, 3) → (n, 3), to be fitted at node levels as dense as the given ones.
+
+    output_curve: (m, 3), after it.
+    """
+
+    function: Function
+    levels: Levels
+    output_curve: Array
+
+
+@dataclass(frozen=True, eq=False)
 class WholeSegment(Segment):
     """A segment that is all of a LUT: the shaper holds its gain and a domain up to `highest`, the cube its matrix."""
 
@@ -58,7 +71,7 @@ class EvenSegment:
     function: Function
 
 
-Part = Op | Segment | EvenSegment
+Part = Op | Segment | SegmentOnLevels | EvenSegment
 """What a transform is lowered to."""
 
 
@@ -118,6 +131,9 @@ def _to_any_sequence(transform: ColourFunction, target: Target, highest: float) 
         return Matrix(np.eye(3) / highest), Range(), _scaled(transform, highest)
     if parts.output_curve is None:
         cube: tuple[Part, ...] = (Segment(parts.cube_values, parts.gain, parts.curve),)
+    elif parts.lattice is not None and parts.lattice.input_matrix is not None:
+        to_axes, segment = _without_first_cells(parts.lattice, parts.lattice.input_matrix, parts.output_curve)
+        cube = (to_axes, Range(), segment, Curve(parts.output_curve))
     else:
         magnified = SegmentBeforeCurve(parts.cube_values, parts.gain, parts.curve, output_curve=parts.output_curve)
         cube = (magnified, Curve(parts.output_curve))
@@ -178,6 +194,19 @@ def _scaled(transform: ColourFunction, highest: float) -> Segment:
     """A transform with inputs up to `highest` as a segment of [0, 1]³."""
     stops = float(np.log2(max(highest, 1.0)))
     return Segment(checked(lambda x: transform(x * highest)), stops=stops)
+
+
+def _without_first_cells(lattice: Lattice, input_matrix: Array, output_curve: Array) -> tuple[Matrix, SegmentOnLevels]:
+    """The matrix of a lattice, and its cube as a segment that begins at the second node level of each axis.
+
+    The first cells hold linear values that hardly any scene has: a small cube has no node for them.
+    """
+    on_axes = replace(lattice, input_matrix=None)
+    first = np.array([axis[1] for axis in lattice.levels])
+    left = 1.0 - first
+    r, g, b = ((axis[1:] - axis[1]) / (1.0 - axis[1]) for axis in lattice.levels)
+    to_axes = Matrix(input_matrix[:, :3] / left[:, None], (input_matrix[:, 3] - first) / left)
+    return to_axes, SegmentOnLevels(lambda x: on_axes.cube_values(first + left * x), (r, g, b), output_curve)
 
 
 def _exact_lattice(parts: Parts, target: Target) -> Lattice | None:

@@ -4,12 +4,14 @@ s_c(L_c(i)) = i / (N − 1), linear in between. Sampled at M even points it stay
 the points: readers interpolate linearly between samples.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Levels
-from lutforge.luts.ops import Cube, Curve, Op
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.model.lattice import Lattice, grid
 
 SHAPER_SIZE = 65536
@@ -93,7 +95,7 @@ def levels_behind_gain(levels: Levels, gain: Array) -> Levels:
 
 
 def lattice_ops(lattice: Lattice) -> tuple[Op, ...]:
-    """A lattice as shaper, cube and output curve; exact where its levels are on a shaper's grid and equal in number."""
+    """A lattice as matrix, shaper, cube and output curve; exact where its levels are on a grid and equal in number."""
     # Else levels are moved to the grid, or added in the widest cells, and the cube is evaluated there.
     size = max(lattice.size)
     padded = []
@@ -107,7 +109,9 @@ def lattice_ops(lattice: Lattice) -> tuple[Op, ...]:
     if entries is None and not is_even((r, g, b)):
         r, g, b = levels_behind_gain((r, g, b), np.ones(3))
     same = all(np.array_equal(new, old) for new, old in zip((r, g, b), lattice.levels, strict=True))
-    values = lattice.values if same else lattice.cube_values(grid((r, g, b)))
+    values = lattice.values if same else replace(lattice, input_matrix=None).cube_values(grid((r, g, b)))
     curve = () if is_even((r, g, b)) else (shaper((r, g, b), entries or SHAPER_SIZE),)
     behind = () if lattice.output_curve is None else (Curve(lattice.output_curve),)
-    return *curve, Cube(values, lattice.interpolation), *behind
+    matrix = lattice.input_matrix
+    before = () if matrix is None else (Matrix(matrix[:, :3], matrix[:, 3]), Range())
+    return *before, *curve, Cube(values, lattice.interpolation), *behind

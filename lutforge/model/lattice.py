@@ -17,16 +17,18 @@ from lutforge.interpolation import Interpolation, Levels, apply_curve, interpola
 class Lattice:
     """Node levels per axis and the output value at each node; evaluation only.
 
-    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. output_curve:
-    (m, 3), behind the interpolated values, at m even steps from 0 to 1, or None; it is not the camera response f.
-    Raises ProfileError where the shapes disagree, a level does not increase, an output curve falls, or a number is not
-    finite or absurd.
+    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. input_matrix: (3, 4), maps
+    colours x to the axes, A x + b with A its first three columns, or None where they are the axes' own. output_curve:
+    (m, 3), after the interpolated values, at m even steps from 0 to 1, or None; it is not the camera response f.
+    Raises ProfileError where the shapes disagree, a level does not increase, an output curve falls, a matrix cannot be
+    inverted, or a number is not finite or absurd.
     """
 
     levels: Levels
     values: Array
     interpolation: Interpolation = "trilinear"
     output_curve: Array | None = None
+    input_matrix: Array | None = None
 
     def __post_init__(self) -> None:
         shape = (*(len(axis) for axis in self.levels), 3)
@@ -47,6 +49,10 @@ class Lattice:
                 raise ProfileError("lattice: the output curve falls, or holds what is not a number")
             if np.abs(table).max() > 1e4:
                 raise ProfileError(f"lattice: an output curve of {np.abs(table).max():.3g} is no colour")
+        if self.input_matrix is not None:
+            matrix = self.input_matrix
+            if matrix.shape != (3, 4) or not np.all(np.abs(matrix) < 1e4) or np.linalg.cond(matrix[:, :3]) > 1e6:
+                raise ProfileError("lattice: the matrix before it is not 3 × 4 numbers that can be inverted")
 
     def __repr__(self) -> str:
         return f"Lattice({'×'.join(map(str, self.size))}, {self.interpolation})"
@@ -58,7 +64,21 @@ class Lattice:
 
     def cube_values(self, x: ArrayLike) -> Array:
         """The interpolated values at `x` (…, 3), before the output curve."""
-        return interpolate(x, self.levels, self.values, self.interpolation)
+        return interpolate(self.on_axes(x), self.levels, self.values, self.interpolation)
+
+    def on_axes(self, x: ArrayLike) -> Array:
+        """Take colours (…, 3) to the axes of the lattice."""
+        colours = np.asarray(x, dtype=np.float64)
+        if self.input_matrix is None:
+            return colours
+        return np.asarray(colours @ self.input_matrix[:, :3].T + self.input_matrix[:, 3])
+
+    def from_axes(self, places: Array) -> Array:
+        """Take places on the axes (…, 3) to colours, within [0, 1]."""
+        if self.input_matrix is None:
+            return places
+        inverse = np.linalg.inv(self.input_matrix[:, :3])
+        return np.clip((places - self.input_matrix[:, 3]) @ inverse.T, 0.0, 1.0)
 
     @property
     def size(self) -> tuple[int, int, int]:

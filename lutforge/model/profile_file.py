@@ -185,6 +185,7 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
         expected = style.expected.get(direction)
         for part, array in (
             ("response", lattice.output_curve),
+            ("input_matrix", lattice.input_matrix),
             ("coverage", style.coverage.get(direction)),
             ("expected", None if expected is None else expected.round(5)),
         ):
@@ -225,7 +226,7 @@ def _map_from_json(entry: Mapping[str, Any], base: str, array: Callable[[str], A
 
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:
     lattices: dict[Direction, Lattice] = {}
-    arrays_of: dict[str, dict[Direction, Array]] = {"response": {}, "coverage": {}, "expected": {}}
+    arrays_of: dict[str, dict[Direction, Array]] = {"response": {}, "input_matrix": {}, "coverage": {}, "expected": {}}
     for direction in DIRECTIONS:
         if direction not in entry:
             continue
@@ -238,8 +239,8 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
         for part, arrays in arrays_of.items():
             if part in stored:
                 arrays[direction] = array(stored[part])
-        curve = arrays_of["response"].get(direction)
-        lattices[direction] = Lattice((r, g, b), array(stored["values"]), stored["interpolation"], curve)
+        curve, matrix = (arrays_of[part].get(direction) for part in ("response", "input_matrix"))
+        lattices[direction] = Lattice((r, g, b), array(stored["values"]), stored["interpolation"], curve, matrix)
     models = []
     if len(entry["models"]) > MOST_MODELS:
         raise ProfileError(f"refused, a style has {len(entry['models'])} models, more than any profile's")

@@ -7,7 +7,7 @@ of sampled ones.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from lutforge.arrays import Array
 from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_levels, even_to_the_eye
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import LatticeOptions
-from lutforge.calibration.scenes import RenderedScenes
+from lutforge.calibration.scenes import REST, RenderedScenes
 from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
-from lutforge.model.gamut_map import OFFSET, from_even
+from lutforge.model.gamut_map import OFFSET, from_even, to_even
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice, grid, resized_levels, snapped, uniform_levels
 from lutforge.model.profile import CameraModel
@@ -26,15 +26,24 @@ from lutforge.solvers.normal_equations import normal_equations
 
 SEARCH_SIZE = 13
 """Nodes per axis of the lattice on which levels are searched: the best ones hardly depend on their number."""
+SELDOM = 0.01
+"""Share of likely scenes whose linear values, per channel, are below the axes of a rendering's lattice."""
+LEAST_CELL = 0.01
+"""Linear values of the cell below those of likely scenes, at least."""
 HOLD = 1.0
 """The weight of the model's own value at a node, which keeps nodes with few colours around them where they belong."""
 
 
 def bake_render(model: CameraModel, scenes: RenderedScenes, options: LatticeOptions) -> Lattice:
-    """Bake the rendering of a camera model: white-balanced RAW → JPEG, with an output curve behind the cube.
+    """Bake the rendering of a camera model: white-balanced RAW → JPEG, by its matrix, a cube and an output curve.
 
-    Errors count behind the curve.
+    The cube holds the gamut map alone: a matrix is not multilinear on axes that are spaced by perception. Its axes are
+    the linear values of likely scenes, and one cell more down to the least that the matrix gives. Errors count after
+    the curve.
     """
+    low = np.minimum(np.quantile(scenes.linear[scenes.weight > REST], SELDOM, axis=0), 0.0)
+    least = np.minimum(model.matrix, 0.0).sum(axis=1) - LEAST_CELL
+    span = 1.0 - low
     curve = output_curve(model.response)
     values = curve.continued(scenes.mapped)
     # How much a squared error in front of the curve counts behind it, 1 in the median.
@@ -42,20 +51,33 @@ def bake_render(model: CameraModel, scenes: RenderedScenes, options: LatticeOpti
     counts = squares(apply_curve(curve.slope(codes), apply_curve(curve.table, values)))
     weight = scenes.weight * (counts / np.median(counts))
 
-    def before_the_curve(balanced: Array) -> Array:
-        return curve.continued(model.gamut_map(balanced @ model.matrix.T))
+    def before_the_curve(places: Array) -> Array:
+        return curve.continued(model.gamut_map(least + places * (1.0 - least)))
 
-    task = _Task(scenes.balanced, values, weight, options.interpolation)
+    places = np.clip((scenes.linear - least) / (1.0 - least), 0.0, 1.0)
+    task = _Task(places, values, weight, options.interpolation)
     if not options.nonuniform:
         levels = uniform_levels(options.size)
     else:
         # A tenth of the nodes is at perceptually uniform steps: bright samples alone would make the first cell so wide
         # that it holds all dark codes of usual pictures.
-        floor = EVEN + even_to_the_eye(0.1, OFFSET)
-        start = from_even(np.linspace(0.0, 1.0, min(SEARCH_SIZE, options.size)), OFFSET)
-        levels = task.best_levels(before_the_curve, start, floor, options)
-    nodes, _ = task.fitted(before_the_curve, snapped(levels, options.shaper_size))
-    return Lattice(snapped(levels, options.shaper_size), nodes, options.interpolation, curve.table)
+        likely = _Task(np.clip((scenes.linear - low) / span, 0.0, 1.0), values, weight, options.interpolation)
+        even = np.linspace(to_even(low, OFFSET), 1.0, min(SEARCH_SIZE, options.size - 1))
+        red, green, blue = ((from_even(even, OFFSET) - low) / span).T
+        fewer = replace(options, size=options.size - 1)
+        inner = likely.best_levels(
+            lambda x: curve.continued(model.gamut_map(low + x * span)),
+            (red, green, blue),
+            EVEN + even_to_the_eye(0.1, OFFSET),
+            fewer,
+        )
+        inside = (low + np.stack(inner, axis=1) * span - least) / (1.0 - least)
+        red, green, blue = np.vstack([np.zeros(3), inside]).T
+        levels = (red, green, blue)
+    levels = snapped(levels, options.shaper_size)
+    nodes, _ = task.fitted(before_the_curve, levels)
+    to_axes = np.column_stack([model.matrix / (1.0 - least)[:, None], -least / (1.0 - least)])
+    return Lattice(levels, nodes, options.interpolation, curve.table, to_axes)
 
 
 def bake_linearize(model: CameraModel, scenes: RenderedScenes, options: LatticeOptions) -> Lattice:
@@ -76,7 +98,7 @@ def bake_linearize(model: CameraModel, scenes: RenderedScenes, options: LatticeO
     levels = uniform_levels(options.size)
     if options.nonuniform:
         even = np.linspace(0.0, 1.0, min(SEARCH_SIZE, options.size))
-        levels = task.best_levels(likely, even, EVEN, options)
+        levels = task.best_levels(likely, (even, even, even), EVEN, options)
     levels = snapped(levels, options.shaper_size)
 
     nodes, _ = task.fitted(model.linearize, levels)
@@ -93,13 +115,13 @@ class _Task:
     interpolation: Interpolation
 
     def best_levels(
-        self, function: Callable[[Array], Array], start: Array, floor: Array, options: LatticeOptions
+        self, function: Callable[[Array], Array], start: Levels, floor: Array, options: LatticeOptions
     ) -> Levels:
         """Node levels in rounds, each from the errors between the nodes of the one before; the last of a whole lattice.
 
-        start: (k,), of the first round; floor: (BINS,), the density of nodes that stay whatever the errors.
+        start: those of the first round; floor: (BINS,), the density of nodes that stay whatever the errors.
         """
-        levels: Levels = (start, start, start)
+        levels = start
         best, least = levels, np.inf
         for _ in range(6):
             # The lattice of these rounds is small, and its nodes are sampled: the best levels hardly depend on either.
@@ -131,7 +153,7 @@ class _Task:
 
 def node_coverage(lattice: Lattice, samples: Array) -> Array:
     """The summed weight of samples (n, 3) at each node, (N_r, N_g, N_b)."""
-    summed = normal_equations(samples, np.ones_like(samples), lattice.levels, lattice.interpolation)
+    summed = normal_equations(lattice.on_axes(samples), np.ones_like(samples), lattice.levels, lattice.interpolation)
     return np.ascontiguousarray(summed.right[..., 0])
 
 
