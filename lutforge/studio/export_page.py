@@ -24,7 +24,7 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.studio import ui
 from lutforge.studio.model_page import held_out_error
-from lutforge.studio.session import Session, Written
+from lutforge.studio.session import ChosenLook, Session, Written
 from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
 from lutforge.thesis.options import PRESET, ThesisOptions
 
@@ -45,6 +45,7 @@ class ExportPage:
         self._cards: dict[tuple[Written, bool], pmui.Paper] = {}
         self._offered: object = None
         self.asked: list[Path] = []
+        self.warned_of: ChosenLook | None = None
         self.look = ui.text()
         self.main = pn.Column(**ui.SCROLLED)
         self.actions: dict[str, Callable[[], None]] = {
@@ -184,6 +185,12 @@ class ExportPage:
 
     def _kit(self) -> None:
         target, program = self.session.look.target, self.program.value
+        if self.session.is_unseen and self.warned_of != self.session.look:
+            self.warned_of = self.session.look
+            raise WorkspaceError(
+                f"{target} was never on screen: choose under Look, “Taken as”, how the photograph was taken, or press "
+                "again to write the kit unseen"
+            )
         if not program:
             raise WorkspaceError("a kit needs a camera with RAW: compute a model, or open a profile")
         self._run(f"kit for {program}", "kit", f"_{program}_kit", (target, program), **{"to": target, "for": program})

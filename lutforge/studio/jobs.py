@@ -12,9 +12,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing.connection import Connection
+from types import FrameType
 from typing import Any, Literal
 
+from lutforge.atomic_write import discard_unfinished
 from lutforge.errors import LutForgeError, one_line
+
+PATIENCE_S = 2.0
+"""How long a cancelled job may take to remove what it had begun to write; compiled code hears no signal meanwhile."""
 
 
 @cache
@@ -68,11 +73,14 @@ class Job:
         self._starting.join()
         if self._process.pid is not None:  # it could be started
             self._process.terminate()
+            self._process.join(PATIENCE_S)
+            self._process.kill()
             self._process.join()
 
 
 def _work(send: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C is for the studio, which ends its jobs
+    signal.signal(signal.SIGTERM, _stop)
 
     def progress(what: str, share: float) -> None:
         send.send(JobReport("running", what, share))
@@ -87,6 +95,13 @@ def _work(send: Connection, function: Callable[..., Any], arguments: tuple[Any, 
         report = JobReport("failed", f"{type(error).__name__}: {one_line(str(error), 300)}")
     with suppress(OSError):  # the studio has ended
         send.send(report)
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    """End this process, a job that was cancelled, without what it had begun to write."""
+    discard_unfinished()
+    signal.signal(number, signal.SIG_DFL)
+    signal.raise_signal(number)
 
 
 def warm_up() -> None:

@@ -50,7 +50,10 @@ export function render({ model, el }) {
   const left = make("div", { className: "side left" }), right = make("div", { className: "side right" });
   const cross = make("div", { className: "cross", hidden: true });
   const empty = make("p", { className: "empty" }, "No picture yet.");
-  const stage = make("div", { className: "stage" }, canvas, left, right, line, cross, empty);
+  const words = make("span", {}), help = make("button", { type: "button" }, "Begin with the usual ones");
+  const notice = make("div", { className: "notice", role: "alert", hidden: true }, words, help);
+  help.addEventListener("click", () => model.send_msg("help"));
+  const stage = make("div", { className: "stage" }, canvas, left, right, line, cross, empty, notice);
   const values = make("output", { className: "values", "aria-live": "off", "aria-label": "Pipette" });
   const news = make("span", { className: "news", role: "status" });
   const waves = make("canvas", { role: "img", "aria-label": "Waveform" }), shares = make("p", {});
@@ -244,7 +247,7 @@ export function render({ model, el }) {
 
   let drag = null;
   stage.addEventListener("pointerdown", event => {
-    if (event.button > 1) return;
+    if (event.button > 1 || notice.contains(event.target)) return;
     const box = stage.getBoundingClientRect(), x = event.clientX - box.left;
     const near = Math.abs(x - model.wipe * box.width) < 14;
     drag = { x: event.clientX, y: event.clientY, far: 0, wipes: model.mode === "wipe" && event.button === 0 && (near || fits()) };
@@ -352,9 +355,12 @@ export function render({ model, el }) {
     buttons.beside_b.disabled = !model.b.length;
     buttons.unsure.disabled = !model.coverage.length;
     scopes.hidden = !model.scopes;
+    notice.hidden = !model.notice;
+    words.textContent = model.notice;
   }
   model.on("picture", open);
   model.on("msg:custom", arrived);
+  model.on("notice", stand);
   model.on(["a", "b", "coverage"], changed);
   model.on("wipe", () => draw());
   model.on(["mode", "beside_b", "clipping", "unsure", "scopes"], pressed);

@@ -3,7 +3,7 @@
 The browser grades the picture: Python sends LUTs, and no pixels while sliders move.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -27,12 +27,16 @@ from lutforge.model.white_balance import temperature_range
 from lutforge.settings import Selector, Shift
 from lutforge.studio import ui
 from lutforge.studio.opening import IMAGE_SUFFIXES, Photograph, open_photograph
-from lutforge.studio.session import ChosenLook, Session, usual_setting
+from lutforge.studio.session import ChosenLook, Session, as_text, usual_setting
 from lutforge.studio.workspace import WorkspaceError
 
 AS_SHOT, BY_TEMPERATURE, BY_MULTIPLIERS = "as shot", "by temperature", "by multipliers"
 UNKNOWN = "not known: choose"
 BAKING = "preparing the look"
+UNSEEN = (
+    "How this photograph was taken is not known, so the picture is shown as it is. Choose its style and white balance "
+    "under “Taken as”, or begin with the camera's usual ones."
+)
 
 
 class SettingControl:
@@ -57,7 +61,7 @@ class SettingControl:
         self.profile, kelvins = profile, None
         with suppress(SettingsError):
             kelvins = None if profile.raw_camera else temperature_range(profile.white_balances)
-        self.tint.disabled = kelvins is None
+        self.tint.disabled = self.kelvin.disabled = kelvins is None
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
         styles, usual = sorted(profile.styles, key=lambda name: name.lower() != "standard"), usual_setting(profile)
         offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
@@ -70,8 +74,7 @@ class SettingControl:
         self.enable()
 
     def enable(self) -> None:
-        """Enable the controls that set the white balance, and disable the others; the layout stays as it is."""
-        self.kelvin.disabled = self.balance.value != BY_TEMPERATURE
+        """Enable the multipliers where they set the white balance; the layout stays as it is."""
         self.multipliers.disabled = self.balance.value != BY_MULTIPLIERS
         if self.balance.value == BY_MULTIPLIERS and not ui.written(self.multipliers):
             gains = self.profile.multipliers(usual_setting(self.profile))
@@ -110,17 +113,20 @@ class LookPage:
         self.shown: Photograph | None = None
         self._known: tuple[CameraProfile, Selector] | None = None  # what the coverage is of
         self.listed, self.path = ui.select("Photograph in the folders", ui.NOTHING), ui.entry("or its path")
-        opening = session.button(
-            "Show", lambda: self._open(session.folders.inside(ui.written(self.path) or self.listed.value)),
-            variant="contained", **ui.WIDE,
-        )  # fmt: skip
+        opening = session.button("Show", self._open_named, variant="contained", **ui.WIDE)
+        session.watch(self._open_written, self.path)
+        session.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
         self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as", asks=True)
         self.ev = ui.slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
-        wanted = (self.ev, *self.wanted.widgets)
-        session.watch(self._change, *wanted, take=lambda value: setattr(session, "look_chosen", True))
-        session.watch(self._change, *self.source.widgets)
+        self.moved = {widget.label: widget for widget in (self.ev, *self.wanted.widgets, *self.source.widgets)}
+        for name, widget in self.moved.items():
+            session.watch(self._change, widget, take=partial(self._take, name))
+        session.end_moves_of(*self.moved.values())
+        if not session.controls:
+            session.controls = self._controls()
         self.words = ui.text()
         self.main = self.view = LookView()
+        self.view.on_help = session.guarded(self._suppose)
         self.controls = [
             self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
         ]  # fmt: skip
@@ -132,9 +138,61 @@ class LookPage:
         if self.session.profile is None:
             self.words.object = ui.paragraphs("Compute a model, or open a profile.")
             return
-        for control in (self.wanted, self.source):
-            control.offer(self.session.profile)
+        with self.session.setting():
+            for name, value in self.session.controls.items():
+                widget = self.moved[name]
+                if value in getattr(widget, "options", {name: value}.values()) or not hasattr(widget, "options"):
+                    widget.value = value
+            for control in (self.wanted, self.source):
+                control.offer(self.session.profile)
+            self.session.controls = self._controls()
         self._grade()
+
+    def _controls(self) -> dict[str, Any]:
+        """What the controls show, by their labels."""
+        return {name: widget.value for name, widget in self.moved.items()}
+
+    def _take(self, name: str, value: Any) -> None:
+        """Note what the visitor has moved, so that it can be undone; a temperature that is moved is the one meant."""
+        session, widget = self.session, self.moved[name]
+        before, was = session.state, session.controls.get(name)
+        for control in (self.wanted, self.source):
+            if widget is control.kelvin and control.balance.value != BY_TEMPERATURE:
+                with session.setting():
+                    control.balance.value = BY_TEMPERATURE
+        session.controls = self._controls()
+        session.look_chosen = session.look_chosen or widget not in self.source.widgets
+        old, new = as_text(widget, was), as_text(widget, value)
+        session.note(before, f"{name} {new} → {old}", f"{name} {old} → {new}", name if widget in self._sliders else "")
+
+    @property
+    def _sliders(self) -> tuple[Any, ...]:
+        return (
+            self.ev,
+            *(slider for control in (self.wanted, self.source) for slider in (control.kelvin, control.tint)),
+        )
+
+    def _suppose(self) -> None:
+        """Take a photograph of unknown settings for one at the camera's usual ones, as the visitor has agreed to."""
+        style, balance = usual_setting(self.session.require_profile()).split("/", 1)
+        before = self.session.state
+        with self.session.setting():
+            self.source.style.value = self.source.style.value or style
+            self.source.balance.value = self.source.balance.value or balance
+        self.session.controls = self._controls()
+        self.session.note(before, f"Taken as {style}/{balance}")
+        self._change()
+
+    def _open_named(self) -> None:
+        named = ui.written(self.path) or self.listed.value
+        self._open(self.session.folders.inside(named))
+
+    def _open_written(self) -> None:
+        """Open the path in the line once it is finished with the enter key."""
+        if self.path.value:
+            with self.session.setting():
+                self.listed.value = ""
+            self._open_named()
 
     def _open(self, path: Path) -> None:
         profile = self.session.require_profile()
@@ -153,6 +211,7 @@ class LookPage:
                     self.wanted.set(given)
             else:
                 self.source.style.value, self.source.balance.value, self.source.tint.value = photograph.style, "", 0
+            self.session.controls = self._controls()
         self.session.say("; ".join([news, *photograph.notes]))
         self._change()
 
@@ -175,8 +234,16 @@ class LookPage:
         if profile is None:
             return
         known = bool(self.source.style.value and self.source.balance.value)
+        self.session.is_unseen = self.shown is not None and not known
+        self.view.notice = UNSEEN if self.session.is_unseen else ""
         try:
-            look = ChosenLook(self.source.text(taken) if known else "", self.wanted.text(taken), float(self.ev.value))
+            source = self.source.text(taken) if known else ""
+            if taken is None and known:
+                taken = profile.selector(source)
+            if taken is None and self.wanted.balance.value == AS_SHOT:
+                self._tell()
+                return
+            look = ChosenLook(source, self.wanted.text(taken), float(self.ev.value))
             slow = slow_steps(profile, look) if known else ()
             if slow and not self.session.is_busy:
                 self.session.start(BAKING, partial(self._baked, profile, slow), baked_steps, slow, short=True)
@@ -273,6 +340,7 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     unsure = param.Boolean(False, doc="Stripes over what `coverage` says no sample tells of.")
     scopes = param.Boolean(True, doc="The waveform beside the picture.")
     kept = param.Integer(0)
+    notice = param.String(doc="What hinders the look, in words over the picture, with a button that helps; or empty.")
 
     _debounce = 8  # ms; what the page changes is told so late
     _esm = "\n".join((ui.HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
@@ -281,6 +349,7 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"sizing_mode": "stretch_both", "min_height": 320, "margin": 0, **options})
         self._luts: dict[str, Lut | None] = {"a": None, "b": None, "coverage": None}
+        self.on_help: Callable[[], None] = lambda: None
         self._tables: dict[str, dict[str, Any]] = {}  # of those LUTs, by their keys
         self.param.watch(
             lambda event: self._set("b", self._luts["a"], b_name=self.a_name or "kept", beside_b=bool(self.a)), "kept"
@@ -308,7 +377,10 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         self.param.update(**{side: sides[side][0]})  # at which the page draws
 
     def _handle_msg(self, data: Any) -> None:
-        """Send the tables of these keys, which the page misses."""
+        """Send the tables of these keys, which the page misses; or help, where its button was pressed."""
+        if data == "help":
+            self.on_help()
+            return
         tables = [self._tables[key] for key in data if key in self._tables]
         if tables:
             self._send_msg(tables)

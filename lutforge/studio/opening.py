@@ -11,11 +11,13 @@ import numpy as np
 from PIL import Image
 
 from lutforge.arrays import Pixels
+from lutforge.atomic_write import scratch_folder
 from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
 from lutforge.grading.profile_recipe import choose_camera, source_selector
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
 from lutforge.images.orientation import upright
+from lutforge.images.raw import read_raw
 from lutforge.images.read import ImageReader, read_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
@@ -30,7 +32,7 @@ from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, discover, raw_b
 from lutforge.shots.metadata import read_picture_settings
 from lutforge.studio.workspace import SUFFIX, Workspace, find_pairs, open_workspace, with_profile
 
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES)
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES, *sorted(RAW_SUFFIXES))
 OPENED_SUFFIXES = (*TABLE_SUFFIXES, SUFFIX)
 
 
@@ -100,6 +102,34 @@ def picture_bytes(path: Path) -> bytes:
     return buffer.getvalue()
 
 
+def raw_picture_bytes(path: Path) -> bytes:
+    """The camera's picture of a RAW file, upright, as a file that browsers read: the JPEG beside it, or inside it.
+
+    Raises ImageError where there is neither.
+    """
+    beside = next((file for suffix in JPEG_SUFFIXES for file in path.parent.glob(f"{path.stem}.*")
+                   if file.suffix.lower() == suffix), None)  # fmt: skip
+    if beside is not None:
+        return picture_bytes(beside)
+    raw = read_raw(path, half_size=True)
+    if raw.preview is None:
+        raise ImageError(f"{path.name}: {raw.preview_note}; put the camera's JPEG beside it")
+    with scratch_folder() as folder:
+        (folder / "preview.jpg").write_bytes(raw.preview)
+        shown = picture_bytes(folder / "preview.jpg")
+    with Image.open(BytesIO(shown)) as picture:
+        turn = TURNS.get(raw.flip)
+        if turn is None or picture.getexif().get(0x0112, 1) != 1:  # which the browser turns
+            return shown
+        buffer = BytesIO()
+        picture.transpose(turn).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+TURNS = {3: Image.Transpose.ROTATE_180, 5: Image.Transpose.ROTATE_90, 6: Image.Transpose.ROTATE_270}
+"""How a picture is turned upright, by LibRaw's number."""
+
+
 def read_small(path: Path, most: int) -> Pixels:
     """Read an image upright, RGB in [0, 1], averaged down to at most so many pixels. Raises ImageError.
 
@@ -137,7 +167,8 @@ class Photograph:
 def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> Photograph:
     """Read a picture, and what it was taken as. Raises ImageError."""
     progress("reading", 0.1)
-    settings, picture = read_picture_settings(path), picture_bytes(path)
+    settings = read_picture_settings(path)
+    picture = raw_picture_bytes(path) if path.suffix.lower() in RAW_SUFFIXES else picture_bytes(path)
     notes: tuple[str, ...] = ()
     selector, style = None, settings.style if settings.style in profile.styles else ""
     with suppress(SettingsError):

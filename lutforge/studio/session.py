@@ -1,12 +1,15 @@
-"""What one visitor has open: a workspace with its history, a look, what was written, and the work under way."""
+"""What one visitor has open: a workspace with its history, a look, what was written, and the work under way.
+
+A session outlives the page that shows it: a page is attached to it, and detached when its tab is closed.
+"""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import wraps
-from html import escape
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -21,9 +24,10 @@ from lutforge.model.white_balance import NAMED_KELVIN
 from lutforge.pipeline.evaluation import predict
 from lutforge.pipeline.response import FittedResponse, ResponseRequest
 from lutforge.progress import silent
-from lutforge.studio import ui
-from lutforge.studio.jobs import Job
+from lutforge.studio.history import Change, History, exchanged
+from lutforge.studio.job_queue import JobQueue, Work
 from lutforge.studio.opening import Folders, Opened, open_paths
+from lutforge.studio.status import StatusLine
 from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
 
 
@@ -47,16 +51,17 @@ class Written:
     of: tuple[CameraProfile | None, ChosenLook]
 
 
-@dataclass(eq=False)
-class _Work:
-    """Work for a job, None while it waits. short: it runs beside what is long; message: what was told of it last."""
+@dataclass(frozen=True, eq=False)
+class State:
+    """What a visitor has changed, and can undo. controls: of Look, by name; the others as in `Session`."""
 
-    title: str
-    done: Callable[[Any], None]
-    call: tuple[Any, ...]
-    short: bool
-    job: Job | None = None
-    message: str = "starting"
+    workspace: Workspace | None
+    opened: Opened
+    chosen: ChosenLook | None
+    look_chosen: bool
+    controls: Mapping[str, Any]
+    pictures_out: tuple[str, ...]
+    response: tuple[ResponseRequest, FittedResponse] | None
 
 
 class Session:
@@ -70,30 +75,55 @@ class Session:
 
     def __init__(self, folders: Folders) -> None:
         self.folders = folders
-        self.past: tuple[Workspace, ...] = ()  # up to the present one
-        self.future: tuple[Workspace, ...] = ()
+        self.workspace: Workspace | None = None
         self.selected: Mask = np.zeros(0, dtype=np.bool_)
         self.opened = Opened()
         self.chosen: ChosenLook | None = None
         self.look_chosen = False
+        self.is_unseen = False  # whether a photograph is shown to which the look cannot be applied yet
+        self.controls: Mapping[str, Any] = {}
         self.pictures_out: tuple[str, ...] = ()
         self.response: tuple[ResponseRequest, FittedResponse] | None = None
         self.written: dict[str, Written] = {}
+        self.dropped: TemporaryDirectory[str] | None = None
+        self.step = "Shots"
+        self.history = History()
+        self.queue = JobQueue()
+        self._polling: Any = None
+        self.attach()
+
+    def attach(self) -> None:
+        """Begin to be shown by another page, which sets what is called on changes."""
         self.on_change: Callable[[], None] = lambda: None
         self.on_look: Callable[[], None] = lambda: None
         self.on_select: Callable[[], None] = lambda: None
         self.refreshing = False
-        self._wrong = False
-        self._works: list[_Work] = []  # the first that is long is under way, and the one that is short
-        self._polling: Any = None
-        self.status = ui.text(margin=(2, 12), height=22)
-        self.progress = ui.text(visible=False, sizing_mode="fixed", width=200, height=24, margin=(4, 8))
+        self.status = StatusLine()
         self.cancel = self.button("Cancel", self._cancel, visible=False)
+        if self.queue.works:
+            self._wait()
+
+    def detach(self) -> None:
+        """Let go of a page that is closed: long work goes on, and its result waits for the next page."""
+        if self._polling is not None:
+            self._polling.stop()
+            self._polling = None
+        self.queue.end([work for work in self.queue.works if work.short])
+        self.on_change = self.on_look = self.on_select = lambda: None
 
     @property
-    def workspace(self) -> Workspace | None:
-        """The present state; None before samples are open."""
-        return self.past[-1] if self.past else None
+    def is_empty(self) -> bool:
+        """Whether nothing is open, and nothing is under way."""
+        return self.workspace is None and self.profile is None and not self.queue.works
+
+    def __str__(self) -> str:
+        parts = []
+        if self.workspace is not None:
+            shots = len(np.unique(self.workspace.samples.shot))
+            parts.append(f"{len(self.workspace.samples):,} samples of {shots} shots")
+        if self.profile is not None:
+            parts.append(f"profile of {self.profile.camera}")
+        return ", ".join([*parts, *(f"{work.title} under way" for work in self.queue.works)])
 
     @property
     def profile(self) -> CameraProfile | None:
@@ -128,35 +158,70 @@ class Session:
         """Whether a file is of another profile or look than the present ones, or its model is stale."""
         return self.is_stale or written.of[0] is not self.profile or written.of[1] != self.look
 
+    @property
+    def state(self) -> State:
+        """What is open and chosen now."""
+        return State(**{field.name: getattr(self, field.name) for field in fields(State)})
+
+    def _restore(self, state: State) -> None:
+        if state.workspace is not self.workspace:
+            self._select_nothing(state.workspace)
+        for field in fields(State):
+            setattr(self, field.name, getattr(state, field.name))
+        self.on_change()
+
+    def _select_nothing(self, workspace: Workspace | None) -> None:
+        count = 0 if workspace is None else len(workspace.samples)
+        if len(self.selected) != count:
+            self.selected = np.zeros(count, dtype=np.bool_)
+
     def begin(self, workspace: Workspace | None) -> None:
         """Make this the first state of the workspace."""
-        self.past, self.future = () if workspace is None else (workspace,), ()
+        self.workspace, self.history = workspace, History()
         self.selected = np.zeros(0 if workspace is None else len(workspace.samples), dtype=np.bool_)
 
-    def change(self, workspace: Workspace, news: str = "") -> None:
-        """Make this the present state of the workspace, and tell the news, if there are any."""
-        self.put(workspace)
+    def change(self, workspace: Workspace, news: str = "", step: str = "") -> None:
+        """Make this the present state of the workspace, and show the news, if there are any."""
+        self.put(workspace, news or "change", step=step)
         if news:
             self.say(news)
         self.on_change()
 
-    def put(self, workspace: Workspace) -> None:
-        """Make this the present state of the workspace, which the caller has drawn; what was undone is gone."""
-        self.past, self.future = (*self.past[-200:], workspace), ()
+    def put(self, workspace: Workspace, name: str = "change", again: str = "", key: str = "", step: str = "") -> None:
+        """Make this the present state of the workspace, which the caller has drawn.
+
+        name, again: the change as Undo and Redo offer it; key: of a control that is still moving; step: the present
+        one if not given.
+        """
+        before = self.state
+        self.workspace = workspace
+        self.note(before, name, again, key, step)
+
+    def note(self, before: State, name: str, again: str = "", key: str = "", step: str = "") -> None:
+        """Let a change that was made since `before` be undone."""
+        self.history.add(Change(step or self.step, before, self.state, name, again or name, key))
 
     def undo(self) -> None:
-        """One state back, if there is one."""
-        if len(self.past) > 1:
-            self.past, self.future = self.past[:-1], (self.past[-1], *self.future)
-            self.say("undone")
-            self.on_change()
+        """Take back the last change of the step that is seen, if there is one."""
+        change = self.history.last(self.step)
+        if change is not None:
+            self.say(f"undone: {change.name}")
+            self._restore(self._exchange(change, self.history.undo, change.after, change.before))
 
     def redo(self) -> None:
-        """One state on, if there is one."""
-        if self.future:
-            self.past, self.future = (*self.past, self.future[0]), self.future[1:]
-            self.say("done again")
-            self.on_change()
+        """Make the change again that was undone last in the step that is seen, if there is one."""
+        change = self.history.next(self.step)
+        if change is not None:
+            self.say(f"done again: {change.again}")
+            self._restore(self._exchange(change, self.history.redo, change.before, change.after))
+
+    def _exchange(self, change: Change, move: Callable[[str, State], State], old: State, new: State) -> State:
+        """The state after a move in the history; a workspace of the same samples changes field by field."""
+        state = move(self.step, self.state)
+        now = self.workspace
+        if old.workspace is None or new.workspace is None or now is None or change.whole:
+            return state
+        return replace(state, workspace=exchanged(now, old.workspace, new.workspace))
 
     def select(self, rows: Mask) -> None:
         """Select samples, in all plots."""
@@ -180,12 +245,18 @@ class Session:
                     f"{fitted.profile.camera}: open it in another tab of the browser"
                 )
             if workspace is not None and str(workspace.samples.camera[0]) == profile.camera:
-                self.put(with_profile(workspace, profile))
+                self.put(with_profile(workspace, profile), f"opening {names[:40]}", step="Model")
             news = f"profile of {profile.camera}"
             self.opened = replace(self.opened, profile=profile, profile_source=opened.profile_source, bracket=None)
         else:
+            before = self.state
+            was_empty = self.workspace is None and self.profile is None
             self.pictures_out, self.response, self.chosen, self.look_chosen, self.opened = (), None, None, False, opened
+            self.controls = {}
             self.begin(opened.workspace)
+            if not was_empty:
+                name = f"opening {names[:40]}"
+                self.history.add(Change("Shots", before, self.state, name, name, whole=True))
             if opened.bracket is None and opened.workspace is not None:
                 samples = opened.workspace.samples
                 news = f"{len(samples):,} samples of {len(np.unique(samples.shot))} shots"
@@ -205,7 +276,7 @@ class Session:
             if now.samples is not workspace.samples:
                 raise WorkspaceError("other samples were opened meanwhile: compute again")
             news = f"{MODELS[kind]}: fitted to {int(task.rows.sum()):,} samples"
-            self.change(now.with_model(kind, replace(fitted, task=task)), news)
+            self.change(now.with_model(kind, replace(fitted, task=task)), news, step="Model")
             if others:
                 self.fit(*others)
 
@@ -213,25 +284,23 @@ class Session:
 
     def take_response(self, request: ResponseRequest, fitted: FittedResponse) -> None:
         """Take over what was fitted to a bracket."""
+        before = self.state
         self.response = request, fitted
         self.opened = replace(self.opened, profile=fitted.profile, profile_source=None)
         if self.workspace is not None:
             model = FittedModel(fitted.profile, predict(fitted.profile, self.workspace.samples))
-            self.put(self.workspace.with_model("matrix", model))
+            self.workspace = self.workspace.with_model("matrix", model)
+        self.note(before, "fitting the response", step="Shots")
         self.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
         self.on_change()
 
     def say(self, message: str, wrong: bool = False) -> None:
         """One line for the visitor, as text whatever it holds."""
-        self._wrong = wrong
-        role = "alert" if wrong else "status"
-        style = ' style="color:var(--mui-palette-error-main);font-weight:600"' if wrong else ""
-        self.status.object = f'<div role="{role}"{style}>{escape(" ".join(message.split())[:400])}</div>'
+        self.status.say(message, wrong)
 
     def forget_error(self) -> None:
         """Take away what was wrong, as the visitor does something else."""
-        if self._wrong:
-            self.say("")
+        self.status.forget_error()
 
     def attempt(self, callback: Callable[..., None], *arguments: Any) -> None:
         """Call back, with errors as a line in the page."""
@@ -321,15 +390,25 @@ class Session:
         """
 
         def take(value: Any) -> None:
-            if self.workspace is not None and read(self.workspace) != value:
-                self.put(put(self.workspace, value))
+            if self.workspace is not None and (before := read(self.workspace)) != value:
+                old, new = (as_text(widget, each) for each in (before, value))
+                names = [f"{widget.label}: {one} → {other}" for one, other in ((new, old), (old, new))]
+                key = widget.label if hasattr(widget, "value_throttled") else ""
+                self.put(put(self.workspace, value), *names, key=key)
 
         def show(workspace: Workspace) -> None:
             with self.setting():
                 widget.value = read(workspace)
 
         self.watch(lambda: self.on_change(), widget, take=take)
+        self.end_moves_of(widget)
         return show
+
+    def end_moves_of(self, *widgets: Any) -> None:
+        """Let each move of a slider, from press to release, be one change."""
+        for widget in widgets:
+            if hasattr(widget, "value_throttled"):
+                widget.param.watch(lambda event: self.history.end_move(), "value_throttled")
 
     def start(
         self,
@@ -346,66 +425,72 @@ class Session:
         if pn.state.curdoc is None:  # no page waits for it
             done(function(*arguments, silent))
             return
-        before = [work for work in self._works if work.short == short]
-        if short:
-            self._end(before)
-        self._works.append(_Work(title, done, (function, *arguments), short))
-        self.say(f"{title}: comes after {before[-1].title}" if before and not short else f"{title} …")
-        self.progress.visible = self.cancel.visible = True
-        if self._polling is None:
-            self._polling = pn.state.add_periodic_callback(self.guarded(self.poll), period=120)
+        before = self.queue.add(Work(title, done, (function, *arguments), short))
+        self.say(f"{title} …" if before is None else f"{title}: comes after {before.title}")
+        self._wait()
         self.poll()
+
+    def _wait(self) -> None:
+        """Ask for the reports of jobs until there is no work."""
+        self.status.progress.visible = self.cancel.visible = True
+        if self._polling is None and pn.state.curdoc is not None:
+            self._polling = pn.state.add_periodic_callback(self.guarded(self.poll), period=120)
 
     @property
     def is_busy(self) -> bool:
         """Whether short work is under way."""
-        return any(work.short for work in self._works)
+        return self.queue.is_busy
 
     def poll(self) -> None:
         """Begin the work whose turn it is, and take over what the jobs have reported."""
         if not pn.state.loaded:
             return  # Panel loses what changes while a page loads
-        for short in (False, True):
-            work = next((work for work in self._works if work.short == short), None)
-            if work is None:
-                continue
-            if work.job is None:
-                work.job = Job(*work.call)
-            report = work.job.poll()
+        for work, report in self.queue.reports():
             if report.state == "running":
-                share = "<progress aria-label='done' value='{}' style='width:100%'></progress>"
-                self.progress.object = ui.html(share, f"{report.share:.2f}")
+                self.status.show_share(report.share)
                 if report.message != work.message:  # other news stay until there are new ones
                     work.message = report.message
                     self.say(f"{work.title}: {report.message}")
-                continue
-            self._end([work])
-            if report.state == "done":
+            elif report.state == "done":
                 self.attempt(work.done, report.result)
             else:
                 self.say(f"{work.title}: {report.message}", wrong=True)
+        self._rest()
 
-    def _end(self, works: list[_Work]) -> None:
-        self._works = [work for work in self._works if work not in works]
-        for work in works:
-            if work.job is not None:
-                work.job.cancel()
-        self.progress.visible = self.cancel.visible = bool(self._works)
-        if not self._works and self._polling is not None:
+    def _rest(self) -> None:
+        """Hide what shows work, where there is none."""
+        busy = bool(self.queue.works)
+        self.status.progress.visible = self.cancel.visible = busy
+        if not busy and self._polling is not None:
             self._polling.stop()
             self._polling = None
 
     def _cancel(self) -> None:
         """End what is under way, and what waits for it."""
-        long = any(not work.short for work in self._works)
-        ended = [work for work in self._works if work.short != long]
-        self._end(ended)
+        ended = self.queue.cancel()
+        self._rest()
         if ended:
             self.say(f"{', '.join(work.title for work in ended)}: cancelled")
 
     def close(self) -> None:
-        """The visitor has gone."""
-        self._end(self._works)
+        """End all work: nobody comes back."""
+        self.queue.end(self.queue.works)
+        self.detach()
+
+
+def as_text(widget: Any, value: Any) -> str:
+    """A value of a control, as it shows it."""
+    if isinstance(value, tuple):
+        return " – ".join(f"{each:g}" for each in value)
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, int | float) and not hasattr(widget, "options"):
+        return f"{value:+g}" if getattr(widget, "start", 0) < 0 < value else f"{value:g}"
+    if isinstance(value, list):
+        return f"{len(value)} ticked"
+    options = getattr(widget, "options", None)
+    named = options.items() if isinstance(options, dict) else ()
+    return next((label for label, one in named if one == value), str(value) or "–")
 
 
 def usual_setting(profile: CameraProfile) -> str:

@@ -41,7 +41,6 @@ class ShotsPage:
     def __init__(self, session: Session) -> None:
         self.session = session
         self._drawn: tuple[object, ...] | None = None
-        self._dropped: TemporaryDirectory[str] | None = None
         self.papers: dict[str, pmui.Paper] = {}  # by shot: its box and its card
         self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, sizing_mode="stretch_width")
         self.drop.param.watch(session.guarded(lambda event: self._take()), "value")
@@ -79,7 +78,7 @@ class ShotsPage:
 
     def _open(self) -> None:
         named = ui.written(self.path) or self.listed.value
-        dropped = None if named or self._dropped is None else Path(self._dropped.name)
+        dropped = None if named or self.session.dropped is None else Path(self.session.dropped.name)
         self.session.open((dropped or self.session.folders.inside(named),))
 
     def _take(self) -> None:
@@ -87,16 +86,16 @@ class ShotsPage:
         names: Any = self.drop.filename
         if not self.drop.value or not names:
             return
-        if self._dropped is None:
-            self._dropped = TemporaryDirectory(prefix="lutforge_shots_")
+        if self.session.dropped is None:
+            self.session.dropped = TemporaryDirectory(prefix="lutforge_shots_")
         pairs = zip(names, self.drop.value, strict=True) if isinstance(names, list) else [(names, self.drop.value)]
         for name, data in pairs:
             bare = Path(str(name).replace("\\", "/")).name
             if not bare or bare.startswith("."):
                 raise WorkspaceError(f"{str(name)[:60]!r}: not a file name")
-            (Path(self._dropped.name) / bare).write_bytes(data)
+            (Path(self.session.dropped.name) / bare).write_bytes(data)
         self.path.value = self.listed.value = ""
-        self.session.open((Path(self._dropped.name),))
+        self.session.open((Path(self.session.dropped.name),))
 
     def _enable(self) -> None:
         self.light.disabled = self.corners.disabled = not self.chart.value
@@ -169,8 +168,9 @@ class ShotsPage:
         if self.session.opened.bracket is not None:
             self.session.pictures_out = tuple(out)
         if self.session.workspace is not None and out != self.session.workspace.out:
-            self.session.put(replace(self.session.workspace, out=out))
-            self.session.say(f"{len(out)} shots left out" if out else "all shots take part")
+            news = f"{len(out)} shots left out" if out else "all shots take part"
+            self.session.put(replace(self.session.workspace, out=out), news)
+            self.session.say(news)
 
     def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, ui.Html]]:
         accounts = {account.shot: account for account in self.session.opened.accounts}

@@ -272,7 +272,7 @@ def test_undo_and_redo_go_back_and_forth(tmp_path: Path) -> None:
     assert session.workspace is first and page.undo.disabled
     session.change(third)
     session.redo()
-    assert session.workspace is third and not session.future
+    assert session.workspace is third and session.history.next("Shots") is None
 
 
 def test_a_shot_keeps_its_box_while_its_card_is_drawn_anew(tmp_path: Path) -> None:
