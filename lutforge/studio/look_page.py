@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import panel as pn
+import panel_material_ui as pmui
 import param
 from panel.custom import JSComponent
 
@@ -141,7 +142,7 @@ class LookPage:
         with self.session.setting():
             for name, value in self.session.controls.items():
                 widget = self.moved[name]
-                if value in getattr(widget, "options", {name: value}.values()) or not hasattr(widget, "options"):
+                if not isinstance(widget, pmui.Select) or value in widget.options.values():
                     widget.value = value
             for control in (self.wanted, self.source):
                 control.offer(self.session.profile)

@@ -118,16 +118,11 @@ def raw_picture_bytes(path: Path) -> bytes:
         (folder / "preview.jpg").write_bytes(raw.preview)
         shown = picture_bytes(folder / "preview.jpg")
     with Image.open(BytesIO(shown)) as picture:
-        turn = TURNS.get(raw.flip)
-        if turn is None or picture.getexif().get(0x0112, 1) != 1:  # which the browser turns
+        if raw.orientation == 1 or picture.getexif().get(0x0112, 1) != 1:  # which the browser turns
             return shown
         buffer = BytesIO()
-        picture.transpose(turn).save(buffer, format="PNG")
+        Image.fromarray(upright(np.asarray(picture.convert("RGB")), raw.orientation)).save(buffer, format="PNG")
     return buffer.getvalue()
-
-
-TURNS = {3: Image.Transpose.ROTATE_180, 5: Image.Transpose.ROTATE_90, 6: Image.Transpose.ROTATE_270}
-"""How a picture is turned upright, by LibRaw's number."""
 
 
 def read_small(path: Path, most: int) -> Pixels:

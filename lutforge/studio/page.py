@@ -1,5 +1,6 @@
 """The page of one visitor, its looks, and its server: one session a visitor, on this computer alone unless told."""
 
+import gc
 import secrets
 import socket
 from collections.abc import Callable, Sequence
@@ -32,12 +33,10 @@ ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sy
 class Page:
     """Steps are made when they are first looked at, and drawn again when the session has changed since."""
 
-    def __init__(
-        self, folders: Folders, inputs: tuple[Path, ...], session: Session | None = None, left: Session | None = None
-    ) -> None:
+    def __init__(self, folders: Folders, inputs: tuple[Path, ...], session: Session | None = None) -> None:
         """Make the page of a visitor.
 
-        session: one that goes on, whose own page is closed; left: one that the page offers to continue.
+        session: one that goes on, whose own page is closed.
         """
         goes_on = session is not None
         self.session = Session(folders) if session is None else session
@@ -52,7 +51,7 @@ class Page:
         self.undo = self.session.button("Undo", self.session.undo, variant="text")
         self.redo = self.session.button("Redo", self.session.redo, variant="text")
         self.next = ui.text(margin=(6, 12))
-        self.offer = ui.text(None if left is None else offer_of(left), visible=left is not None)
+        self.offer = ui.text(visible=False)
         keys = Keys(self)
         bar = pn.Row(self.steps, sizing_mode="stretch_width")
         what = pn.Row(self.next, self.undo, self.redo, keys, sizing_mode="stretch_width")
@@ -106,6 +105,11 @@ class Page:
         self.redo.param.update(
             disabled=following is None, label="Redo" if following is None else f"Redo {following.again}"[:70]
         )
+
+    def offer_to_continue(self, left: Session | None) -> None:
+        """Ask whether to go on with a session that was left, where there is one and nothing is open here."""
+        if left is not None and left is not self.session and self.session.is_empty:
+            self.offer.param.update(object=offer_of(left), visible=True)
 
     def reset(self, name: str) -> None:
         """Set a slider of the step that is seen, by its name, to what it was made with."""
@@ -322,9 +326,10 @@ def serve(
         # A page that is slow to load comes back to a session of its own, for which Panel would name another server.
         document.template_variables["dist_url"] = LOCAL_DIST
         visitor = pn.state.cookies.get(COOKIE, "")
-        left = kept.left_by(visitor)
-        goes_on = left if "continue" in pn.state.session_args else None
-        made = Page(folders, inputs, goes_on, left)
+        goes_on = kept.left_by(visitor) if "continue" in pn.state.session_args else None
+        made = Page(folders, inputs, goes_on)
+        # A tab that is loaded again leaves its session only once this page has come.
+        pn.state.onload(made.session.guarded(lambda: made.offer_to_continue(kept.left_by(visitor))))
 
         def is_shown() -> bool:
             context = document.session_context
@@ -364,6 +369,8 @@ def serve(
     application.find_handler = find_handler
     application.transforms.append(ContentSecurityPolicy)
     warm_up()
+    gc.collect()
+    gc.freeze()  # what is loaded stays, and need not be searched each time a page ends
     url = f"http://{address}:{server.port}/"
     server.io_loop.add_callback(lambda: ready(url))
     if show:

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlparse
+from urllib.request import urlopen
 
 import pytest
 
@@ -480,6 +481,32 @@ def test_something_is_painted_before_the_scripts_have_run(browser: Browser, url:
     ran = visit.page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd")
     context.close()
     assert painted < ran
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="the memory of a process is read from /proc")
+def test_pages_that_nobody_connects_to_are_not_kept(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "lutforge", "studio", "--no-browser", "--port", "0", "--folder", str(tmp_path)]
+    log = tmp_path / "server.log"
+    with log.open("w") as written:
+        server = subprocess.Popen(command, stdout=written, stderr=written, cwd=tmp_path, start_new_session=True)
+    try:
+        deadline = time.monotonic() + 120
+        while (found := re.search(r"http://\S+", log.read_text())) is None:
+            assert server.poll() is None and time.monotonic() < deadline, log.read_text()
+            time.sleep(0.1)
+
+        def megabytes_after(loads: int) -> float:
+            for _ in range(loads):
+                with urlopen(found[0], timeout=60) as page:
+                    page.read()
+            status = Path(f"/proc/{server.pid}/status").read_text()
+            return int(re.findall(r"VmRSS:\s+(\d+)", status)[0]) / 1024
+
+        assert -megabytes_after(10) + megabytes_after(200) < 20
+    finally:
+        os.killpg(server.pid, signal.SIGTERM)
+        server.wait(30)
 
 
 @pytest.mark.parametrize("host", ["", "evil.example"], ids=["by its address", "by a name that resolves to it"])

@@ -25,7 +25,7 @@ from lutforge.simulate.camera import nikon_d5100
 from tests.cases.brackets import bracket
 from tests.cases.charts import photograph_chart
 from tests.cases.pictures import apply_to_pixels
-from tests.studio.job_functions import broken, doubled, endless, killed, wrong
+from tests.studio.job_functions import broken, doubled, endless, killed, writes_for_ever, wrong
 from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
@@ -47,9 +47,10 @@ from lutforge.settings import Selector
 from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
 from lutforge.studio.jobs import Job
+from lutforge.studio.kept_sessions import KeptSessions
 from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
 from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in, read_small
-from lutforge.studio.page import STEPS, ContentSecurityPolicy, Page, states_of
+from lutforge.studio.page import STEPS, ContentSecurityPolicy, Page, refused, states_of
 from lutforge.studio.session import ChosenLook, Session
 from lutforge.studio.workspace import FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
 
@@ -608,3 +609,136 @@ def test_a_chart_gives_an_input_transform(tmp_path: Path, monkeypatch: pytest.Mo
     words = shlex.split(page.session.written["profile"].command)[1:]
     assert CliRunner().invoke(command_line(), [*words[:-1], "theirs.npz"]).exit_code == 0
     assert (tmp_path / "theirs.npz").read_bytes() == (tmp_path / "camera.npz").read_bytes()
+
+
+# --- Undo, and sessions that outlive their tabs -----------------------------------------------------------------------
+
+
+def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, workspace=with_profile(Workspace(chart_samples(patches=9)), profile))
+    session = page.session
+    page.show("Samples")
+    session.change(session.require_workspace().mark(session.require_workspace().samples.patch == "0", 1), "marked")
+    page.show("Look")
+    look = page.pages["Look"]
+    look.ev.value = 1.5
+    assert page.undo.label == "Undo Exposure, EV +1.5 → 0"
+    session.undo()
+    assert look.ev.value == 0 and session.profile is profile and session.look.ev == 0
+    assert page.undo.disabled and page.redo.label == "Redo Exposure, EV 0 → +1.5"
+    session.redo()
+    assert look.ev.value == 1.5
+    look.wanted.kelvin.value = 4000
+    assert look.wanted.balance.value == BY_TEMPERATURE and session.look.target.endswith("/4000K")
+    page.reset("Exposure, EV")
+    assert look.ev.value == 0
+    page.show("Samples")
+    assert page.undo.label == "Undo marked"
+    session.undo()
+    assert not session.require_workspace().hand.any() and session.profile is profile
+
+
+def test_moves_of_a_slider_between_press_and_release_are_one_change(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    for value in (0.5, 1.0, 1.5):
+        look.ev.value = value
+    look.ev.value_throttled = 1.5
+    look.ev.value = 0.7
+    page.session.undo()
+    assert look.ev.value == 1.5
+    page.session.undo()
+    assert look.ev.value == 0 and page.undo.disabled
+
+
+def test_opening_other_files_can_be_undone(profile: CameraProfile, bracket_folder: Path) -> None:
+    page = Page(Folders([bracket_folder.parent]), ())
+    session = page.session
+    session.begin(with_profile(Workspace(chart_samples(patches=9)), profile))
+    workspace = session.workspace
+    session.open((bracket_folder,))
+    assert session.opened.bracket is not None and not page.undo.disabled
+    session.undo()
+    assert session.workspace is workspace and session.profile is profile and session.opened.bracket is None
+    session.redo()
+    assert session.opened.bracket is not None
+
+
+def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: CameraProfile, tmp_path: Path) -> None:
+    photograph(tmp_path / "silent.jpg", 60, 90)
+    photograph(tmp_path / "other.jpg", 60, 90)
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look, session = page.pages["Look"], page.session
+    look.path.value = "silent.jpg"  # as the enter key does
+    assert look.shown.path.name == "silent.jpg" and "not known" in look.view.notice
+    look.wanted.style.value = "vivid"
+    assert states_of(session)["Look"] == "to do"
+    look.wanted.balance.value = AS_SHOT
+    assert "alert" not in session.status.object
+    page.show("Export")
+    export = page.pages["Export"]
+    export.program.value = "rawtherapee"
+    with pytest.raises(WorkspaceError, match="never on screen"):
+        export._kit()
+    page.show("Look")
+    look.view._handle_msg("help")
+    assert look.view.notice == "" and session.look == ChosenLook("standard/daylight", "vivid/daylight")
+    assert look.view.a and states_of(session)["Look"] == "done"
+    session.undo()
+    assert look.view.notice
+    look.listed.value = "other.jpg"
+    look._open_named()
+    assert look.shown.path.name == "other.jpg"  # the newer choice, not the path in the line
+
+
+def test_a_session_outlives_its_page(tmp_path: Path) -> None:
+    kept, first = KeptSessions(), opened(tmp_path, workspace=Workspace(chart_samples(patches=9))).session
+    shown = {"first": True, "second": True}
+    one, two = (lambda: shown["first"]), (lambda: shown["second"])
+    kept.add("visitor", first, one)
+    assert kept.left_by("visitor") is None  # another tab shows it
+    shown["first"] = False
+    kept.leave(first, one)
+    assert kept.left_by("visitor") is first and kept.left_by("another") is None
+    new = Page(Folders([tmp_path]), ())
+    new.offer_to_continue(first)
+    assert new.offer.visible and "162 samples" in new.offer.object
+    page = Page(Folders([tmp_path]), (), first)
+    kept.add("visitor", page.session, two)
+    assert page.session is first and "162 samples" in str(first) and kept.left_by("visitor") is None
+    kept.leave(first, one)  # the news of the first page's end, late
+    assert states_of(page.session)["Shots"] == "done" and kept.left_by("visitor") is None
+
+
+def test_what_a_cancelled_job_was_writing_is_removed(tmp_path: Path) -> None:
+    job = Job(writes_for_ever, tmp_path / "out")
+    polled_until = time.monotonic() + 120
+    while not list(tmp_path.glob(".*/begun")):
+        assert time.monotonic() < polled_until
+        time.sleep(0.02)
+    job.cancel()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("/", {}, None),
+        ("/", {"Sec-Fetch-Site": "same-origin", "Origin": "http://127.0.0.1:5006"}, None),
+        ("/", {"Sec-Fetch-Site": "cross-site"}, 403),
+        ("/", {"Sec-Fetch-Site": "same-site"}, 403),
+        ("/", {"Origin": "http://evil.example"}, 403),
+        ("/", {"Origin": "null"}, 403),
+        ("/", {"Host": "evil.example"}, 403),
+        ("/autoload.js", {}, 404),
+        ("/static/%00", {}, 404),
+        ("/static/js/a%00b.js", {}, 404),
+    ],
+)
+def test_requests_of_other_places_are_refused(path: str, headers: dict[str, str], status: int | None) -> None:
+    request = HTTPServerRequest(
+        headers=HTTPHeaders({"Host": "127.0.0.1:5006", **headers}), start_line=RequestStartLine("GET", path, "HTTP/1.1")
+    )
+    assert refused(request, ["127.0.0.1:5006", "localhost:5006"]) == status
