@@ -392,9 +392,9 @@ class Session:
         def take(value: Any) -> None:
             if self.workspace is not None and (before := read(self.workspace)) != value:
                 old, new = (as_text(widget, each) for each in (before, value))
-                names = [f"{widget.label}: {one} → {other}" for one, other in ((new, old), (old, new))]
+                name, again = (f"{widget.label}: {one} → {other}" for one, other in ((new, old), (old, new)))
                 key = widget.label if hasattr(widget, "value_throttled") else ""
-                self.put(put(self.workspace, value), *names, key=key)
+                self.put(put(self.workspace, value), name, again, key)
 
         def show(workspace: Workspace) -> None:
             with self.setting():

@@ -245,18 +245,21 @@ def test_wipe_and_sides(look: Served) -> None:
     look.do(lambda view: view.grade(lut, "bent"))
     graded = np.rint(floats(lut, colours()))
     look.press("w")
+    line = look.page.get_by_role("slider", name="Wipe")
+    expect(line).to_have_attribute("aria-valuenow", "50")
+    look.drawn()
     box = look.page.locator(".stage").bounding_box()
     assert box is not None
     look.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 300)
     look.page.mouse.down()
     look.page.mouse.move(box["x"] + 0.5 * box["width"] - 40, box["y"] + 300, steps=5)
     look.page.mouse.up()
+    expect(line).to_have_attribute("aria-valuenow", str(round(50 - 4000 / box["width"])))
     look.drawn()
     assert look.do(lambda view: view.wipe) == pytest.approx(0.5 - 40 / box["width"], abs=0.003)
     seen, cut = look.pixels(), WIDTH // 2 - 40
     assert np.array_equal(seen[:60, : cut - 4], colours()[:60, : cut - 4])
     assert np.abs(seen[:60, cut + 14 :] - graded[:60, cut + 14 :]).max() <= 1
-    line = look.page.get_by_role("slider", name="Wipe")
     line.press("ArrowRight")
     look.drawn()
     assert look.do(lambda view: view.wipe) == pytest.approx(0.51 - 40 / box["width"], abs=0.003)
