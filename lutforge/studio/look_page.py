@@ -5,7 +5,6 @@ The browser grades the picture: Python sends LUTs, and no pixels while sliders m
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import lru_cache, partial
 from hashlib import blake2b
 from pathlib import Path
@@ -13,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import panel as pn
-import panel_material_ui as pmui
 import param
 from panel.custom import JSComponent
 
@@ -111,7 +109,6 @@ class LookPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.shown: Photograph | None = None
         self._known: tuple[CameraProfile, Selector] | None = None  # what the coverage is of
         self.listed, self.path = ui.select("Photograph in the folders", ui.NOTHING), ui.entry("or its path")
         opening = session.button("Show", self._open_named, variant="contained", **ui.WIDE)
@@ -128,6 +125,8 @@ class LookPage:
         self.words = ui.text()
         self.main = self.view = LookView()
         self.view.on_help = session.guarded(self._suppose)
+        if session.photograph is not None:
+            self.view.show(session.photograph.picture, session.photograph.path.name)
         self.controls = [
             self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
         ]  # fmt: skip
@@ -140,12 +139,12 @@ class LookPage:
             self.words.object = ui.paragraphs("Compute a model, or open a profile.")
             return
         with self.session.setting():
-            for name, value in self.session.controls.items():
-                widget = self.moved[name]
-                if not isinstance(widget, pmui.Select) or value in widget.options.values():
-                    widget.value = value
             for control in (self.wanted, self.source):
                 control.offer(self.session.profile)
+            for name, value in self.session.controls.items():
+                ui.set_possible(self.moved[name], value)
+            for control in (self.wanted, self.source):
+                control.enable()
             self.session.controls = self._controls()
         self._grade()
 
@@ -201,7 +200,7 @@ class LookPage:
 
     def _show(self, photograph: Photograph) -> None:
         path, given = photograph.path, photograph.selector
-        self.shown = replace(photograph, picture=b"")
+        self.session.photograph = photograph
         self.view.show(photograph.picture, path.name)
         news = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
         with self.session.setting():
@@ -224,18 +223,23 @@ class LookPage:
     def _tell(self) -> None:
         """The words of the look."""
         look = self.session.look
-        unknown = "" if self.shown is None else "From what it was taken as, which is to be chosen below, to "
+        unknown = (
+            "" if self.session.photograph is None else "From what it was taken as, which is to be chosen below, to "
+        )
         taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
         self.words.object = ui.paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
         self.session.on_look()
 
     def _grade(self) -> None:
         """The photograph as the controls say."""
-        profile, taken = self.session.profile, None if self.shown is None else self.shown.selector
+        profile, taken = (
+            self.session.profile,
+            None if self.session.photograph is None else self.session.photograph.selector,
+        )
         if profile is None:
             return
         known = bool(self.source.style.value and self.source.balance.value)
-        self.session.is_unseen = self.shown is not None and not known
+        self.session.is_unseen = self.session.photograph is not None and not known
         self.view.notice = UNSEEN if self.session.is_unseen else ""
         try:
             source = self.source.text(taken) if known else ""

@@ -26,7 +26,7 @@ from lutforge.pipeline.response import FittedResponse, ResponseRequest
 from lutforge.progress import silent
 from lutforge.studio.history import Change, History, exchanged
 from lutforge.studio.job_queue import JobQueue, Work
-from lutforge.studio.opening import Folders, Opened, open_paths
+from lutforge.studio.opening import Folders, Opened, Photograph, open_paths
 from lutforge.studio.status import StatusLine
 from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
 
@@ -70,7 +70,7 @@ class Session:
     opened: where the samples, the bracket and a profile that is not of this visit come from; chosen: the look that is
     shown, None before; look_chosen: whether the visitor chose it; written: by kind of export the last file;
     pictures_out: the names of the pictures of a bracket that take no part; response: what was asked for and fitted to
-    them.
+    them; photograph: the one that Look shows, which outlives its page.
     """
 
     def __init__(self, folders: Folders) -> None:
@@ -85,6 +85,7 @@ class Session:
         self.pictures_out: tuple[str, ...] = ()
         self.response: tuple[ResponseRequest, FittedResponse] | None = None
         self.written: dict[str, Written] = {}
+        self.photograph: Photograph | None = None
         self.dropped: TemporaryDirectory[str] | None = None
         self.step = "Shots"
         self.history = History()

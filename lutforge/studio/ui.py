@@ -87,6 +87,18 @@ def written(line: pmui.TextInput) -> str:
     return str(line.value_input or line.value or "").strip()
 
 
+def set_possible(control: Any, value: Any) -> None:
+    """Let a control show a value, as far as it can: a list one of its options, a slider what lies within its ends."""
+    if hasattr(control, "options"):
+        options = control.options.values() if isinstance(control.options, dict) else control.options
+        if value in options:
+            control.value = value
+    elif hasattr(control, "start"):
+        control.value = min(max(value, control.start), control.end)
+    else:
+        control.value = value
+
+
 def offer(choice: pmui.Select, names: Iterable[str]) -> None:
     """Offer these names; what is chosen stays where it is one of them, else the first is chosen."""
     known = list(names)

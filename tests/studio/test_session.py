@@ -50,7 +50,8 @@ from lutforge.studio.jobs import Job
 from lutforge.studio.kept_sessions import KeptSessions
 from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
 from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in, read_small
-from lutforge.studio.page import STEPS, ContentSecurityPolicy, Page, refused, states_of
+from lutforge.studio.page import STEPS, Page, states_of
+from lutforge.studio.server import ContentSecurityPolicy, refused
 from lutforge.studio.session import ChosenLook, Session
 from lutforge.studio.workspace import FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
 
@@ -658,11 +659,11 @@ def test_opening_other_files_can_be_undone(profile: CameraProfile, bracket_folde
     session.begin(with_profile(Workspace(chart_samples(patches=9)), profile))
     workspace = session.workspace
     session.open((bracket_folder,))
-    assert session.opened.bracket is not None and not page.undo.disabled
+    assert page.pages["Shots"].bracket.visible and not page.undo.disabled
     session.undo()
     assert session.workspace is workspace and session.profile is profile and session.opened.bracket is None
     session.redo()
-    assert session.opened.bracket is not None
+    assert page.pages["Shots"].bracket.visible
 
 
 def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: CameraProfile, tmp_path: Path) -> None:
@@ -672,7 +673,7 @@ def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: Camera
     page.show("Look")
     look, session = page.pages["Look"], page.session
     look.path.value = "silent.jpg"  # as the enter key does
-    assert look.shown.path.name == "silent.jpg" and "not known" in look.view.notice
+    assert look.session.photograph.path.name == "silent.jpg" and "not known" in look.view.notice
     look.wanted.style.value = "vivid"
     assert states_of(session)["Look"] == "to do"
     look.wanted.balance.value = AS_SHOT
@@ -690,7 +691,7 @@ def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: Camera
     assert look.view.notice
     look.listed.value = "other.jpg"
     look._open_named()
-    assert look.shown.path.name == "other.jpg"  # the newer choice, not the path in the line
+    assert look.session.photograph.path.name == "other.jpg"  # the newer choice, not the path in the line
 
 
 def test_a_session_outlives_its_page(tmp_path: Path) -> None:
@@ -710,6 +711,25 @@ def test_a_session_outlives_its_page(tmp_path: Path) -> None:
     assert page.session is first and "162 samples" in str(first) and kept.left_by("visitor") is None
     kept.leave(first, one)  # the news of the first page's end, late
     assert states_of(page.session)["Shots"] == "done" and kept.left_by("visitor") is None
+
+
+def test_a_session_that_goes_on_shows_its_photograph_and_look(profile: CameraProfile, tmp_path: Path) -> None:
+    photograph(tmp_path / "silent.jpg", 60, 90)
+    left = opened(tmp_path, profile)
+    left.show("Look")
+    look = left.pages["Look"]
+    look._open(tmp_path / "silent.jpg")
+    look.source.style.value, look.source.balance.value = "standard", "tungsten"
+    look.wanted.style.value, look.wanted.kelvin.value, look.ev.value = "vivid", 4000, 0.5
+    before = left.session.look
+    assert before == ChosenLook("standard/tungsten", "vivid/4000K", 0.5)
+    left.session.detach()
+    page = Page(Folders([tmp_path]), (), left.session)
+    again = page.pages["Look"]
+    assert again.view.picture == look.view.picture and again.view.title == "silent.jpg"
+    assert page.session.look == before and again.view.a and page.shown == "Look"
+    page.session.undo()
+    assert again.ev.value == 0 and again.wanted.kelvin.value == 4000
 
 
 def test_what_a_cancelled_job_was_writing_is_removed(tmp_path: Path) -> None:
