@@ -47,7 +47,7 @@ class JobQueue:
                 continue
             if work.job is None:
                 work.job = Job(*work.call)
-            report = work.job.poll()
+            report = work.job.report
             if report.state != "running":
                 self.end([work])
             heard.append((work, report))

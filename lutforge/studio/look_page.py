@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import panel as pn
+import panel_material_ui as pmui
 import param
 from panel.custom import JSComponent
 
@@ -61,6 +62,7 @@ class SettingControl:
         with suppress(SettingsError):
             kelvins = None if profile.raw_camera else temperature_range(profile.white_balances)
         self.tint.disabled = self.kelvin.disabled = kelvins is None
+        self.multipliers.disabled = bool(profile.raw_camera)
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
         styles, usual = sorted(profile.styles, key=lambda name: name.lower() != "standard"), usual_setting(profile)
         offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
@@ -70,11 +72,10 @@ class SettingControl:
         if kelvins is not None:
             low, high = round(kelvins[0] + 50, -2), round(kelvins[1] - 50, -2)
             self.kelvin.param.update(start=low, end=high, value=min(max(self.kelvin.value, low), high))
-        self.enable()
+        self.begin_multipliers()
 
-    def enable(self) -> None:
-        """Enable the multipliers where they set the white balance; the layout stays as it is."""
-        self.multipliers.disabled = self.balance.value != BY_MULTIPLIERS
+    def begin_multipliers(self) -> None:
+        """Begin multipliers that are to be written with the usual ones."""
         if self.balance.value == BY_MULTIPLIERS and not ui.written(self.multipliers):
             gains = self.profile.multipliers(usual_setting(self.profile))
             begin = ",".join(f"{gain:.4g}" for gain in gains / gains[1])
@@ -112,6 +113,8 @@ class LookPage:
         self._known: tuple[CameraProfile, Selector] | None = None  # what the coverage is of
         self.listed, self.path = ui.select("Photograph in the folders", ui.NOTHING), ui.entry("or its path")
         opening = session.button("Show", self._open_named, variant="contained", **ui.WIDE)
+        self.drop = pmui.FileInput(label="Drop a photograph here", sizing_mode="stretch_width", size="small")
+        self.drop.param.watch(session.guarded(lambda event: self._open_dropped()), "value")
         session.watch(self._open_written, self.path)
         session.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
         self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as", asks=True)
@@ -128,7 +131,7 @@ class LookPage:
         if session.photograph is not None:
             self.view.show(session.photograph.picture, session.photograph.path.name)
         self.controls = [
-            self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
+            self.drop, self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
         ]  # fmt: skip
 
     def refresh(self) -> None:
@@ -144,7 +147,7 @@ class LookPage:
             for name, value in self.session.controls.items():
                 ui.set_possible(self.moved[name], value)
             for control in (self.wanted, self.source):
-                control.enable()
+                control.begin_multipliers()
             self.session.controls = self._controls()
         self._grade()
 
@@ -153,13 +156,14 @@ class LookPage:
         return {name: widget.value for name, widget in self.moved.items()}
 
     def _take(self, name: str, value: Any) -> None:
-        """Note what the visitor has moved, so that it can be undone; a temperature that is moved is the one meant."""
+        """Let a change be undone. Moving a temperature, or writing multipliers, chooses that way to set them."""
         session, widget = self.session, self.moved[name]
         before, was = session.state, session.controls.get(name)
         for control in (self.wanted, self.source):
-            if widget is control.kelvin and control.balance.value != BY_TEMPERATURE:
+            meant = {control.kelvin: BY_TEMPERATURE, control.multipliers: BY_MULTIPLIERS if value else ""}.get(widget)
+            if meant:
                 with session.setting():
-                    control.balance.value = BY_TEMPERATURE
+                    control.balance.value = meant
         session.controls = self._controls()
         session.look_chosen = session.look_chosen or widget not in self.source.widgets
         old, new = as_text(widget, was), as_text(widget, value)
@@ -194,6 +198,19 @@ class LookPage:
                 self.listed.value = ""
             self._open_named()
 
+    def _open_dropped(self) -> None:
+        """Open a photograph that was dropped, its RAW file where there are several of one."""
+        if not self.drop.value or not self.drop.filename:
+            return
+        paths = self.session.keep_dropped("photographs", self.drop.filename, self.drop.value)
+        known = [path for path in paths if path.suffix.lower() in IMAGE_SUFFIXES]
+        if not known:
+            raise WorkspaceError(f"{paths[0].name}: not a photograph that Look can show")
+        with self.session.setting():
+            self.listed.value = ""
+            self.path.param.update(value="", value_input="")
+        self._open(known[-1])
+
     def _open(self, path: Path) -> None:
         profile = self.session.require_profile()
         self.session.start(f"opening {path.name}", self._show, open_photograph, path, profile, short=True)
@@ -216,8 +233,10 @@ class LookPage:
         self._change()
 
     def _change(self) -> None:
-        for control in (self.wanted, self.source):
-            control.enable()
+        with self.session.setting():
+            for control in (self.wanted, self.source):
+                control.begin_multipliers()
+        self.session.controls = self._controls()
         self._grade()
 
     def _tell(self) -> None:
@@ -343,7 +362,7 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     beside_b = param.Boolean(False, doc="On the left is B; else the original.")
     clipping = param.Boolean(False, doc="Stripes over what clips in the graded picture.")
     unsure = param.Boolean(False, doc="Stripes over what `coverage` says no sample tells of.")
-    scopes = param.Boolean(True, doc="The waveform beside the picture.")
+    scopes = param.Boolean(True, doc="The waveform and the histogram beside the picture.")
     kept = param.Integer(0)
     notice = param.String(doc="What hinders the look, in words over the picture, with a button that helps; or empty.")
 

@@ -12,6 +12,7 @@ from lutforge.calibration.options import LARGEST_LATTICE, SMALLEST_LATTICE, Cali
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
+from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.reports import figures
 from lutforge.reports.figures import CHANNELS, Drawing
 from lutforge.reports.tables import TITLES, Table, balance_table, matrix_table
@@ -227,14 +228,13 @@ class GamutView(View):
     def draw(self) -> None:
         """Everything, from the session's profile, or the last one with a gamut map."""
         profile, workspace = self.session.profile, self.session.workspace
-        maps, level = dict[str, GamutMap](), self.luminance.value
+        maps, level = dict[str, GamutMap | SolvedInverse](), self.luminance.value
         if workspace is not None and "lattice" in workspace.models:
             profile = workspace.models["lattice"].profile
         for name, style in () if profile is None else profile.styles.items():
             for model in style.models[:1]:
-                one = model.gamut_map if self.direction.value == "render" else model.inverse_gamut_map
-                if isinstance(one, GamutMap) and len(one.centres) > 1:  # one centre: it changes nothing
-                    maps[name] = one
+                if len(model.gamut_map.centres) > 1:  # one centre: it changes nothing
+                    maps[name] = model.gamut_map if self.direction.value == "render" else model.inverse_gamut_map
         self.layout[1] = self.space.layout if maps else self.figures.layout
         ui.offer(self.style, maps)
         if not maps:

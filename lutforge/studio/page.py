@@ -108,7 +108,7 @@ class Page:
 
 
 class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
-    """Keys that work in every step: Ctrl+Z, Ctrl+Shift+Z; and the double click that resets a slider."""
+    """What works in every step: Ctrl+Z, Ctrl+Shift+Z, double clicks that reset sliders, files dropped on the window."""
 
     _esm = (HERE / "keys.js").read_text(encoding="utf-8")
 
@@ -118,6 +118,7 @@ class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as An
             page.session.guarded(action) for action in (page.session.undo, page.session.redo, page.reset)
         )
         self._undo, self._redo, self._reset = undo, redo, reset
+        self._dropped = page.session.guarded(lambda: page.session.say(DROP_ELSEWHERE, wrong=True))
 
     def _handle_msg(self, data: Any) -> None:
         """Do what a key of the page asks for."""
@@ -126,6 +127,8 @@ class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as An
                 self._undo()
             case {"do": "redo"}:
                 self._redo()
+            case {"do": "drop"}:
+                self._dropped()
             case {"do": "reset", "name": str(name)}:
                 self._reset(name)
 
@@ -138,6 +141,8 @@ def offer_of(left: Session) -> ui.Html:
     """The question whether to continue a session, with the link that does."""
     return ui.html("<p><b><a href='?continue'>Continue where you were</a></b>: {}</p>", str(left))
 
+
+DROP_ELSEWHERE = "this step takes no files: drop shots under Shots, a photograph under Look"
 
 NEXT = {
     "Shots": "Drop RAW files with their JPEGs here, or choose a folder; then press Sample.",

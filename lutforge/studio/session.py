@@ -264,6 +264,25 @@ class Session:
         self.say(f"{names}: {news}")
         self.on_change()
 
+    def keep_dropped(self, purpose: str, names: Any, contents: Any) -> tuple[Path, ...]:
+        """Write files that were dropped into a folder of this session, one for each purpose. Returns their paths.
+
+        names, contents: of a file, or lists of several. Raises WorkspaceError where a name is none.
+        """
+        if self.dropped is None:
+            self.dropped = TemporaryDirectory(prefix="lutforge_dropped_")
+        folder = Path(self.dropped.name) / purpose
+        folder.mkdir(exist_ok=True)
+        pairs = zip(names, contents, strict=True) if isinstance(names, list) else [(names, contents)]
+        paths = []
+        for name, data in pairs:
+            bare = Path(str(name).replace("\\", "/")).name
+            if not bare or bare.startswith("."):
+                raise WorkspaceError(f"{str(name)[:60]!r}: not a file name")
+            paths.append(folder / bare)
+            paths[-1].write_bytes(data)
+        return tuple(paths)
+
     def fit(self, *kinds: str) -> None:
         """Fit models one after the other, each on those before it."""
         kind, *others = kinds
@@ -495,7 +514,17 @@ def as_text(widget: Any, value: Any) -> str:
 
 
 def usual_setting(profile: CameraProfile) -> str:
-    """STYLE/WB of a camera as most want it: the style "standard", and the white balance that is nearest daylight."""
-    known, daylight = profile.white_balances, NAMED_KELVIN["daylight"]
-    nearest = min(known, key=lambda name: abs((known[name].kelvin or NAMED_KELVIN.get(name, 0.0)) - daylight))
-    return f"{min(profile.styles, key=lambda name: name.lower() != 'standard')}/{nearest}"
+    """STYLE/WB of a camera as most want it: the style "standard", and a white balance that shots of it were taken with.
+
+    Of several that is the nearest to daylight; one that sets itself comes after those of a known temperature.
+    """
+    style = min(profile.styles, key=lambda name: name.lower() != "standard")
+    of_shots = {name for model in profile.styles[style].models for name in model.white_balances}
+    known = {name: balance for name, balance in profile.white_balances.items() if name in of_shots}
+    known = known or dict(profile.white_balances)
+
+    def distance(name: str) -> float:
+        kelvin = known[name].kelvin or NAMED_KELVIN.get(name, 0.0)
+        return abs(kelvin - NAMED_KELVIN["daylight"])
+
+    return f"{style}/{min(known, key=distance)}"

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -40,6 +39,7 @@ class ShotsPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
+        self.dropped: Path | None = None  # the folder of files that were dropped
         self._drawn: tuple[object, ...] | None = None
         self.papers: dict[str, pmui.Paper] = {}  # by shot: its box and its card
         self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, sizing_mode="stretch_width")
@@ -78,7 +78,7 @@ class ShotsPage:
 
     def _open(self) -> None:
         named = ui.written(self.path) or self.listed.value
-        dropped = None if named or self.session.dropped is None else Path(self.session.dropped.name)
+        dropped = self.dropped if not named else None
         self.session.open((dropped or self.session.folders.inside(named),))
 
     def _take(self) -> None:
@@ -86,16 +86,9 @@ class ShotsPage:
         names: Any = self.drop.filename
         if not self.drop.value or not names:
             return
-        if self.session.dropped is None:
-            self.session.dropped = TemporaryDirectory(prefix="lutforge_shots_")
-        pairs = zip(names, self.drop.value, strict=True) if isinstance(names, list) else [(names, self.drop.value)]
-        for name, data in pairs:
-            bare = Path(str(name).replace("\\", "/")).name
-            if not bare or bare.startswith("."):
-                raise WorkspaceError(f"{str(name)[:60]!r}: not a file name")
-            (Path(self.session.dropped.name) / bare).write_bytes(data)
+        self.dropped = self.session.keep_dropped("shots", names, self.drop.value)[0].parent
         self.path.value = self.listed.value = ""
-        self.session.open((Path(self.session.dropped.name),))
+        self.session.open((self.dropped,))
 
     def _enable(self) -> None:
         self.light.disabled = self.corners.disabled = not self.chart.value

@@ -82,7 +82,7 @@ def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
 
 def test_a_job_brings_its_result_or_one_line() -> None:
     jobs = [Job(doubled, 21), Job(wrong), Job(broken), Job(killed)]
-    done, failed, raised, dead = (job.poll(120) for job in jobs)
+    done, failed, raised, dead = (job.wait(120) for job in jobs)
     assert (done.state, done.result) == ("done", 42)
     assert (failed.state, failed.message) == ("failed", "two lines")
     assert raised.state == "failed" and "ZeroDivisionError: never" in raised.message
@@ -740,6 +740,36 @@ def test_what_a_cancelled_job_was_writing_is_removed(tmp_path: Path) -> None:
         time.sleep(0.02)
     job.cancel()
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX end the processes")
+@pytest.mark.parametrize("ending", ["SIGKILL", "SIGHUP"])
+def test_nothing_half_written_is_left_when_the_studio_ends(tmp_path: Path, ending: str) -> None:
+    """It is killed while a job writes; or its terminal is closed, of which the job hears, too."""
+    program = (
+        "import sys\nfrom pathlib import Path\nfrom lutforge.studio.jobs import Job\n"
+        "from tests.studio.job_functions import writes_for_ever\n"
+        "if __name__ == '__main__':\n    Job(writes_for_ever, Path(sys.argv[1])).wait(120)\n"
+    )
+    (tmp_path / "studio.py").write_text(program)
+    folder = tmp_path / "kits"
+    folder.mkdir()
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, str(tmp_path / "studio.py"), str(folder / "out")]
+    studio = subprocess.Popen(command, env=environment, start_new_session=True)
+    deadline = time.monotonic() + 120
+    while not list(folder.glob(".*/begun")):
+        assert studio.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)
+    if ending == "SIGKILL":
+        studio.kill()
+    else:
+        os.killpg(studio.pid, signal.SIGHUP)
+    studio.wait()
+    while list(folder.iterdir()):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
 
 
 @pytest.mark.parametrize(
