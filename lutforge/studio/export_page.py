@@ -18,13 +18,14 @@ from lutforge.model.published_model import export_published
 from lutforge.pipeline.baking import TransformRequest, bake_files
 from lutforge.pipeline.configs import write_config
 from lutforge.pipeline.kits import kits_of, write_kit
+from lutforge.pipeline.looks import ChosenLook
 from lutforge.pipeline.reports import report
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.studio import ui
 from lutforge.studio.model_page import held_out_error
-from lutforge.studio.session import ChosenLook, Session, Written
+from lutforge.studio.session import Session, Written
 from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
 from lutforge.thesis.options import PRESET, ThesisOptions
 

@@ -17,17 +17,17 @@ import param
 from panel.custom import JSComponent
 
 from lutforge.errors import LutError, SettingsError
-from lutforge.grading.profile_recipe import BakedGrades, SettingChange, baked_steps
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range, lattice_ops
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import confidence
 from lutforge.model.transform import Transform
 from lutforge.model.white_balance import temperature_range
+from lutforge.pipeline.looks import ChosenLook, add_baked, bake_steps, look_lut, slow_steps, usual_setting
+from lutforge.pipeline.photographs import IMAGE_SUFFIXES, Photograph, open_photograph
 from lutforge.settings import Selector, Shift
 from lutforge.studio import ui
-from lutforge.studio.opening import IMAGE_SUFFIXES, Photograph, open_photograph
-from lutforge.studio.session import ChosenLook, Session, as_text, usual_setting
+from lutforge.studio.session import Session, as_text
 from lutforge.studio.workspace import WorkspaceError
 
 AS_SHOT, BY_TEMPERATURE, BY_MULTIPLIERS = "as shot", "by temperature", "by multipliers"
@@ -270,7 +270,7 @@ class LookPage:
             look = ChosenLook(source, self.wanted.text(taken), float(self.ev.value))
             slow = slow_steps(profile, look) if known else ()
             if slow and not self.session.is_busy:
-                self.session.start(BAKING, partial(self._baked, profile, slow), baked_steps, slow, short=True)
+                self.session.start(BAKING, partial(self._baked, profile, slow), bake_steps, slow, short=True)
             if slow:
                 return
             lut = look_lut(profile, look) if known else None
@@ -285,32 +285,8 @@ class LookPage:
         self._tell()
 
     def _baked(self, profile: CameraProfile, steps: Sequence[Transform], luts: Sequence[Lut]) -> None:
-        for step, lut in zip(steps, luts, strict=True):
-            grades_of(profile).add(step, lut)
+        add_baked(profile, steps, luts)
         self._grade()
-
-
-@lru_cache(4)
-def grades_of(profile: CameraProfile) -> BakedGrades:
-    """The baked steps of a profile, kept between changes of the look."""
-    return BakedGrades()
-
-
-def change_of(profile: CameraProfile, look: ChosenLook) -> SettingChange:
-    """What a look changes. Raises SettingsError."""
-    return SettingChange(profile, profile.selector(look.source), profile, profile.selector(look.target), look.ev)
-
-
-def slow_steps(profile: CameraProfile, look: ChosenLook) -> tuple[Transform, ...]:
-    """The steps of a look that take seconds to bake, and are not baked yet. Raises SettingsError."""
-    return grades_of(profile).slow_steps(change_of(profile, look).transform)
-
-
-def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
-    """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
-    change = change_of(profile, look)
-    same = not look.ev and str(change.given) == str(change.wanted)
-    return None if same else grades_of(profile).refinish(change)
 
 
 def packed(lut: Lut) -> tuple[list[dict[str, Any]], dict[str, dict[str, Any]]]:

@@ -20,24 +20,16 @@ from bokeh.document import Document
 from lutforge.arrays import Mask
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.white_balance import NAMED_KELVIN
 from lutforge.pipeline.evaluation import predict
+from lutforge.pipeline.looks import ChosenLook, usual_setting
+from lutforge.pipeline.photographs import Photograph
 from lutforge.pipeline.response import FittedResponse, ResponseRequest
 from lutforge.progress import silent
 from lutforge.studio.history import Change, History, exchanged
 from lutforge.studio.job_queue import JobQueue, Work
-from lutforge.studio.opening import Folders, Opened, Photograph, open_paths
+from lutforge.studio.opening import Folders, Opened, open_paths
 from lutforge.studio.status import StatusLine
 from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
-
-
-@dataclass(frozen=True)
-class ChosenLook:
-    """A look. source, target: STYLE/WB, "" where not chosen; ev: exposure change in stops."""
-
-    source: str = ""
-    target: str = ""
-    ev: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -493,9 +485,12 @@ class Session:
             self.say(f"{', '.join(work.title for work in ended)}: cancelled")
 
     def close(self) -> None:
-        """End all work: nobody comes back."""
+        """End all work, and remove what was dropped: nobody comes back."""
         self.queue.end(self.queue.works)
         self.detach()
+        if self.dropped is not None:
+            self.dropped.cleanup()
+            self.dropped = None
 
 
 def as_text(widget: Any, value: Any) -> str:
@@ -511,20 +506,3 @@ def as_text(widget: Any, value: Any) -> str:
     options = getattr(widget, "options", None)
     named = options.items() if isinstance(options, dict) else ()
     return next((label for label, one in named if one == value), str(value) or "–")
-
-
-def usual_setting(profile: CameraProfile) -> str:
-    """STYLE/WB of a camera as most want it: the style "standard", and a white balance that shots of it were taken with.
-
-    Of several that is the nearest to daylight; one that sets itself comes after those of a known temperature.
-    """
-    style = min(profile.styles, key=lambda name: name.lower() != "standard")
-    of_shots = {name for model in profile.styles[style].models for name in model.white_balances}
-    known = {name: balance for name, balance in profile.white_balances.items() if name in of_shots}
-    known = known or dict(profile.white_balances)
-
-    def distance(name: str) -> float:
-        kelvin = known[name].kelvin or NAMED_KELVIN.get(name, 0.0)
-        return abs(kelvin - NAMED_KELVIN["daylight"])
-
-    return f"{style}/{min(known, key=distance)}"

@@ -32,8 +32,8 @@ pytest.importorskip("playwright.sync_api", reason="playwright drives the browser
 import panel as pn
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
+from lutforge.pipeline.photographs import picture_bytes
 from lutforge.studio.look_page import LookView, packed
-from lutforge.studio.opening import picture_bytes
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")

@@ -43,16 +43,18 @@ from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import predict
+from lutforge.pipeline.looks import ChosenLook, look_lut, usual_setting
+from lutforge.pipeline.photographs import read_small
 from lutforge.settings import Selector
 from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
 from lutforge.studio.jobs import Job
 from lutforge.studio.kept_sessions import KeptSessions
-from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
-from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in, read_small
+from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl
+from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in
 from lutforge.studio.page import STEPS, Page, states_of
 from lutforge.studio.server import ContentSecurityPolicy, refused
-from lutforge.studio.session import ChosenLook, Session
+from lutforge.studio.session import Session
 from lutforge.studio.workspace import FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
 
 
@@ -637,6 +639,61 @@ def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_
     assert page.undo.label == "Undo marked"
     session.undo()
     assert not session.require_workspace().hand.any() and session.profile is profile
+
+
+def test_multipliers_that_are_written_are_the_white_balance(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    look.wanted.multipliers.value = "2.1,1,1.4"
+    assert look.wanted.balance.value == BY_MULTIPLIERS and page.session.look.target == "standard/2.1,1,1.4"
+    page.session.undo()
+    assert page.session.look.target == "standard/daylight" and page.undo.disabled
+    look.wanted.balance.value = BY_MULTIPLIERS  # which begins with those of the usual setting
+    assert len(page.session.look.target.split(",")) == 3
+    page.session.undo()
+    assert page.session.look.target == "standard/daylight" and page.undo.disabled
+
+
+def test_the_usual_setting_is_one_that_shots_were_taken_with(profile: CameraProfile) -> None:
+    assert usual_setting(profile) == "standard/daylight"
+    on_tungsten = {
+        name: replace(style, models=tuple(replace(model, white_balances=("tungsten",)) for model in style.models))
+        for name, style in profile.styles.items()
+    }
+    assert usual_setting(replace(profile, styles=on_tungsten)) == "standard/tungsten"
+
+
+def test_a_photograph_that_is_dropped_is_shown(profile: CameraProfile, tmp_path: Path) -> None:
+    photograph(tmp_path / "silent.jpg", 60, 90)
+    inside = tmp_path / "studio"
+    inside.mkdir()
+    page = opened(inside, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    look.path.value_input = "typed.jpg"
+    picture = (tmp_path / "silent.jpg").read_bytes()
+    look.drop.param.update(value=picture, filename="dropped.jpg", mime_type="image/jpeg")
+    assert look.view.title == "dropped.jpg" and look.view.picture == picture
+    look.drop.param.update(value=b"text", filename="notes.txt", mime_type="text/plain")
+    assert "not a photograph" in page.session.status.object
+    look.drop.param.update(value=picture, filename="../../out.jpg", mime_type="image/jpeg")
+    assert look.view.title == "out.jpg" and list(tmp_path.glob("*.jpg")) == [tmp_path / "silent.jpg"]
+    page.session.close()
+
+
+def test_the_gamut_map_is_drawn_in_both_directions(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Model")
+    model = page.pages["Model"]
+    model.shown.value = "Gamut map"
+    view, heights = model.views["Gamut map"], []
+    for direction in ("render", "linearize"):
+        view.direction.value = direction
+        surface = view.space.plot.data[0]
+        assert surface["type"] == "surface" and np.isfinite(surface["z"]).all()
+        heights.append(np.array(surface["z"]))
+    assert np.abs(heights[0] - heights[1]).max() > 1e-3
 
 
 def test_moves_of_a_slider_between_press_and_release_are_one_change(profile: CameraProfile, tmp_path: Path) -> None:
