@@ -46,6 +46,7 @@ class SettingControl:
     """
 
     def __init__(self, title: str, asks: bool = False) -> None:
+        self.title = title
         self.profile: CameraProfile
         self.unknown = {UNKNOWN: ""} if asks else {}
         self.style = ui.select(f"{title}: style", self.unknown or ui.NOTHING)
@@ -53,8 +54,8 @@ class SettingControl:
         self.kelvin = ui.slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
         self.tint = ui.slider(f"{title}: tint", 0, -50, 50, 1)
         self.multipliers = ui.entry(f"{title}: multipliers r,g,b", placeholder="2.10,1,1.43")
-        self.widgets = (self.style, self.balance, self.kelvin, self.tint, self.multipliers)
-        self.layout = pn.Column(*self.widgets, **ui.TOGETHER)
+        self.numbers = (self.kelvin, self.tint, self.multipliers)
+        self.widgets = (self.style, self.balance, *self.numbers)
 
     def offer(self, profile: CameraProfile) -> None:
         """Offer the settings of a profile; what is chosen stays where it has that, else it is the usual setting."""
@@ -112,7 +113,7 @@ class LookPage:
         self.session = session
         self._known: tuple[CameraProfile, Selector] | None = None  # what the coverage is of
         self.listed, self.path = ui.select("Photograph in the folders", ui.NOTHING), ui.entry("or its path")
-        opening = session.button("Show", self._open_named, variant="contained", **ui.WIDE)
+        opening = session.button("Show", self._open_named, variant="contained", width=80, margin=(8, 8))
         self.drop = pmui.FileInput(label="Drop a photograph here", sizing_mode="stretch_width", size="small")
         self.drop.param.watch(session.guarded(lambda event: self._open_dropped()), "value")
         session.watch(self._open_written, self.path)
@@ -130,8 +131,12 @@ class LookPage:
         self.view.on_help = session.guarded(self._suppose)
         if session.photograph is not None:
             self.view.show(session.photograph.picture, session.photograph.path.name)
+        rare = (f"{self.source.title}: temperature, tint, multipliers", pn.Column(*self.source.numbers, **ui.TOGETHER))
         self.controls = [
-            self.drop, self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
+            self.drop, self.listed, pn.Row(self.path, opening, sizing_mode="stretch_width"),
+            pn.Column(self.source.style, self.source.balance, **ui.TOGETHER), self.words,
+            pn.Column(*self.wanted.widgets, self.ev, **ui.TOGETHER),
+            pmui.Accordion(rare, disable_gutters=True, **{**ui.WIDE, "margin": (4, 4)}),
         ]  # fmt: skip
 
     def refresh(self) -> None:
@@ -219,7 +224,7 @@ class LookPage:
         path, given = photograph.path, photograph.selector
         self.session.photograph = photograph
         self.view.show(photograph.picture, path.name)
-        news = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
+        news = f"{path.name} does not tell how it was taken: choose that under “Taken as”"
         with self.session.setting():
             if given is not None:
                 self.source.style.value, self.source.balance.value = given.style, AS_SHOT
@@ -242,9 +247,7 @@ class LookPage:
     def _tell(self) -> None:
         """The words of the look."""
         look = self.session.look
-        unknown = (
-            "" if self.session.photograph is None else "From what it was taken as, which is to be chosen below, to "
-        )
+        unknown = "" if self.session.photograph is None else "From what it was taken as, which is to be chosen, to "
         taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
         self.words.object = ui.paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
         self.session.on_look()

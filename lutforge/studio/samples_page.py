@@ -89,10 +89,12 @@ class SamplesPage:
             {"Save group": self._save_group, "Delete group": partial(self._save_group, delete=True)},
         )
         rows = [pn.Row(*(session.button(*each, **small) for each in row.items()), **ui.WIDE) for row in actions]
+        pairs = [pn.Row(*pair, sizing_mode="stretch_width") for pair in (views[2:4], views[4:6])]
         self.controls = [
-            pn.Column(*views, **ui.TOGETHER),
+            pn.Column(self.first, self.second, *pairs, self.inliers, **ui.TOGETHER),
+            pn.Column(self.words, rows[0], **ui.TOGETHER),
             pn.Column(*limits, self.counts, **ui.TOGETHER),
-            pn.Column(self.words, rows[0], self.group, rows[1], self.groups, **ui.WIDE),
+            pn.Column(self.group, rows[1], self.groups, **ui.TOGETHER),
         ]
         self.left, self.right = BrushedPlot(session), BrushedPlot(session)
         ranges = {"x_range": Range1d(-0.08, 0.92), "y_range": Range1d(-0.03, 0.87)}
@@ -173,8 +175,7 @@ class SamplesPage:
         places = (account.places * [1, -1] + [0, 1]) * picture.shape[1::-1]
         kinds = ((~out & ~selected, "#ffffff", 5.0), (out, "#ff8c00", 7.0), (selected, "#00e5ff", 11.0))
         frames = [Dots(places[which[rows]], colour, marker="square", size=size) for which, colour, size in kinds]
-        title = f"{chosen}: outliers orange, selected blue"
-        self.picture.show(Drawing(((Panel(title, (Raster(picture), *frames), bare=True, equal=True),),)))
+        self.picture.show(Drawing(((Panel(chosen, (Raster(picture), *frames), bare=True, equal=True),),)))
 
     def _mark(self, mark: int) -> None:
         workspace, rows = self.session.require_workspace(), self.session.selected
@@ -200,7 +201,10 @@ def describe(workspace: Workspace, rows: Rows) -> ui.Html:
     """Selected samples in words."""
     samples = workspace.samples
     if len(rows) == 0:
-        return ui.paragraphs("No sample selected: draw a lasso or a box in a plot, click a point, or name a row.")
+        return ui.paragraphs(
+            "No sample selected: draw a lasso or a box in a plot, click a point, or name a row. In the picture "
+            "outliers have orange frames, selected samples blue ones."
+        )
     out = int(workspace.outliers[rows].sum())
     lines = [ui.html("<h2>{} selected, {} of them outliers</h2>", f"{len(rows):,}", f"{out:,}")]
     for row in rows[:8]:

@@ -31,6 +31,14 @@ EMPTY = (
     "No shots yet. To calibrate a camera takes five photographs or more, each as RAW with its JPEG, inside the RAW "
     "file or beside it; without RAW, JPEGs of one scene at several exposures."
 )
+CARDS = {
+    "display": "grid",
+    "grid-template-columns": "repeat(auto-fill, minmax(min(100%, 24rem), 1fr))",
+    "gap": "12px",
+    "padding": "6px",
+}
+"""Cards beside each other, as many as have room, which fill the width."""
+
 FIT = "Name the chart, if the pictures show one, and press Fit response; untick a picture to leave it out."
 
 
@@ -47,7 +55,7 @@ class ShotsPage:
         self.listed = ui.select("Folder or file", ui.NOTHING)
         self.path = ui.entry("or its path")
         self.notes = ui.text()
-        self.grid = pn.FlexBox(sizing_mode="stretch_width")
+        self.grid = pn.FlexBox(sizing_mode="stretch_width", styles=CARDS)
         sample = session.button("Sample", self._open, variant="contained", **ui.WIDE)
         again = session.button("List again", self.list_files, variant="text", **ui.WIDE)
         self.chart = ui.select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})
@@ -142,7 +150,6 @@ class ShotsPage:
 
         A shot keeps its box and its card, of which the text alone changes: no click falls into their redrawing.
         """
-        width = {"styles": {"flex": "1 1 24rem", "max-width": "40rem"}, "margin": 6}
         papers = {}
         for name, card in cards.items():
             if name in self.papers:
@@ -151,7 +158,7 @@ class ShotsPage:
             else:
                 box = ui.checkbox(name, True)
                 self.session.watch(lambda: self.session.on_change(), box, take=self._leave_out)
-                papers[name] = pmui.Paper(box, ui.text(card), variant="outlined", **width)
+                papers[name] = pmui.Paper(box, ui.text(card), variant="outlined", sizing_mode="stretch_width", margin=0)
         if not papers or list(papers) != list(self.papers):
             self.grid[:] = list(papers.values()) or [ui.text(ui.paragraphs(EMPTY))]
         self.papers = papers

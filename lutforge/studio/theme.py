@@ -12,6 +12,8 @@ def _root(**style: Any) -> dict[str, Any]:
 # On the border of its field at any size of letters; the toolkit's own 9 px are for letters of 16.
 OUTLINED = {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem) scale(0.75)"}}
 BAR = {"boxShadow": "none", "borderBottom": "1px solid #4a4a4a", "backgroundImage": "none"}
+PRESENT = {"backgroundColor": "#3d3d3d", "borderRadius": "4px", "boxShadow": "inset 0 -3px #e6e6e6"}
+"""The step that is seen, in the bar of all."""
 WHITE = {"color": "#e6e6e6 !important"}
 THEME = {
     "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
@@ -24,6 +26,7 @@ THEME = {
         "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
         "MuiAppBar": _root(backgroundColor="#1c1c1c", color="#e6e6e6", **BAR),
         "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
+        "MuiStepButton": _root(**{'&[aria-selected="true"]': PRESENT}),
         "MuiStepLabel": {"styleOverrides": {"label": WHITE, "iconContainer": {"& .MuiIcon-root": WHITE}}},
     },
     "palette": {

@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 """The folder of the studio's style sheets, scripts and templates."""
 
 FILL = {"sizing_mode": "stretch_both", "margin": 0}
-SCROLLED: dict[str, Any] = {**FILL, "styles": {"overflow": "auto"}}
+SCROLLED: dict[str, Any] = {**FILL, "styles": {"overflow": "auto", "padding-right": "8px"}}
 NOTHING = {"–": ""}
 """The options of a list from which nothing can be chosen yet."""
 WIDE = {"sizing_mode": "stretch_width", "margin": (4, 8)}
@@ -225,7 +225,8 @@ class Space:
         for axis, name in zip("xyz", axes, strict=True):
             scene[f"{axis}axis"] = {"title": {"text": name}, "color": GREY, "gridcolor": GREY, "zeroline": False}
         self.plot.layout = {
-            "title": {"text": title, "font": {"size": 14}}, "font": {"color": GREY}, "showlegend": False,
+            "title": {"text": title, "font": {"size": 14}, "x": 0.01, "xanchor": "left"},
+            "font": {"color": GREY}, "showlegend": False,
             "paper_bgcolor": "rgba(0,0,0,0)", "margin": {"l": 0, "r": 0, "t": 30, "b": 0}, "uirevision": "kept",
             "scene": scene,
         }  # fmt: skip

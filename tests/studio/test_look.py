@@ -204,6 +204,23 @@ def test_a_look_is_drawn_once_and_then_measured(look: Served) -> None:
 
 
 @needs_chromium
+def test_scopes_follow_a_look_that_moves(look: Served) -> None:
+    """They are not left for the end of the move, while one look follows the other at once."""
+    look.do(lambda view: view.param.update(scopes=True))
+    look.do(lambda view: view.grade(bent(), "bent"))
+    look.drawn()
+    before = look.root.get_attribute("data-measured")
+    is_drawn = "number => Number(document.querySelector('.look')?.dataset.drawn ?? number) >= number"
+    for step in range(200):
+        look.do(partial(LookView.grade, lut=bent(0.002 * step), name="moving"))
+        look.page.wait_for_function(is_drawn, arg=look.do(lambda view: view.number), polling="raf")
+        if look.root.get_attribute("data-measured") != before:
+            break
+    else:
+        pytest.fail("no scope was drawn while the look moved")
+
+
+@needs_chromium
 def test_a_table_is_sent_once(look: Served) -> None:
     """A step of a slider sends what it changes; what the page has lost it asks for."""
     ops, sent = bent().ops, list[dict[str, Any]]()

@@ -30,8 +30,10 @@ from bokeh.models import ImportedStyleSheet
 from platformdirs import user_cache_path
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.demo_shots import demo_shots
 from lutforge.colour.spectra import chart_reflectances
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.chart import chart_kind
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
@@ -471,6 +473,53 @@ def test_gamut_map_in_3d(visit: Visit, axe: str) -> None:
     visit.slide("Luminance Y of the slice", 0.5)
     visit.reads("vivid, Y = 0.50: where the gamut map takes this slice")
     assert_everywhere_in_the_window(visit, "gamut_surface", ".js-plotly-plot")
+
+
+_DROP = """([name, bytes]) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([new Uint8Array(bytes)], name, { type: "image/jpeg" }));
+  const options = { dataTransfer, bubbles: true, cancelable: true, composed: true };
+  document.querySelector("main").dispatchEvent(new DragEvent("drop", options));
+}"""
+
+
+@pytest.mark.slow
+def test_look_by_drops_double_clicks_and_keys(visit: Visit, folder: Path, url: str) -> None:
+    """And the session goes on after its tab was closed, with its photograph and its look."""
+    calibrate(chart_samples(patches=45), CalibrationOptions(size=9)).save(folder / "camera.npz")
+    page, picture = visit.page, [*(folder / "picture.jpg").read_bytes()]
+    visit.open("camera.npz", "profile of Simulated")
+    visit.step("Model")
+    page.evaluate(_DROP, ["dropped.jpg", picture])
+    visit.reads("this step takes no files")
+    visit.step("Look")
+    page.evaluate(_DROP, ["dropped.jpg", picture])
+    visit.reads("dropped.jpg does not tell how it was taken")
+    visit.press("Begin with the usual ones")
+    visit.reads("From standard/daylight to standard/daylight, +0 EV.")
+
+    # A slider back by a double click, and the steps of that by keys
+    visit.slide("Exposure", 1.5)
+    visit.reads("to standard/daylight, +1.5 EV.")
+    page.get_by_role("slider", name=re.compile("^Exposure")).dblclick(force=True)
+    visit.reads("to standard/daylight, +0 EV.")
+    page.locator("canvas.picture").focus()
+    for keys, stops in (("Control+z", "+1.5"), ("Control+z", "+0"), ("Control+Shift+z", "+1.5")):
+        page.keyboard.press(keys)
+        visit.reads(f"to standard/daylight, {stops} EV.")
+
+    # A path in its line is opened by the enter key
+    visit.write("or its path", "picture.jpg")
+    visit.reads("picture.jpg does not tell how it was taken")
+    visit.press("Begin with the usual ones")
+    context = page.context
+    page.close()
+    again = context.new_page()
+    again.goto(url)
+    link = again.get_by_role("link", name="Continue where you were")
+    link.click()
+    expect(again.get_by_text("to standard/daylight, +1.5 EV.")).to_be_visible(timeout=MOST_MS)
+    expect(again.locator(".look")).to_have_attribute("data-opened", re.compile("360 × 240"))
 
 
 @pytest.mark.slow
