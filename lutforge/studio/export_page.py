@@ -109,7 +109,8 @@ class ExportPage:
 
     def _with_profile(self, *suffixes: str) -> list[Path]:
         """Return the profile's file, which is saved unless it was opened and is there, and where others go."""
-        profile, opened = self.session.require_profile(), self.session.opened
+        profile = self.session.require_profile()
+        opened = self.session.opened
         if profile is opened.profile and opened.profile_source is not None and opened.profile_source.is_file():
             return [opened.profile_source, *self._paths(*suffixes)]
         paths = self._paths(".npz", *suffixes)
@@ -147,14 +148,17 @@ class ExportPage:
 
     def _save_profile(self) -> None:
         """The profile, and the samples that it was fitted to, so that the command line makes the same."""
-        profile, workspace, response = self.session.require_profile(), self.session.workspace, self.session.response
+        profile = self.session.require_profile()
+        workspace = self.session.workspace
+        response = self.session.response
         task = None if workspace is None or workspace.fitted is None else workspace.fitted.task
         if workspace is None or task is None:
             (path,) = self._paths(".npz")
             profile.save(path)
             words = ""
             if response is not None and response[1].profile is profile:
-                names, request = ("times", "chart", "light", "corners", "all_colours"), response[0]
+                names = ("times", "chart", "light", "corners", "all_colours")
+                request = response[0]
                 options = {name: getattr(request, name) for name in names}
                 words = command(("response", *request.files), options, path)
             self._tell("profile", path, (f"profile of {profile.camera}", *profile.notes), words)
@@ -171,13 +175,17 @@ class ExportPage:
         self._tell("profile", path, tuple(lines), words)
 
     def _bake(self) -> None:
-        profile, look, kind = self.session.require_profile(), self.session.look, self.kind.value
-        source, space = look.source, "raw" if kind == "refinish" else self.space.value
+        profile = self.session.require_profile()
+        look = self.session.look
+        kind = self.kind.value
+        source = look.source
+        space = "raw" if kind == "refinish" else self.space.value
         if not source and len(profile.styles) == len(profile.white_balances) == 1:
             source = f"{next(iter(profile.styles))}/{next(iter(profile.white_balances))}"
         if kind != "render" and not source:
             raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
-        given, target = source if kind != "render" else None, look.target if kind != "linearize" else None
+        given = source if kind != "render" else None
+        target = look.target if kind != "linearize" else None
         exposed = kind == "refinish" or (kind == "render" and space != "raw")
         wanted = TransformRequest(kind, given, target, look.ev if exposed else 0.0, space)
         options = {"from": given, "to": target, "ev": f"{wanted.ev:g}" if wanted.ev else None}
@@ -185,7 +193,8 @@ class ExportPage:
         self._run(f"LUT, {kind}", "bake", f"_{kind}{self.suffix.value}", wanted, (kind,), **options)
 
     def _kit(self) -> None:
-        target, program = self.session.look.target, self.program.value
+        target = self.session.look.target
+        program = self.program.value
         if self.session.is_unseen and self.warned_of != self.session.look:
             self.warned_of = self.session.look
             raise WorkspaceError(

@@ -30,7 +30,9 @@ from lutforge.studio import ui
 from lutforge.studio.session import Session, as_text
 from lutforge.studio.workspace import WorkspaceError
 
-AS_SHOT, BY_TEMPERATURE, BY_MULTIPLIERS = "as shot", "by temperature", "by multipliers"
+AS_SHOT = "as shot"
+BY_TEMPERATURE = "by temperature"
+BY_MULTIPLIERS = "by multipliers"
 UNKNOWN = "not known: choose"
 BAKING = "preparing the look"
 UNSEEN = (
@@ -59,17 +61,20 @@ class SettingControl:
 
     def offer(self, profile: CameraProfile) -> None:
         """Offer the settings of a profile; what is chosen stays where it has that, else it is the usual setting."""
-        self.profile, kelvins = profile, None
+        self.profile = profile
+        kelvins = None
         with suppress(SettingsError):
             kelvins = None if profile.raw_camera else temperature_range(profile.white_balances)
         self.tint.disabled = self.kelvin.disabled = kelvins is None
         self.multipliers.disabled = bool(profile.raw_camera)
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
-        styles, usual = sorted(profile.styles, key=lambda name: name.lower() != "standard"), usual_setting(profile)
+        styles = sorted(profile.styles, key=lambda name: name.lower() != "standard")
+        usual = usual_setting(profile)
         offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
         for (widget, values), one in zip(offered.items(), usual.split("/"), strict=True):
             chosen = widget.value if widget.value in values else "" if self.unknown else one
-            widget.options, widget.value = {**self.unknown, **{value: value for value in values}}, chosen
+            widget.options = {**self.unknown, **{value: value for value in values}}
+            widget.value = chosen
         if kelvins is not None:
             low, high = round(kelvins[0] + 50, -2), round(kelvins[1] - 50, -2)
             self.kelvin.param.update(start=low, end=high, value=min(max(self.kelvin.value, low), high))
@@ -85,12 +90,14 @@ class SettingControl:
     def set(self, selector: Selector) -> None:
         """Set the settings of a photograph: by its preset, where it has one of those offered, else as it was shot."""
         preset = selector.white_balance in self.balance.options.values()
-        self.style.value, self.tint.value = selector.style, 0
+        self.style.value = selector.style
+        self.tint.value = 0
         self.balance.value = selector.white_balance if preset else AS_SHOT
 
     def text(self, taken: Selector | None) -> str:
         """The selector, STYLE/WB. Raises WorkspaceError where it is not complete, SettingsError."""
-        style, tint = self.style.value, 0.0 if self.tint.disabled else self.tint.value
+        style = self.style.value
+        tint = 0.0 if self.tint.disabled else self.tint.value
         if self.balance.value == AS_SHOT and taken is None:
             raise WorkspaceError("the photograph does not tell its white balance: choose one")
         plain = {
@@ -112,13 +119,15 @@ class LookPage:
     def __init__(self, session: Session) -> None:
         self.session = session
         self._known: tuple[CameraProfile, Selector] | None = None  # what the coverage is of
-        self.listed, self.path = ui.select("Photograph in the folders", ui.NOTHING), ui.entry("or its path")
+        self.listed = ui.select("Photograph in the folders", ui.NOTHING)
+        self.path = ui.entry("or its path")
         opening = session.button("Show", self._open_named, variant="contained", width=80, margin=(8, 8))
         self.drop = pmui.FileInput(label="Drop a photograph here", sizing_mode="stretch_width", size="small")
         self.drop.param.watch(session.guarded(lambda event: self._open_dropped()), "value")
         session.watch(self._open_written, self.path)
         session.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
-        self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as", asks=True)
+        self.wanted = SettingControl("Wanted")
+        self.source = SettingControl("Taken as", asks=True)
         self.ev = ui.slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
         self.moved = {widget.label: widget for widget in (self.ev, *self.wanted.widgets, *self.source.widgets)}
         for name, widget in self.moved.items():
@@ -162,7 +171,8 @@ class LookPage:
 
     def _take(self, name: str, value: Any) -> None:
         """Let a change be undone. Moving a temperature, or writing multipliers, chooses that way to set them."""
-        session, widget = self.session, self.moved[name]
+        session = self.session
+        widget = self.moved[name]
         before, was = session.state, session.controls.get(name)
         for control in (self.wanted, self.source):
             meant = {control.kelvin: BY_TEMPERATURE, control.multipliers: BY_MULTIPLIERS if value else ""}.get(widget)
@@ -221,18 +231,22 @@ class LookPage:
         self.session.start(f"opening {path.name}", self._show, open_photograph, path, profile, short=True)
 
     def _show(self, photograph: Photograph) -> None:
-        path, given = photograph.path, photograph.selector
+        path = photograph.path
+        given = photograph.selector
         self.session.photograph = photograph
         self.view.show(photograph.picture, path.name)
         news = f"{path.name} does not tell how it was taken: choose that under “Taken as”"
         with self.session.setting():
             if given is not None:
-                self.source.style.value, self.source.balance.value = given.style, AS_SHOT
+                self.source.style.value = given.style
+                self.source.balance.value = AS_SHOT
                 news = f"{path.name}: taken as {given}, as its metadata say"
                 if not self.session.look_chosen:
                     self.wanted.set(given)
             else:
-                self.source.style.value, self.source.balance.value, self.source.tint.value = photograph.style, "", 0
+                self.source.style.value = photograph.style
+                self.source.balance.value = ""
+                self.source.tint.value = 0
             self.session.controls = self._controls()
         self.session.say("; ".join([news, *photograph.notes]))
         self._change()
@@ -254,10 +268,8 @@ class LookPage:
 
     def _grade(self) -> None:
         """The photograph as the controls say."""
-        profile, taken = (
-            self.session.profile,
-            None if self.session.photograph is None else self.session.photograph.selector,
-        )
+        profile = self.session.profile
+        taken = None if self.session.photograph is None else self.session.photograph.selector
         if profile is None:
             return
         known = bool(self.source.style.value and self.source.balance.value)
@@ -306,12 +318,15 @@ def _packed(op: Op) -> tuple[dict[str, Any], dict[str, Any]]:
         case Range():
             return {"kind": "range", "low": op.low, "high": op.high}, {}
         case Curve() if op.inputs is None:
-            values, kind = op.outputs, {"kind": "curve", "low": op.low, "high": op.high}
+            values = op.outputs
+            kind = {"kind": "curve", "low": op.low, "high": op.high}
         case Cube():
-            values, kind = op.values, {"kind": op.interpolation}
+            values = op.values
+            kind = {"kind": op.interpolation}
         case _:
             raise LutError("LUT: the page has no curves at free knots; bake the transform anew")
-    table, size = np.ascontiguousarray(values, dtype=np.float32).tobytes(), list(values.shape[:-1])
+    table = np.ascontiguousarray(values, dtype=np.float32).tobytes()
+    size = list(values.shape[:-1])
     key = f"{size} {blake2b(table, digest_size=16).hexdigest()}"
     return {**kind, "size": size, "key": key}, {"key": key, "size": size, "table": table}
 
@@ -374,7 +389,8 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         """Set a LUT, with other parameters; the page gets the tables that it has not."""
         sides = {name: ([], {}) if one is None else packed(one) for name, one in {**self._luts, side: lut}.items()}
         self._luts[side] = lut
-        sent, self._tables = self._tables, {key: table for _, tables in sides.values() for key, table in tables.items()}
+        sent = self._tables
+        self._tables = {key: table for _, tables in sides.values() for key, table in tables.items()}
         self._handle_msg([key for key in self._tables if key not in sent])
         self.param.update(**more)
         self.param.update(**{side: sides[side][0]})  # at which the page draws

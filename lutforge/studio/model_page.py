@@ -39,7 +39,8 @@ class ModelPage:
         self.kind = ui.select("Model", {title: key for key, title in MODELS.items()}, value="lattice")
         session.watch(self._count, self.kind)
         self.own_stages = ui.checkbox("Build on the fitted response and matrix", True)
-        self.used, self.takes = ui.select("Model in use", ui.NOTHING), ui.text()
+        self.used = ui.select("Model in use", ui.NOTHING)
+        self.takes = ui.text()
         compute = session.button("Compute", self._compute, variant="contained", **ui.WIDE)
         self.preset = ui.select("Preset", {"LutForge": CalibrationOptions, "the thesis": ThesisOptions})
         self.options = {  # by their names in the options of the calibration
@@ -101,7 +102,8 @@ class ModelPage:
         workspace = self.session.workspace
         if workspace is not None:
             names = {MODELS[name] + (" (stale)" if workspace.is_stale(name) else ""): name for name in workspace.models}
-            self.used.options, self.pairs.options = names or ui.NOTHING, pairs_listed(workspace)
+            self.used.options = names or ui.NOTHING
+            self.pairs.options = pairs_listed(workspace)
             for show in self.bound:
                 show(workspace)
             self._count()
@@ -115,10 +117,12 @@ class ModelPage:
 
     def _count(self) -> None:
         """What a fit would take, in words."""
-        workspace, kind = self.session.workspace, self.kind.value
+        workspace = self.session.workspace
+        kind = self.kind.value
         if workspace is None:
             return
-        rows, count = int(workspace.fitting_rows(kind).sum()), len(workspace.samples)
+        rows = int(workspace.fitting_rows(kind).sum())
+        count = len(workspace.samples)
         left_out = "all outliers" if kind == "matrix" else "outliers, but for saturated colours, which it needs"
         words = f"Fitted to {rows:,} of {count:,} samples: without {left_out}."
         if kind != "matrix" and workspace.task(kind).stages is not None:
@@ -129,14 +133,16 @@ class ModelPage:
 
     def _compute(self) -> None:
         """Fit the chosen model, and before it the stages that it stands on where they are stale."""
-        workspace, kind = self.session.require_workspace(), self.kind.value
+        workspace = self.session.require_workspace()
+        kind = self.kind.value
         stands = kind != "matrix" and workspace.task(kind).stages is not None
         self.session.fit(*(["matrix"] if stands and workspace.is_stale("matrix") else []), kind)
 
 
 def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:
     """The pairs of shots by a label with the exposure ratio and the number of samples."""
-    pairs, listed = workspace.pairs, dict[str, tuple[str, str]]()
+    pairs = workspace.pairs
+    listed = dict[str, tuple[str, str]]()
     if pairs is None:
         return listed
     for place in np.unique(pairs.of_shots):
@@ -153,7 +159,8 @@ class View:
     title = ""
 
     def __init__(self, session: Session, *controls: Any, beside: Any = None) -> None:
-        self.session, self.figures = session, ui.Figures()
+        self.session = session
+        self.figures = ui.Figures()
         session.watch(
             self.draw, *(control for control in controls if isinstance(control, pmui.Select | pmui.FloatSlider))
         )
@@ -177,7 +184,8 @@ class FitView(View):
         """Everything, from the session's workspace and profile."""
         response = None
         words = ui.paragraphs("The matrix and the white balances stand here after a fit.")
-        profile, workspace = self.session.profile, self.session.workspace
+        profile = self.session.profile
+        workspace = self.session.workspace
         if profile is not None:
             curves = figures.response_figure(next(iter(profile.styles.values()))).panels
             response = Drawing((curves[:1],))
@@ -193,7 +201,9 @@ class FitView(View):
 
 def residuals(workspace: Workspace) -> Table:
     """Tabulate RGB distances of what models render, on the samples in the fit."""
-    rows, srgb, cells = workspace.fitted_rows, workspace.samples.srgb, []
+    rows = workspace.fitted_rows
+    srgb = workspace.samples.srgb
+    cells = []
     for name, model in workspace.models.items():
         distance = np.linalg.norm(model.predicted.rendered[rows] - srgb[rows], axis=1)
         known = distance[np.isfinite(distance)]
@@ -227,8 +237,10 @@ class GamutView(View):
 
     def draw(self) -> None:
         """Everything, from the session's profile, or the last one with a gamut map."""
-        profile, workspace = self.session.profile, self.session.workspace
-        maps, level = dict[str, GamutMap | SolvedInverse](), self.luminance.value
+        profile = self.session.profile
+        workspace = self.session.workspace
+        maps = dict[str, GamutMap | SolvedInverse]()
+        level = self.luminance.value
         if workspace is not None and "lattice" in workspace.models:
             profile = workspace.models["lattice"].profile
         for name, style in () if profile is None else profile.styles.items():
@@ -242,8 +254,10 @@ class GamutView(View):
             return
 
         # Where h takes the slice, its outline, and the control points near it, in the cube of linear sRGB
-        name, order = self.style.value, [0, 2, 1]  # R to the right, B to the back, G up: the slice lies nearly flat
-        before, gamut_map = figures.slice_grid(level), maps[name]
+        name = self.style.value
+        order = [0, 2, 1]  # R to the right, B to the back, G up: the slice lies nearly flat
+        before = figures.slice_grid(level)
+        gamut_map = maps[name]
         after = gamut_map(before)
         x, y, z = (after[..., channel].tolist() for channel in order)
         change = np.linalg.norm(after - before, axis=2)
@@ -276,7 +290,8 @@ class LatticeView(View):
 
     def draw(self) -> None:
         """Everything, from the session's workspace and profile."""
-        direction, channel = self.direction.value, int(self.channel.value)
+        direction = self.direction.value
+        channel = int(self.channel.value)
         profile = self.session.profile
         ui.offer(self.style, () if profile is None else profile.styles)
         style = None if profile is None else profile.styles[self.style.value]

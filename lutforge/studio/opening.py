@@ -103,7 +103,8 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
     if len(files) < 2:
         return None
     settings = [read_picture_settings(file) for file in files]
-    times, camera = tuple(each.exposure for each in settings), settings[0].camera
+    times = tuple(each.exposure for each in settings)
+    camera = settings[0].camera
     workspace = None
     with suppress(CalibrationError):  # which Fit response then tells, with what to do
         workspace = Workspace(*bracket_samples(files, times, camera, progress))

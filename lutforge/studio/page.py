@@ -34,7 +34,8 @@ class Page:
         self.pages: dict[str, Any] = {}
         self.shown = self.session.step
         self._stale = set(STEPS)
-        self.session.on_change, self.session.on_look = lambda: self._refresh(*STEPS), self._tell
+        self.session.on_change = lambda: self._refresh(*STEPS)
+        self.session.on_look = self._tell
         self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12))
         self.session.watch(lambda: self.show(STEPS[self.steps.active]), self.steps, of="active")
         self.undo = self.session.button("Undo", self.session.undo, variant="text")
@@ -69,7 +70,8 @@ class Page:
             module = import_module(f"lutforge.studio.{name.lower()}_page")
             self.pages[name] = getattr(module, f"{name}Page")(self.session)
         shown = self.pages[name]
-        self.controls[:], self.body[:] = shown.controls, [shown.main]
+        self.controls[:] = shown.controls
+        self.body[:] = [shown.main]
         if self.steps.active != STEPS.index(name):
             self.steps.active = STEPS.index(name)
         self._refresh()
@@ -89,7 +91,8 @@ class Page:
         self.steps.items = [{"label": f"{step}: {states[step]}", "icon": ICONS[states[step]]} for step in STEPS]
         self.offer.visible = self.offer.visible and self.session.is_empty
         self.next.object = ui.html("<b>{}.</b> {}", self.shown, NEXT[self.shown])
-        last, following = self.session.history.last(self.shown), self.session.history.next(self.shown)
+        last = self.session.history.last(self.shown)
+        following = self.session.history.next(self.shown)
         self.undo.param.update(disabled=last is None, label="Undo" if last is None else f"Undo {last.name}"[:70])
         self.redo.param.update(
             disabled=following is None, label="Redo" if following is None else f"Redo {following.again}"[:70]
@@ -117,7 +120,9 @@ class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as An
         undo, redo, reset = (
             page.session.guarded(action) for action in (page.session.undo, page.session.redo, page.reset)
         )
-        self._undo, self._redo, self._reset = undo, redo, reset
+        self._undo = undo
+        self._redo = redo
+        self._reset = reset
         self._dropped = page.session.guarded(lambda: page.session.say(DROP_ELSEWHERE, wrong=True))
 
     def _handle_msg(self, data: Any) -> None:
@@ -156,7 +161,9 @@ NEXT = {
 
 def states_of(session: Session) -> dict[str, State]:
     """Each step's state."""
-    workspace, profile, stale = session.workspace, session.profile, session.is_stale
+    workspace = session.workspace
+    profile = session.profile
+    stale = session.is_stale
     old = any(map(session.is_old, session.written.values()))
     seen = session.look_chosen and not session.is_unseen and profile is not None
     return {

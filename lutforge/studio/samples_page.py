@@ -81,7 +81,8 @@ class SamplesPage:
         for name, column in COLUMNS.items():
             reach = {"start": column.reach[0], "end": column.reach[1], "step": column.step}
             limits.append(pmui.RangeSlider(label=column.title, value=column.reach, **reach, size="small", **ui.WIDE))
-            read, put = partial(Workspace.limits_of, name=name), partial(Workspace.with_limits, name=name)
+            read = partial(Workspace.limits_of, name=name)
+            put = partial(Workspace.with_limits, name=name)
             self.bound.append(session.bind(limits[-1], read, put))
         small: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 2}
         actions: tuple[dict[str, Callable[[], None]], ...] = (
@@ -101,7 +102,8 @@ class SamplesPage:
         self.chromaticity = BrushedPlot(session, "CIE xy: inliers ●, outliers ×", **ranges)
         for outline in chromaticity_outlines():
             self.chromaticity.figure.line(*outline.T, color=GREY, width=1.0)
-        self.space, self.picture = ui.Space(), ui.Figures()
+        self.space = ui.Space()
+        self.picture = ui.Figures()
         self.selection = ui.text(styles={"overflow": "auto"}, height=110)
         chosen = pn.Column(self.picture.layout, self.selection, **ui.FILL)
         self.main = pn.Column(
@@ -143,7 +145,8 @@ class SamplesPage:
 
         # In CIE XYZ, within the cube of sRGB
         chosen = thinned(len(row), MOST_DRAWN)
-        xyz, row = tristimulus(linear[chosen]), row[chosen]
+        xyz = tristimulus(linear[chosen])
+        row = row[chosen]
         out = workspace.outliers[row]
         inside = ui.dots_in_space(xyz[~out], ui.hex_colours(workspace.samples.srgb[row[~out]]))
         traces = [ui.lines_in_space(tristimulus(cube_edges())), inside]
@@ -155,7 +158,9 @@ class SamplesPage:
         """The selection, in all plots, in the picture of its shot, and in words."""
         for drawing in (self.left, self.right, self.chromaticity):
             drawing.mark()
-        workspace, selected, chosen = self.session.workspace, self.session.selected, self.picture_of.value
+        workspace = self.session.workspace
+        selected = self.session.selected
+        chosen = self.picture_of.value
         if workspace is None:
             return
         self.selection.object = describe(workspace, np.flatnonzero(selected))
@@ -167,7 +172,8 @@ class SamplesPage:
                 with self.session.setting():
                     self.picture_of.value = chosen
         account = {account.shot: account for account in self.session.opened.accounts}.get(chosen)
-        rows, out = shot == chosen, workspace.outliers
+        rows = shot == chosen
+        out = workspace.outliers
         if account is None or account.cells is None or len(account.places) != rows.sum():
             self.picture.show(None, "Open the folder of the shots to see where samples are.")
             return
@@ -178,7 +184,8 @@ class SamplesPage:
         self.picture.show(Drawing(((Panel(chosen, (Raster(picture), *frames), bare=True, equal=True),),)))
 
     def _mark(self, mark: int) -> None:
-        workspace, rows = self.session.require_workspace(), self.session.selected
+        workspace = self.session.require_workspace()
+        rows = self.session.selected
         if not workspace.has_raw:
             raise WorkspaceError("the colours of a bracket are not chosen by hand: leave pictures out under Shots")
         if not rows.any():
@@ -188,7 +195,8 @@ class SamplesPage:
 
     def _save_group(self, delete: bool = False) -> None:
         """Save the selected samples, or else all outliers, as the named group; or delete that group."""
-        workspace, name = self.session.require_workspace(), ui.written(self.group)
+        workspace = self.session.require_workspace()
+        name = ui.written(self.group)
         if delete:
             self.session.change(workspace.without_group(name), f"outlier group {name} deleted")
             return
@@ -223,7 +231,8 @@ def find_rows(samples: SampleSet, words: str) -> Mask:
 
     Without words there is nothing to find, and no row is selected.
     """
-    words, count = words.strip(), len(samples)
+    words = words.strip()
+    count = len(samples)
     rows = np.zeros(count, dtype=np.bool_)
     if re.fullmatch(r"[\d\s,-]{1,2000}", words):
         for first, last in re.findall(r"(\d{1,12})(?:\s*-\s*(\d{1,12}))?", words):
@@ -263,7 +272,9 @@ class Points:
 
 def points(workspace: Workspace, plot: str, channel: int) -> Points:
     """All points of one plot and channel that are known."""
-    samples, pairs, fitted = workspace.samples, workspace.pairs, workspace.fitted
+    samples = workspace.samples
+    pairs = workspace.pairs
+    fitted = workspace.fitted
     largest = samples.srgb.max(axis=1, keepdims=True).repeat(3, axis=1)
     saturation = workspace.columns["saturation"][:, None].repeat(3, axis=1)
     shown = {
@@ -271,14 +282,17 @@ def points(workspace: Workspace, plot: str, channel: int) -> Points:
         "saturation": (largest, saturation, "largest channel, sRGB", "saturation"),
     }
     row = partner = np.arange(len(samples))
-    number, curves = np.full(len(samples), -1, dtype=np.intp), list[Array]()
+    number = np.full(len(samples), -1, dtype=np.intp)
+    curves = list[Array]()
     if pairs is not None:
         number[pairs.second_row] = number[pairs.first_row] = pairs.of_shots
         pairs = pairs.without(workspace.unticked)
         shown["srgb_btf"] = pairs.first, pairs.second, "sRGB, shorter exposure", "sRGB, longer exposure"
         shown["raw_btf"] = pairs.raw_first, pairs.raw_second, "RAW, shorter exposure", "RAW, longer exposure"
         if plot in OF_PAIRS:
-            row, partner, number = pairs.first_row, pairs.second_row, pairs.of_shots
+            row = pairs.first_row
+            partner = pairs.second_row
+            number = pairs.of_shots
         if plot == "srgb_btf":
             curves = brightness_transfers(workspace, pairs.log_ratio, channel)
     if fitted is not None:
@@ -341,7 +355,8 @@ def tristimulus(linear: Array) -> Array:
 
 def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> list[str]:
     """A colour "#rrggbb" of each chosen point. by: one of COLOURS."""
-    row, pair = all_points.row[chosen], all_points.pair
+    row = all_points.row[chosen]
+    pair = all_points.pair
     if by == "own colour":
         return ui.hex_colours(workspace.samples.srgb[row])
     number = np.where(pair < 0, -1, np.searchsorted(np.unique(pair[pair >= 0]), pair))[chosen]
@@ -374,8 +389,10 @@ class BrushedPlot:
         """Show other points, those of inliers alone where that is asked for: at most 4000, and what is selected."""
         out = workspace.outliers[shown.row] | workspace.outliers[shown.partner]
         if inliers:
-            shown, out = shown.select(~out), out[~out]
-        self.points, self.chosen = shown, thinned(len(shown), MOST_DRAWN)
+            shown = shown.select(~out)
+            out = out[~out]
+        self.points = shown
+        self.chosen = thinned(len(shown), MOST_DRAWN)
         if len(shown) > MOST_DRAWN:
             selected = np.flatnonzero(self.session.selected[shown.row])
             self.chosen = np.union1d(self.chosen, selected[thinned(len(selected), MOST_DRAWN)])
@@ -388,7 +405,8 @@ class BrushedPlot:
             "size": np.full(len(self.chosen), size),
         }
         self.lines.data = {"xs": [x for x, _ in shown.curves], "ys": [y for _, y in shown.curves]}
-        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = shown.x_label, shown.y_label
+        self.figure.xaxis.axis_label = shown.x_label
+        self.figure.yaxis.axis_label = shown.y_label
 
     def frame(self, key: object) -> None:
         """Let the ranges follow the points. key: what is drawn; as long as it is the same, the ranges stay."""

@@ -153,7 +153,8 @@ def serve(
         raise LutForgeError(
             f"{address}:{port}: cannot serve here ({error.strerror or error}); choose another --port"
         ) from error
-    hosts, application = origins(address, port), server._tornado
+    hosts = origins(address, port)
+    application = server._tornado
     find = application.find_handler
 
     def find_handler(request: HTTPServerRequest, **options: Any) -> Any:

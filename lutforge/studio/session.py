@@ -170,7 +170,8 @@ class Session:
 
     def begin(self, workspace: Workspace | None) -> None:
         """Make this the first state of the workspace."""
-        self.workspace, self.history = workspace, History()
+        self.workspace = workspace
+        self.history = History()
         self.selected = np.zeros(0 if workspace is None else len(workspace.samples), dtype=np.bool_)
 
     def change(self, workspace: Workspace, news: str = "", step: str = "") -> None:
@@ -228,7 +229,8 @@ class Session:
 
     def take_opened(self, opened: Opened, names: str) -> None:
         """Take over what was opened from files of these names."""
-        workspace, profile = self.workspace, opened.profile
+        workspace = self.workspace
+        profile = opened.profile
         fitted = None if workspace is None else workspace.fitted
         news: object = opened.bracket
         if opened.bracket is None and opened.workspace is None and profile is not None:  # beside the samples
@@ -244,7 +246,11 @@ class Session:
         else:
             before = self.state
             was_empty = self.workspace is None and self.profile is None
-            self.pictures_out, self.response, self.chosen, self.look_chosen, self.opened = (), None, None, False, opened
+            self.pictures_out = ()
+            self.response = None
+            self.chosen = None
+            self.look_chosen = False
+            self.opened = opened
             self.controls = {}
             self.begin(opened.workspace)
             if not was_empty:
@@ -357,7 +363,8 @@ class Session:
     @contextmanager
     def setting(self) -> Iterator[None]:
         """What a page sets meanwhile is no wish of the visitor: `watch` does not call back."""
-        before, self.refreshing = self.refreshing, True
+        before = self.refreshing
+        self.refreshing = True
         try:
             yield
         finally:

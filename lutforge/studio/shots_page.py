@@ -69,7 +69,8 @@ class ShotsPage:
             self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **ui.TOGETHER
         )
         self.controls = [self.drop, self.listed, self.path, sample, again, self.bracket, self.notes]
-        self.curves, self.findings = ui.Figures(), ui.text(**ui.SCROLLED)
+        self.curves = ui.Figures()
+        self.findings = ui.text(**ui.SCROLLED)
         self.response = pn.Row(self.curves.layout, self.findings, visible=False, **{**ui.FILL, "min_height": 260})
         self.main = pn.Column(self.response, pn.Column(self.grid, **ui.SCROLLED), **ui.FILL)
         self._enable()
@@ -78,7 +79,8 @@ class ShotsPage:
     def list_files(self) -> None:
         """The folders with shots, and the files that can be opened, as they are now."""
         folders = self.session.folders
-        shots, files = folders.with_shots(), folders.files(OPENED_SUFFIXES)
+        shots = folders.with_shots()
+        files = folders.files(OPENED_SUFFIXES)
         named = {f"{folders.roots[0].name}, this folder" if name == "." else name: name for name in (*shots, *files)}
         chosen = self.listed.value
         self.listed.options = {**ui.NOTHING, **named}
@@ -106,7 +108,8 @@ class ShotsPage:
         bracket = self.session.opened.bracket
         assert bracket is not None
         files = tuple(file for file in bracket.files if file.name not in self.session.pictures_out)
-        chart, times = self.chart.value, ui.written(self.times)
+        chart = self.chart.value
+        times = ui.written(self.times)
         light, corners = (ui.written(line) if chart else "" for line in (self.light, self.corners))
         request = ResponseRequest(files, times, "", not chart and self.all_colours.value, chart, light, corners)
         if len(files) < 2:
@@ -120,9 +123,12 @@ class ShotsPage:
 
     def refresh(self) -> None:
         """Everything, from what the session has opened."""
-        session, bracket = self.session, self.session.opened.bracket
-        workspace, profile = session.workspace, session.profile
-        self.bracket.visible, self.response.visible = bracket is not None, session.response is not None
+        session = self.session
+        bracket = self.session.opened.bracket
+        workspace = session.workspace
+        profile = session.profile
+        self.bracket.visible = bracket is not None
+        self.response.visible = session.response is not None
         if session.response is not None and profile is not None:
             fit = session.response[1].fit
             self.curves.show(bracket_figure(fit))
@@ -209,7 +215,8 @@ def card_of(name: str, pictures: dict[str, NDArray[np.uint8]], facts: list[str])
 
 def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile: CameraProfile | None) -> list[str]:
     """What is known of a shot, a line each: settings, samples and vignetting."""
-    time, balance = float(samples.exposure_s[0]), samples.white_balance[0]
+    time = float(samples.exposure_s[0])
+    balance = samples.white_balance[0]
     seconds = f", {exposure_time(time)}" if np.isfinite(time) else ""
     facts = [f"{samples.style[0]}/{balance}{seconds}", f"{len(samples):,} samples"]
     if account is not None:

@@ -136,7 +136,8 @@ class Figures:
         rows = () if drawing is None else drawing.rows
         kinds = [[[_glyph(mark)[1:] for mark in panel.marks] for panel in row] for row in rows]
         if kinds != self._kinds or not rows:
-            self._kinds, self._panels = kinds, [[_BokehPanel(panel) for panel in row] for row in rows]
+            self._kinds = kinds
+            self._panels = [[_BokehPanel(panel) for panel in row] for row in rows]
             self.layout[:] = [pn.Row(*(panel.figure for panel in row), **FILL) for row in self._panels]
         if not rows and missing:
             self.layout[:] = [text(paragraphs(missing))]
@@ -170,7 +171,8 @@ class _BokehPanel:
         for mark, source in zip(panel.marks, self.sources, strict=True):
             source.data = _glyph(mark)[0]
         self.figure.title.text = panel.title
-        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = panel.x, panel.y
+        self.figure.xaxis.axis_label = panel.x
+        self.figure.yaxis.axis_label = panel.y
         for axis, reach in ((self.figure.x_range, panel.x_range), (self.figure.y_range, panel.y_range)):
             if reach is not None:
                 axis.update(start=reach[0], end=reach[1])
@@ -195,7 +197,8 @@ def _glyph(mark: Mark, mapper: LinearColorMapper | None = None) -> tuple[dict[st
             return columns, "scatter", {**look, "fill_alpha": 0.0}
         case Raster():
             height, width = mark.values.shape[:2]
-            size, image = mark.size or (width, height), mark.values
+            size = mark.size or (width, height)
+            image = mark.values
             place = {"x": [0], "y": [0], "dw": [size[0]], "dh": [size[1]]}
             if image.ndim == 2:
                 return {"image": [image[::-1]], **place}, "image", {"color_mapper": mapper}

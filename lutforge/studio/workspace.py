@@ -35,7 +35,9 @@ MODELS = {"matrix": "Response, matrix and white balance", "lattice": "Lattice"}
 """In the order of the calibration; each is kept as a camera profile."""
 MOST_GROUPS = 100
 SUFFIX = ".workspace"
-DOCUMENT, SAMPLES, MARKS = "workspace.json", "samples.npz", "marks.npy"
+DOCUMENT = "workspace.json"
+SAMPLES = "samples.npz"
+MARKS = "marks.npy"
 
 
 class WorkspaceError(LutForgeError):
@@ -155,7 +157,8 @@ class Workspace:
     @cached_property
     def columns(self) -> dict[str, Array]:
         """(n,) by name: the columns of the table that samples are filtered by."""
-        codes, raw = 255 * self.samples.srgb, self.samples.raw.max(axis=1)
+        codes = 255 * self.samples.srgb
+        raw = self.samples.raw.max(axis=1)
         known = (saturation(self.samples.srgb), codes.min(axis=1), codes.max(axis=1), raw, 255 * self.residual)
         return dict(zip(COLUMNS, known, strict=True))
 
@@ -213,7 +216,8 @@ class Workspace:
 
     def is_stale(self, kind: str) -> bool:
         """Whether a model was fitted to other samples, options or stages than would be taken now."""
-        task, now = self.models[kind].task, self.task(kind)
+        task = self.models[kind].task
+        now = self.task(kind)
         if task is None:
             return False
         same = task.options == now.options and task.stages is now.stages and np.array_equal(task.rows, now.rows)
