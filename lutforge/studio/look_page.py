@@ -71,7 +71,7 @@ class SettingControl:
         styles = sorted(profile.styles, key=lambda name: name.lower() != "standard")
         usual = usual_setting(profile)
         offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
-        for (widget, values), one in zip(offered.items(), usual.split("/"), strict=True):
+        for (widget, values), one in zip(offered.items(), usual.rsplit("/", 1), strict=True):
             chosen = widget.value if widget.value in values else "" if self.unknown else one
             widget.options = {**self.unknown, **{value: value for value in values}}
             widget.value = chosen
@@ -193,7 +193,7 @@ class LookPage:
 
     def _suppose(self) -> None:
         """Take a photograph of unknown settings for one at the camera's usual ones, as the visitor has agreed to."""
-        style, balance = usual_setting(self.session.require_profile()).split("/", 1)
+        style, balance = usual_setting(self.session.require_profile()).rsplit("/", 1)
         before = self.session.state
         with self.session.setting():
             self.source.style.value = self.source.style.value or style

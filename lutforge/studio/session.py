@@ -233,6 +233,9 @@ class Session:
         profile = opened.profile
         fitted = None if workspace is None else workspace.fitted
         news: object = opened.bracket
+        name = f"opening {names[:40]}"
+        before = self.state
+        was_empty = workspace is None and self.profile is None
         if opened.bracket is None and opened.workspace is None and profile is not None:  # beside the samples
             if fitted is not None and fitted.profile.camera != profile.camera:
                 raise WorkspaceError(
@@ -240,12 +243,12 @@ class Session:
                     f"{fitted.profile.camera}: open it in another tab of the browser"
                 )
             if workspace is not None and str(workspace.samples.camera[0]) == profile.camera:
-                self.put(with_profile(workspace, profile), f"opening {names[:40]}", step="Model")
+                self.workspace = with_profile(workspace, profile)
             news = f"profile of {profile.camera}"
             self.opened = replace(self.opened, profile=profile, profile_source=opened.profile_source, bracket=None)
+            if not was_empty:
+                self.note(before, name, step="Shots")
         else:
-            before = self.state
-            was_empty = self.workspace is None and self.profile is None
             self.pictures_out = ()
             self.response = None
             self.chosen = None
@@ -254,7 +257,6 @@ class Session:
             self.controls = {}
             self.begin(opened.workspace)
             if not was_empty:
-                name = f"opening {names[:40]}"
                 self.history.add(Change("Shots", before, self.state, name, name, whole=True))
             if opened.bracket is None and opened.workspace is not None:
                 samples = opened.workspace.samples

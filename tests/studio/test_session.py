@@ -723,6 +723,37 @@ def test_opening_other_files_can_be_undone(profile: CameraProfile, bracket_folde
     assert page.pages["Shots"].bracket.visible
 
 
+def test_opening_another_profile_can_be_undone(profile: CameraProfile, tmp_path: Path) -> None:
+    profile.save(tmp_path / "first.npz")
+    other = replace(profile, camera="Another")
+    other.save(tmp_path / "other.npz")
+    page = opened(tmp_path)
+    session = page.session
+    session.open((tmp_path / "first.npz",))
+    assert page.undo.disabled  # nothing was open before
+    session.open((tmp_path / "other.npz",))
+    assert session.require_profile().camera == "Another" and page.undo.label == "Undo opening other.npz"
+    session.undo()
+    assert session.require_profile().camera == profile.camera
+    session.redo()
+    assert session.require_profile().camera == "Another"
+    samples = Workspace(chart_samples(patches=9))
+    session.begin(samples)
+    session.opened = Opened()
+    session.open((tmp_path / "first.npz",))
+    assert session.require_workspace().models
+    session.undo()
+    assert session.workspace is samples and session.profile is None
+
+
+def test_a_style_whose_name_has_a_slash_is_no_traceback(profile: CameraProfile, tmp_path: Path) -> None:
+    styles = {"day/night": profile.styles["standard"]}
+    page = opened(tmp_path, replace(profile, styles=styles))
+    for step in STEPS:
+        page.session.attempt(page.show, step)
+        assert "this failed" not in page.session.status.object, step
+
+
 def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: CameraProfile, tmp_path: Path) -> None:
     photograph(tmp_path / "silent.jpg", 60, 90)
     photograph(tmp_path / "other.jpg", 60, 90)
