@@ -36,7 +36,7 @@ class Page:
         self._stale = set(STEPS)
         self.session.on_change = lambda: self._refresh(*STEPS)
         self.session.on_look = self._tell
-        self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12))
+        self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12, 6, 24))
         self.session.watch(lambda: self.show(STEPS[self.steps.active]), self.steps, of="active")
         self.undo = self.session.button("Undo", self.session.undo, variant="text")
         self.redo = self.session.button("Redo", self.session.redo, variant="text")

@@ -31,13 +31,11 @@ EMPTY = (
     "No shots yet. To calibrate a camera takes five photographs or more, each as RAW with its JPEG, inside the RAW "
     "file or beside it; without RAW, JPEGs of one scene at several exposures."
 )
-CARDS = {
-    "display": "grid",
-    "grid-template-columns": "repeat(auto-fill, minmax(min(100%, 24rem), 1fr))",
-    "gap": "12px",
-    "padding": "6px",
-}
-"""Cards beside each other, as many as have room, which fill the width."""
+CARDS = """
+:host > div > div { display: grid !important; grid-template-columns: repeat(auto-fill, minmax(min(100%, 24rem), 1fr));
+  gap: 12px; padding: 6px; }
+"""
+"""Cards beside each other, as many as have room, which fill the width; the box is the one inside of Panel's."""
 
 FIT = "Name the chart, if the pictures show one, and press Fit response; untick a picture to leave it out."
 
@@ -55,7 +53,7 @@ class ShotsPage:
         self.listed = ui.select("Folder or file", ui.NOTHING)
         self.path = ui.entry("or its path")
         self.notes = ui.text()
-        self.grid = pn.FlexBox(sizing_mode="stretch_width", styles=CARDS)
+        self.grid = pn.FlexBox(sizing_mode="stretch_width", stylesheets=[CARDS])
         sample = session.button("Sample", self._open, variant="contained", **ui.WIDE)
         again = session.button("List again", self.list_files, variant="text", **ui.WIDE)
         self.chart = ui.select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})

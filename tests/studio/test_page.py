@@ -240,6 +240,9 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     cards = visit.page.locator(".pictures")
     expect(cards).to_have_count(21, timeout=MOST_MS)
     assert cards.first.locator("img").count() == 2
+    first, second = (cards.nth(number).bounding_box() for number in range(2))
+    assert first is not None and second is not None
+    assert first["y"] == second["y"] and first["width"] > 0.4 * 960  # two columns fill a window of 1,280
     visit.picture("shots")
     box = visit.page.get_by_role("checkbox", name="LF0006-standard-tungsten-still-life")
     box.click()
@@ -479,7 +482,7 @@ _DROP = """([name, bytes]) => {
   const dataTransfer = new DataTransfer();
   dataTransfer.items.add(new File([new Uint8Array(bytes)], name, { type: "image/jpeg" }));
   const options = { dataTransfer, bubbles: true, cancelable: true, composed: true };
-  document.querySelector("main").dispatchEvent(new DragEvent("drop", options));
+  document.body.dispatchEvent(new DragEvent("drop", options));
 }"""
 
 
