@@ -128,8 +128,13 @@ def serve(
         visitor = pn.state.cookies.get(COOKIE, "")
         goes_on = kept.left_by(visitor) if "continue" in pn.state.session_args else None
         made = Page(folders, inputs, goes_on)
-        # A tab that is loaded again leaves its session only once this page has come.
-        pn.state.onload(made.session.guarded(lambda: made.offer_to_continue(kept.left_by(visitor))))
+
+        def loaded() -> None:
+            """Offer what was left: a tab that is loaded again leaves its session only once this page has come."""
+            kept.show(made.session)
+            made.offer_to_continue(kept.left_by(visitor))
+
+        pn.state.onload(made.session.guarded(loaded))
 
         def is_shown() -> bool:
             context = document.session_context

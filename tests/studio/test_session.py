@@ -787,11 +787,16 @@ def test_a_session_outlives_its_page(tmp_path: Path) -> None:
     shown = {"first": True, "second": True}
     one, two = (lambda: shown["first"]), (lambda: shown["second"])
     kept.add("visitor", first, one)
+    kept.show(first)
     assert kept.left_by("visitor") is None  # another tab shows it
     shown["first"] = False
     kept.leave(first, one)
     assert kept.left_by("visitor") is first and kept.left_by("another") is None
     new = Page(Folders([tmp_path]), ())
+    kept.add("visitor", new.session, lambda: False)
+    new.session.begin(Workspace(chart_samples(patches=9)))
+    assert kept.left_by("visitor") is first  # a page that is loading was not left
+    new.session.begin(None)
     new.offer_to_continue(first)
     assert new.offer.visible and "162 samples" in new.offer.object
     page = Page(Folders([tmp_path]), (), first)
@@ -799,6 +804,18 @@ def test_a_session_outlives_its_page(tmp_path: Path) -> None:
     assert page.session is first and "162 samples" in str(first) and kept.left_by("visitor") is None
     kept.leave(first, one)  # the news of the first page's end, late
     assert states_of(page.session)["Shots"] == "done" and kept.left_by("visitor") is None
+
+
+def test_a_page_that_loads_does_not_end_with_a_tab_that_is_closed(tmp_path: Path) -> None:
+    kept, closed, loading = KeptSessions(), opened(tmp_path), opened(tmp_path)
+    for page in (closed, loading):
+        kept.add("visitor", page.session, lambda: False)
+    kept.show(closed.session)
+    held = next(held for held in kept._held if held.session is closed.session)
+    kept.leave(closed.session, held.is_shown)
+    loading.session.begin(Workspace(chart_samples(patches=9)))
+    loading.session.on_change()
+    assert loading.pages["Shots"].papers  # it still draws what changes
 
 
 def test_a_session_that_goes_on_shows_its_photograph_and_look(profile: CameraProfile, tmp_path: Path) -> None:
