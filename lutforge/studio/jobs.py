@@ -27,7 +27,7 @@ def _context() -> Any:
     """How processes are started: from a server that has loaded the fits already, where the system can fork."""
     context: Any = multiprocessing.get_context("forkserver" if os.name == "posix" else "spawn")
     if os.name == "posix":
-        context.set_forkserver_preload(["lutforge.studio.opening"])
+        context.set_forkserver_preload(["lutforge.studio.opening", "numba"])  # numba takes a second of each fit else
     return context
 
 
