@@ -210,12 +210,17 @@ class Session:
             self._restore(self._exchange(change, self.history.redo, change.before, change.after))
 
     def _exchange(self, change: Change, move: Callable[[str, State], State], old: State, new: State) -> State:
-        """The state after a move in the history; a workspace of the same samples changes field by field."""
-        state = move(self.step, self.state)
-        now = self.workspace
-        if old.workspace is None or new.workspace is None or now is None or change.whole:
+        """The state after a move in the history; a workspace changes field by field, and Look control by control."""
+        now = self.state
+        state = move(self.step, now)
+        if change.whole:
             return state
-        return replace(state, workspace=exchanged(now, old.workspace, new.workspace))
+
+        moved = {name: value for name, value in new.controls.items() if old.controls.get(name) != value}
+        state = replace(state, controls={**now.controls, **moved})
+        if old.workspace is None or new.workspace is None or now.workspace is None:
+            return state
+        return replace(state, workspace=exchanged(now.workspace, old.workspace, new.workspace))
 
     def select(self, rows: Mask) -> None:
         """Select samples, in all plots."""

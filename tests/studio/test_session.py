@@ -163,6 +163,20 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     assert page.session.look.source == "standard/tungsten" and look.view.a
 
 
+def test_undo_of_a_slider_leaves_what_a_photograph_was_taken_as(profile: CameraProfile, tmp_path: Path) -> None:
+    photograph(tmp_path / "tells.jpg", 60, 90)
+    exif = Image.Exif()
+    exif[0x010F], exif[0x0110], exif[0x0131] = "Simulated", "Simulated", software_tag("Simulated", "vivid/tungsten")
+    Image.open(tmp_path / "tells.jpg").save(tmp_path / "tells.jpg", exif=exif)
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    look.ev.value = 1.0
+    look._open(tmp_path / "tells.jpg")
+    page.session.undo()
+    assert page.session.look == ChosenLook("vivid/tungsten", "standard/daylight", 0.0)
+
+
 def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfile) -> None:
     control = SettingControl("Wanted")
     control.offer(profile)
