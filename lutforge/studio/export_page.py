@@ -55,7 +55,7 @@ class ExportPage:
             "Save parameters as text": self._parameters, "Save workspace": self._workspace,
         }  # fmt: skip
         profile, kit, bake, *others = (
-            session.button(label, action, variant="contained" if place < 3 else "outlined", **ui.WIDE)
+            session.page.button(label, action, variant="contained" if place < 3 else "outlined", **ui.WIDE)
             for place, (label, action) in enumerate(self.actions.items())
         )
         folder = ui.html("<p>Files go to <b>{}</b>; the commands are of that folder.</p>", session.folders.roots[0])
@@ -122,8 +122,8 @@ class ExportPage:
         words = words.replace(f"{session.folders.roots[0]}/", "")  # as one types it there
         session.written.pop(what, None)
         session.written[what] = Written(what, path, lines[:20], words, (session.profile, session.look))
-        session.say(f"{what}: written, {path.name}")
-        session.on_change()
+        session.page.say(f"{what}: written, {path.name}")
+        session.page.on_change()
 
     def _run(
         self, what: str, kind: str, suffix: str, given: Any = None, more: tuple[Any, ...] = (), **options: Any
@@ -138,7 +138,7 @@ class ExportPage:
             write_samples(table[0], samples)
         words = command((kind, profile, *more, *table), options, output)
         written = partial(self._tell, what, output, words=words)
-        self.session.start(f"lutforge {kind}", written, export, kind, profile, output, given)
+        self.session.work.start(f"lutforge {kind}", written, export, kind, profile, output, given)
 
     def _workspace(self) -> None:
         workspace = self.session.require_workspace()

@@ -121,23 +121,23 @@ class LookPage:
         self._known: tuple[CameraProfile, Selector] | None = None  # what the coverage is of
         self.listed = ui.select("Photograph in the folders", ui.NOTHING)
         self.path = ui.entry("or its path")
-        opening = session.button("Show", self._open_named, variant="contained", width=80, margin=(8, 8))
+        opening = session.page.button("Show", self._open_named, variant="contained", width=80, margin=(8, 8))
         self.drop = pmui.FileInput(label="Drop a photograph here", sizing_mode="stretch_width", size="small")
-        self.drop.param.watch(session.guarded(lambda event: self._open_dropped()), "value")
-        session.watch(self._open_written, self.path)
-        session.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
+        self.drop.param.watch(session.page.guarded(lambda event: self._open_dropped()), "value")
+        session.page.watch(self._open_written, self.path)
+        session.page.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
         self.wanted = SettingControl("Wanted")
         self.source = SettingControl("Taken as", asks=True)
         self.ev = ui.slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
         self.moved = {widget.label: widget for widget in (self.ev, *self.wanted.widgets, *self.source.widgets)}
         for name, widget in self.moved.items():
-            session.watch(self._change, widget, take=partial(self._take, name))
+            session.page.watch(self._change, widget, take=partial(self._take, name))
         session.end_moves_of(*self.moved.values())
-        if not session.controls:
-            session.controls = self._controls()
+        if not session.look_controls:
+            session.look_controls = self._controls()
         self.words = ui.text()
         self.main = self.view = LookView()
-        self.view.on_help = session.guarded(self._suppose)
+        self.view.on_help = session.page.guarded(self._suppose)
         if session.photograph is not None:
             self.view.show(session.photograph.picture, session.photograph.path.name)
         rare = (f"{self.source.title}: temperature, tint, multipliers", pn.Column(*self.source.numbers, **ui.TOGETHER))
@@ -155,14 +155,14 @@ class LookPage:
         if self.session.profile is None:
             self.words.object = ui.paragraphs("Compute a model, or open a profile.")
             return
-        with self.session.setting():
+        with self.session.page.setting():
             for control in (self.wanted, self.source):
                 control.offer(self.session.profile)
-            for name, value in self.session.controls.items():
+            for name, value in self.session.look_controls.items():
                 ui.set_possible(self.moved[name], value)
             for control in (self.wanted, self.source):
                 control.begin_multipliers()
-            self.session.controls = self._controls()
+            self.session.look_controls = self._controls()
         self._grade()
 
     def _controls(self) -> dict[str, Any]:
@@ -173,13 +173,13 @@ class LookPage:
         """Let a change be undone. Moving a temperature, or writing multipliers, chooses that way to set them."""
         session = self.session
         widget = self.moved[name]
-        before, was = session.state, session.controls.get(name)
+        before, was = session.state, session.look_controls.get(name)
         for control in (self.wanted, self.source):
             meant = {control.kelvin: BY_TEMPERATURE, control.multipliers: BY_MULTIPLIERS if value else ""}.get(widget)
             if meant:
-                with session.setting():
+                with session.page.setting():
                     control.balance.value = meant
-        session.controls = self._controls()
+        session.look_controls = self._controls()
         session.look_chosen = session.look_chosen or widget not in self.source.widgets
         old, new = as_text(widget, was), as_text(widget, value)
         session.note(before, f"{name} {new} → {old}", f"{name} {old} → {new}", name if widget in self._sliders else "")
@@ -195,10 +195,10 @@ class LookPage:
         """Take a photograph of unknown settings for one at the camera's usual ones, as the visitor has agreed to."""
         style, balance = usual_setting(self.session.require_profile()).rsplit("/", 1)
         before = self.session.state
-        with self.session.setting():
+        with self.session.page.setting():
             self.source.style.value = self.source.style.value or style
             self.source.balance.value = self.source.balance.value or balance
-        self.session.controls = self._controls()
+        self.session.look_controls = self._controls()
         self.session.note(before, f"Taken as {style}/{balance}")
         self._change()
 
@@ -209,7 +209,7 @@ class LookPage:
     def _open_written(self) -> None:
         """Open the path in the line once it is finished with the enter key."""
         if self.path.value:
-            with self.session.setting():
+            with self.session.page.setting():
                 self.listed.value = ""
             self._open_named()
 
@@ -221,14 +221,14 @@ class LookPage:
         known = [path for path in paths if path.suffix.lower() in IMAGE_SUFFIXES]
         if not known:
             raise WorkspaceError(f"{paths[0].name}: not a photograph that Look can show")
-        with self.session.setting():
+        with self.session.page.setting():
             self.listed.value = ""
             self.path.param.update(value="", value_input="")
         self._open(known[-1])
 
     def _open(self, path: Path) -> None:
         profile = self.session.require_profile()
-        self.session.start(f"opening {path.name}", self._show, open_photograph, path, profile, short=True)
+        self.session.work.start(f"opening {path.name}", self._show, open_photograph, path, profile, short=True)
 
     def _show(self, photograph: Photograph) -> None:
         path = photograph.path
@@ -236,7 +236,7 @@ class LookPage:
         self.session.photograph = photograph
         self.view.show(photograph.picture, path.name)
         news = f"{path.name} does not tell how it was taken: choose that under “Taken as”"
-        with self.session.setting():
+        with self.session.page.setting():
             if given is not None:
                 self.source.style.value = given.style
                 self.source.balance.value = AS_SHOT
@@ -247,15 +247,15 @@ class LookPage:
                 self.source.style.value = photograph.style
                 self.source.balance.value = ""
                 self.source.tint.value = 0
-            self.session.controls = self._controls()
-        self.session.say("; ".join([news, *photograph.notes]))
+            self.session.look_controls = self._controls()
+        self.session.page.say("; ".join([news, *photograph.notes]))
         self._change()
 
     def _change(self) -> None:
-        with self.session.setting():
+        with self.session.page.setting():
             for control in (self.wanted, self.source):
                 control.begin_multipliers()
-        self.session.controls = self._controls()
+        self.session.look_controls = self._controls()
         self._grade()
 
     def _tell(self) -> None:
@@ -264,7 +264,7 @@ class LookPage:
         unknown = "" if self.session.photograph is None else "From what it was taken as, which is to be chosen, to "
         taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
         self.words.object = ui.paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
-        self.session.on_look()
+        self.session.page.on_look()
 
     def _grade(self) -> None:
         """The photograph as the controls say."""
@@ -284,8 +284,8 @@ class LookPage:
                 return
             look = ChosenLook(source, self.wanted.text(taken), float(self.ev.value))
             slow = slow_steps(profile, look) if known else ()
-            if slow and not self.session.is_busy:
-                self.session.start(BAKING, partial(self._baked, profile, slow), bake_steps, slow, short=True)
+            if slow and not self.session.work.is_busy:
+                self.session.work.start(BAKING, partial(self._baked, profile, slow), bake_steps, slow, short=True)
             if slow:
                 return
             lut = look_lut(profile, look) if known else None

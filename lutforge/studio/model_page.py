@@ -37,11 +37,11 @@ class ModelPage:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.kind = ui.select("Model", {title: key for key, title in MODELS.items()}, value="lattice")
-        session.watch(self._count, self.kind)
+        session.page.watch(self._count, self.kind)
         self.own_stages = ui.checkbox("Build on the fitted response and matrix", True)
         self.used = ui.select("Model in use", ui.NOTHING)
         self.takes = ui.text()
-        compute = session.button("Compute", self._compute, variant="contained", **ui.WIDE)
+        compute = session.page.button("Compute", self._compute, variant="contained", **ui.WIDE)
         self.preset = ui.select("Preset", {"LutForge": CalibrationOptions, "the thesis": ThesisOptions})
         self.options = {  # by their names in the options of the calibration
             "size": ui.slider("Nodes per axis", 33, SMALLEST_LATTICE, LARGEST_LATTICE, 1),
@@ -65,8 +65,8 @@ class ModelPage:
             *(self._bind_option(name, widget) for name, widget in {**self.options, **self.numbers}.items()),
         ]  # fmt: skip
         all_or_none = pn.Row(
-            session.button("Tick all", lambda: self.pairs.param.update(value=list(self.pairs.options.values()))),
-            session.button("None", lambda: self.pairs.param.update(value=[])), **ui.WIDE,
+            session.page.button("Tick all", lambda: self.pairs.param.update(value=list(self.pairs.options.values()))),
+            session.page.button("None", lambda: self.pairs.param.update(value=[])), **ui.WIDE,
         )  # fmt: skip
         folds = {
             "Options": (self.preset, *self.options.values()),
@@ -81,7 +81,7 @@ class ModelPage:
         self.shown = pmui.RadioButtonGroup(
             label="View", options=list(self.views), value=FitView.title, size="small", margin=(2, 8)
         )
-        session.watch(self._show, self.shown)
+        session.page.watch(self._show, self.shown)
         self.body = pn.Column(**ui.FILL)
         self.main = pn.Column(self.shown, self.body, **ui.FILL)
 
@@ -161,7 +161,7 @@ class View:
     def __init__(self, session: Session, *controls: Any, beside: Any = None) -> None:
         self.session = session
         self.figures = ui.Figures()
-        session.watch(
+        session.page.watch(
             self.draw, *(control for control in controls if isinstance(control, pmui.Select | pmui.FloatSlider))
         )
         drawn = self.figures.layout if beside is None else pn.Row(self.figures.layout, beside, **ui.FILL)

@@ -34,19 +34,21 @@ class Page:
         self.pages: dict[str, Any] = {}
         self.shown = self.session.step
         self._stale = set(STEPS)
-        self.session.on_change = lambda: self._refresh(*STEPS)
-        self.session.on_look = self._tell
+        self.session.page.on_change = lambda: self._refresh(*STEPS)
+        self.session.page.on_look = self._tell
         self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12, 6, 24))
-        self.session.watch(lambda: self.show(STEPS[self.steps.active]), self.steps, of="active")
-        self.undo = self.session.button("Undo", self.session.undo, variant="text")
-        self.redo = self.session.button("Redo", self.session.redo, variant="text")
+        self.session.page.watch(lambda: self.show(STEPS[self.steps.active]), self.steps, of="active")
+        self.undo = self.session.page.button("Undo", self.session.undo, variant="text")
+        self.redo = self.session.page.button("Redo", self.session.redo, variant="text")
         self.next = ui.text(margin=(6, 12))
         self.offer = ui.text(visible=False)
         keys = Keys(self)
         bar = pn.Row(self.steps, sizing_mode="stretch_width")
         what = pn.Row(self.next, self.undo, self.redo, keys, sizing_mode="stretch_width")
-        status = self.session.status
-        news = pn.Row(status.pane, status.progress, self.session.cancel, sizing_mode="stretch_width", height=40)
+        status = self.session.page.status
+        news = pn.Row(
+            status.pane, status.progress, self.session.work.cancel_button, sizing_mode="stretch_width", height=40
+        )
         self.controls = pn.Column(sizing_mode="stretch_width")
         self.body = pn.Column(**ui.FILL)
         watchers = _watchers_of_busy()
@@ -60,12 +62,12 @@ class Page:
             pn.state.param.unwatch(watcher)
         self.show(self.shown)
         if inputs and not goes_on:
-            self.session.guarded(self.session.open)(inputs)
+            self.session.page.guarded(self.session.open)(inputs)
 
     def show(self, name: str) -> None:
         """Look at a step."""
         self.shown = self.session.step = name
-        self.session.forget_error()
+        self.session.page.forget_error()
         if name not in self.pages:  # imported here: the first paint does not wait for what only later steps draw
             module = import_module(f"lutforge.studio.{name.lower()}_page")
             self.pages[name] = getattr(module, f"{name}Page")(self.session)
@@ -82,7 +84,7 @@ class Page:
         self._tell()
         if self.shown in self._stale or self.shown == "Export":
             self._stale.discard(self.shown)
-            with self.session.setting():
+            with self.session.page.setting():
                 self.pages[self.shown].refresh()
 
     def _tell(self) -> None:
@@ -118,12 +120,12 @@ class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as An
     def __init__(self, page: "Page") -> None:
         super().__init__(width=0, height=0, margin=0)
         undo, redo, reset = (
-            page.session.guarded(action) for action in (page.session.undo, page.session.redo, page.reset)
+            page.session.page.guarded(action) for action in (page.session.undo, page.session.redo, page.reset)
         )
         self._undo = undo
         self._redo = redo
         self._reset = reset
-        self._dropped = page.session.guarded(lambda: page.session.say(DROP_ELSEWHERE, wrong=True))
+        self._dropped = page.session.page.guarded(lambda: page.session.page.say(DROP_ELSEWHERE, wrong=True))
 
     def _handle_msg(self, data: Any) -> None:
         """Do what a key of the page asks for."""

@@ -57,7 +57,7 @@ class SamplesPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        session.on_select = self.mark
+        session.page.on_select = self.mark
         self._seen: SampleSet | None = None
         plots = {title: key for key, title in PLOTS.items()}
         self.first = ui.select("Left plot", plots, value="srgb_btf")
@@ -68,10 +68,10 @@ class SamplesPage:
         self.space_of = ui.select("In xy and XYZ", ["JPEG colours", "transformed RAW", "both"])
         self.picture_of = ui.select("Picture of the shot", ui.NOTHING)
         views = (self.first, self.second, self.channel, self.by, self.space_of, self.picture_of, self.inliers)
-        session.watch(self.refresh, *views)
+        session.page.watch(self.refresh, *views)
         self.counts = ui.text()
         self.words = ui.entry("Select row, shot or patch")
-        session.watch(
+        session.page.watch(
             lambda: session.select(find_rows(session.require_workspace().samples, self.words.value)), self.words
         )
         self.group = ui.entry("Outlier group", placeholder="name")
@@ -89,7 +89,7 @@ class SamplesPage:
             {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)},
             {"Save group": self._save_group, "Delete group": partial(self._save_group, delete=True)},
         )
-        rows = [pn.Row(*(session.button(*each, **small) for each in row.items()), **ui.WIDE) for row in actions]
+        rows = [pn.Row(*(session.page.button(*each, **small) for each in row.items()), **ui.WIDE) for row in actions]
         pairs = [pn.Row(*pair, sizing_mode="stretch_width") for pair in (views[2:4], views[4:6])]
         self.controls = [
             pn.Column(self.first, self.second, *pairs, self.inliers, **ui.TOGETHER),
@@ -169,7 +169,7 @@ class SamplesPage:
         if selected.any() and not (selected & (shot == chosen)).any():
             chosen = str(shot[np.flatnonzero(selected)[0]])
             if chosen in self.picture_of.options:
-                with self.session.setting():
+                with self.session.page.setting():
                     self.picture_of.value = chosen
         account = {account.shot: account for account in self.session.opened.accounts}.get(chosen)
         rows = shot == chosen
@@ -383,7 +383,7 @@ class BrushedPlot:
         marks.nonselection_glyph = marks.glyph.clone(fill_alpha=0.18, line_alpha=0.25)
         self.figure.toolbar.active_drag = self.figure.select_one(LassoSelectTool)
         for event in (SelectionGeometry, Tap):
-            self.figure.on_event(event, session.guarded(self._select))
+            self.figure.on_event(event, session.page.guarded(self._select))
 
     def show(self, workspace: Workspace, shown: Points, by: str, inliers: bool, size: float = 5.0) -> None:
         """Show other points, those of inliers alone where that is asked for: at most 4000, and what is selected."""

@@ -134,7 +134,7 @@ def serve(
             kept.show(made.session)
             made.offer_to_continue(kept.left_by(visitor))
 
-        pn.state.onload(made.session.guarded(loaded))
+        pn.state.onload(made.session.page.guarded(loaded))
 
         def is_shown() -> bool:
             context = document.session_context

@@ -3,32 +3,24 @@
 A session outlives the page that shows it: a page is attached to it, and detached when its tab is closed.
 """
 
-import logging
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import wraps
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import panel as pn
-import panel_material_ui as pmui
-from bokeh.document import Document
 
 from lutforge.arrays import Mask
-from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.evaluation import predict
 from lutforge.pipeline.looks import ChosenLook, usual_setting
 from lutforge.pipeline.photographs import Photograph
 from lutforge.pipeline.response import FittedResponse, ResponseRequest
-from lutforge.progress import silent
+from lutforge.studio.background import Background
 from lutforge.studio.history import Change, History, exchanged
-from lutforge.studio.job_queue import JobQueue, Work
 from lutforge.studio.opening import Folders, Opened, open_paths
-from lutforge.studio.status import StatusLine
+from lutforge.studio.page_link import PageLink
 from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
 
 
@@ -45,13 +37,13 @@ class Written:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What a visitor has changed, and can undo. controls: of Look, by name; the others as in `Session`."""
+    """What a visitor has changed, and can undo. look_controls: of Look, by name; the others as in `Session`."""
 
     workspace: Workspace | None
     opened: Opened
     chosen: ChosenLook | None
     look_chosen: bool
-    controls: Mapping[str, Any]
+    look_controls: Mapping[str, Any]
     pictures_out: tuple[str, ...]
     response: tuple[ResponseRequest, FittedResponse] | None
 
@@ -73,7 +65,7 @@ class Session:
         self.chosen: ChosenLook | None = None
         self.look_chosen = False
         self.is_unseen = False  # whether a photograph is shown to which the look cannot be applied yet
-        self.controls: Mapping[str, Any] = {}
+        self.look_controls: Mapping[str, Any] = {}
         self.pictures_out: tuple[str, ...] = ()
         self.response: tuple[ResponseRequest, FittedResponse] | None = None
         self.written: dict[str, Written] = {}
@@ -81,33 +73,23 @@ class Session:
         self.dropped: TemporaryDirectory[str] | None = None
         self.step = "Shots"
         self.history = History()
-        self.queue = JobQueue()
-        self._polling: Any = None
+        self.work = Background()
         self.attach()
 
     def attach(self) -> None:
-        """Begin to be shown by another page, which sets what is called on changes."""
-        self.on_change: Callable[[], None] = lambda: None
-        self.on_look: Callable[[], None] = lambda: None
-        self.on_select: Callable[[], None] = lambda: None
-        self.refreshing = False
-        self.status = StatusLine()
-        self.cancel = self.button("Cancel", self._cancel, visible=False)
-        if self.queue.works:
-            self._wait()
+        """Begin to be shown by another page."""
+        self.page = PageLink()
+        self.work.attach(self.page)
 
     def detach(self) -> None:
         """Let go of a page that is closed: long work goes on, and its result waits for the next page."""
-        if self._polling is not None:
-            self._polling.stop()
-            self._polling = None
-        self.queue.end([work for work in self.queue.works if work.short])
-        self.on_change = self.on_look = self.on_select = lambda: None
+        self.work.detach()
+        self.page = PageLink()
 
     @property
     def is_empty(self) -> bool:
         """Whether nothing is open, and nothing is under way."""
-        return self.workspace is None and self.profile is None and not self.queue.works
+        return self.workspace is None and self.profile is None and not self.work.queue.works
 
     def __str__(self) -> str:
         parts = []
@@ -116,7 +98,7 @@ class Session:
             parts.append(f"{len(self.workspace.samples):,} samples of {shots} shots")
         if self.profile is not None:
             parts.append(f"profile of {self.profile.camera}")
-        return ", ".join([*parts, *(f"{work.title} under way" for work in self.queue.works)])
+        return ", ".join([*parts, *(f"{work.title} under way" for work in self.work.queue.works)])
 
     @property
     def profile(self) -> CameraProfile | None:
@@ -161,7 +143,7 @@ class Session:
             self._select_nothing(state.workspace)
         for field in fields(State):
             setattr(self, field.name, getattr(state, field.name))
-        self.on_change()
+        self.page.on_change()
 
     def _select_nothing(self, workspace: Workspace | None) -> None:
         count = 0 if workspace is None else len(workspace.samples)
@@ -178,8 +160,8 @@ class Session:
         """Make this the present state of the workspace, and show the news, if there are any."""
         self.put(workspace, news or "change", step=step)
         if news:
-            self.say(news)
-        self.on_change()
+            self.page.say(news)
+        self.page.on_change()
 
     def put(self, workspace: Workspace, name: str = "change", again: str = "", key: str = "", step: str = "") -> None:
         """Make this the present state of the workspace, which the caller has drawn.
@@ -199,14 +181,14 @@ class Session:
         """Take back the last change of the step that is seen, if there is one."""
         change = self.history.last(self.step)
         if change is not None:
-            self.say(f"undone: {change.name}")
+            self.page.say(f"undone: {change.name}")
             self._restore(self._exchange(change, self.history.undo, change.after, change.before))
 
     def redo(self) -> None:
         """Make the change again that was undone last in the step that is seen, if there is one."""
         change = self.history.next(self.step)
         if change is not None:
-            self.say(f"done again: {change.again}")
+            self.page.say(f"done again: {change.again}")
             self._restore(self._exchange(change, self.history.redo, change.before, change.after))
 
     def _exchange(self, change: Change, move: Callable[[str, State], State], old: State, new: State) -> State:
@@ -216,8 +198,8 @@ class Session:
         if change.whole:
             return state
 
-        moved = {name: value for name, value in new.controls.items() if old.controls.get(name) != value}
-        state = replace(state, controls={**now.controls, **moved})
+        moved = {name: value for name, value in new.look_controls.items() if old.look_controls.get(name) != value}
+        state = replace(state, look_controls={**now.look_controls, **moved})
         if old.workspace is None or new.workspace is None or now.workspace is None:
             return state
         return replace(state, workspace=exchanged(now.workspace, old.workspace, new.workspace))
@@ -225,12 +207,12 @@ class Session:
     def select(self, rows: Mask) -> None:
         """Select samples, in all plots."""
         self.selected = rows
-        self.on_select()
+        self.page.on_select()
 
     def open(self, paths: tuple[Path, ...]) -> None:
         """Open files or folders, in another process."""
         names = ", ".join(path.name for path in paths)
-        self.start(f"opening {names[:80]}", lambda opened: self.take_opened(opened, names), open_paths, paths)
+        self.work.start(f"opening {names[:80]}", lambda opened: self.take_opened(opened, names), open_paths, paths)
 
     def take_opened(self, opened: Opened, names: str) -> None:
         """Take over what was opened from files of these names."""
@@ -259,15 +241,15 @@ class Session:
             self.chosen = None
             self.look_chosen = False
             self.opened = opened
-            self.controls = {}
+            self.look_controls = {}
             self.begin(opened.workspace)
             if not was_empty:
                 self.history.add(Change("Shots", before, self.state, name, name, whole=True))
             if opened.bracket is None and opened.workspace is not None:
                 samples = opened.workspace.samples
                 news = f"{len(samples):,} samples of {len(np.unique(samples.shot))} shots"
-        self.say(f"{names}: {news}")
-        self.on_change()
+        self.page.say(f"{names}: {news}")
+        self.page.on_change()
 
     def keep_dropped(self, purpose: str, names: Any, contents: Any) -> tuple[Path, ...]:
         """Write files that were dropped into a folder of this session, one for each purpose. Returns their paths.
@@ -305,7 +287,7 @@ class Session:
             if others:
                 self.fit(*others)
 
-        self.start(MODELS[kind], done, fit_model, task, workspace.samples)
+        self.work.start(MODELS[kind], done, fit_model, task, workspace.samples)
 
     def take_response(self, request: ResponseRequest, fitted: FittedResponse) -> None:
         """Take over what was fitted to a bracket."""
@@ -316,96 +298,8 @@ class Session:
             model = FittedModel(fitted.profile, predict(fitted.profile, self.workspace.samples))
             self.workspace = self.workspace.with_model("matrix", model)
         self.note(before, "fitting the response", step="Shots")
-        self.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
-        self.on_change()
-
-    def say(self, message: str, wrong: bool = False) -> None:
-        """One line for the visitor, as text whatever it holds."""
-        self.status.say(message, wrong)
-
-    def forget_error(self) -> None:
-        """Take away what was wrong, as the visitor does something else."""
-        self.status.forget_error()
-
-    def attempt(self, callback: Callable[..., None], *arguments: Any) -> None:
-        """Call back, with errors as a line in the page."""
-        try:
-            callback(*arguments)
-        except LutForgeError as error:
-            self.say(str(error), wrong=True)
-        except Exception as error:
-            logging.getLogger("lutforge.studio").exception("in the page")
-            self.say(f"this failed: {type(error).__name__}: {error}", wrong=True)
-
-    def guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """The callback with its errors as a line in the page, and all that it changes as one message to the page."""
-
-        @wraps(callback)
-        def guarded(*arguments: Any) -> None:
-            document = pn.state.curdoc or Document()
-
-            def run() -> None:
-                document.hold("combine")
-                try:
-                    self.attempt(callback, *arguments)
-                finally:
-                    document.unhold()
-
-            # Panel may call without the document's lock, under which alone Bokeh's models can be changed.
-            pn.state.execute(run, schedule=True)
-
-        return guarded
-
-    def button(self, label: str, action: Callable[[], None], **options: Any) -> pmui.Button:
-        """A button with what it does, guarded."""
-
-        def pressed(event: Any) -> None:
-            self.forget_error()
-            action()
-
-        made = pmui.Button(label=label, size="small", **{"margin": (4, 4), "variant": "outlined", **options})
-        made.on_click(self.guarded(pressed))
-        return made
-
-    @contextmanager
-    def setting(self) -> Iterator[None]:
-        """What a page sets meanwhile is no wish of the visitor: `watch` does not call back."""
-        before = self.refreshing
-        self.refreshing = True
-        try:
-            yield
-        finally:
-            self.refreshing = before
-
-    def watch(
-        self, callback: Callable[[], None], *widgets: Any, of: str = "value", take: Callable[[Any], None] | None = None
-    ) -> None:
-        """Call back, guarded, when widgets change, a slider while it moves; once for several changes at a time.
-
-        take: gets a new value at once, before anything that is drawn anew meanwhile sets the widget back.
-        """
-        due = False
-
-        def run() -> None:
-            nonlocal due
-            due = False
-            callback()
-
-        soon = self.guarded(run)
-
-        def changed(event: Any) -> None:
-            nonlocal due
-            if self.refreshing:
-                return
-            self.forget_error()
-            if take is not None:
-                self.attempt(take, event.new)
-            if not due:
-                due = True
-                soon()
-
-        for widget in widgets:
-            widget.param.watch(changed, of)
+        self.page.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
+        self.page.on_change()
 
     def bind(
         self, widget: Any, read: Callable[[Workspace], Any], put: Callable[[Workspace, Any], Workspace]
@@ -423,10 +317,10 @@ class Session:
                 self.put(put(self.workspace, value), name, again, key)
 
         def show(workspace: Workspace) -> None:
-            with self.setting():
+            with self.page.setting():
                 widget.value = read(workspace)
 
-        self.watch(lambda: self.on_change(), widget, take=take)
+        self.page.watch(lambda: self.page.on_change(), widget, take=take)
         self.end_moves_of(widget)
         return show
 
@@ -436,71 +330,9 @@ class Session:
             if hasattr(widget, "value_throttled"):
                 widget.param.watch(lambda event: self.history.end_move(), "value_throttled")
 
-    def start(
-        self,
-        title: str,
-        done: Callable[[Any], None],
-        function: Callable[..., Any],
-        *arguments: Any,
-        short: bool = False,
-    ) -> None:
-        """Work in another process; `done` gets its result. What is started meanwhile waits for its turn.
-
-        short: work of seconds, beside what takes long; it takes the place of the last such work.
-        """
-        if pn.state.curdoc is None:  # no page waits for it
-            done(function(*arguments, silent))
-            return
-        before = self.queue.add(Work(title, done, (function, *arguments), short))
-        self.say(f"{title} …" if before is None else f"{title}: comes after {before.title}")
-        self._wait()
-        self.poll()
-
-    def _wait(self) -> None:
-        """Ask for the reports of jobs until there is no work."""
-        self.status.progress.visible = self.cancel.visible = True
-        if self._polling is None and pn.state.curdoc is not None:
-            self._polling = pn.state.add_periodic_callback(self.guarded(self.poll), period=120)
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether short work is under way."""
-        return self.queue.is_busy
-
-    def poll(self) -> None:
-        """Begin the work whose turn it is, and take over what the jobs have reported."""
-        if not pn.state.loaded:
-            return  # Panel loses what changes while a page loads
-        for work, report in self.queue.reports():
-            if report.state == "running":
-                self.status.show_share(report.share)
-                if report.message != work.message:  # other news stay until there are new ones
-                    work.message = report.message
-                    self.say(f"{work.title}: {report.message}")
-            elif report.state == "done":
-                self.attempt(work.done, report.result)
-            else:
-                self.say(f"{work.title}: {report.message}", wrong=True)
-        self._rest()
-
-    def _rest(self) -> None:
-        """Hide what shows work, where there is none."""
-        busy = bool(self.queue.works)
-        self.status.progress.visible = self.cancel.visible = busy
-        if not busy and self._polling is not None:
-            self._polling.stop()
-            self._polling = None
-
-    def _cancel(self) -> None:
-        """End what is under way, and what waits for it."""
-        ended = self.queue.cancel()
-        self._rest()
-        if ended:
-            self.say(f"{', '.join(work.title for work in ended)}: cancelled")
-
     def close(self) -> None:
         """End all work, and remove what was dropped: nobody comes back."""
-        self.queue.end(self.queue.works)
+        self.work.queue.end(self.work.queue.works)
         self.detach()
         if self.dropped is not None:
             self.dropped.cleanup()

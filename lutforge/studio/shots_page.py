@@ -49,20 +49,20 @@ class ShotsPage:
         self._drawn: tuple[object, ...] | None = None
         self.papers: dict[str, pmui.Paper] = {}  # by shot: its box and its card
         self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, sizing_mode="stretch_width")
-        self.drop.param.watch(session.guarded(lambda event: self._take()), "value")
+        self.drop.param.watch(session.page.guarded(lambda event: self._take()), "value")
         self.listed = ui.select("Folder or file", ui.NOTHING)
         self.path = ui.entry("or its path")
         self.notes = ui.text()
         self.grid = pn.FlexBox(sizing_mode="stretch_width", stylesheets=[CARDS])
-        sample = session.button("Sample", self._open, variant="contained", **ui.WIDE)
-        again = session.button("List again", self.list_files, variant="text", **ui.WIDE)
+        sample = session.page.button("Sample", self._open, variant="contained", **ui.WIDE)
+        again = session.page.button("List again", self.list_files, variant="text", **ui.WIDE)
         self.chart = ui.select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})
         self.light = ui.entry("Light on the chart", value="D50")
         self.corners = ui.entry("Its corners, where it is not found", placeholder="x,y x,y x,y x,y")
         self.times = ui.entry("Exposure times, where not stated", placeholder="1/60,1/30,1/15")
         self.all_colours = ui.checkbox("Count saturated colours, too")
-        session.watch(self._enable, self.chart)
-        fit = session.button("Fit response", self._fit, variant="contained", **ui.WIDE)
+        session.page.watch(self._enable, self.chart)
+        fit = session.page.button("Fit response", self._fit, variant="contained", **ui.WIDE)
         self.bracket = pn.Column(
             self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **ui.TOGETHER
         )
@@ -117,7 +117,7 @@ class ShotsPage:
             if self.session.opened.bracket is bracket:
                 self.session.take_response(request, fitted)
 
-        self.session.start("response", done, ResponseRequest.fit, request, None)
+        self.session.work.start("response", done, ResponseRequest.fit, request, None)
 
     def refresh(self) -> None:
         """Everything, from what the session has opened."""
@@ -141,7 +141,7 @@ class ShotsPage:
                 self._draw({} if workspace is None else dict(self._cards(workspace, profile)))
         left_out = set(session.pictures_out) if bracket is not None else workspace.out if workspace else set()
         for name, paper in self.papers.items():
-            with session.setting():
+            with session.page.setting():
                 paper[0].value = name not in left_out
         unused = (f"not used: {line}" for line in session.opened.left_out[:20])
         untick = "Untick a shot to leave it out. " if self.papers else ""
@@ -161,7 +161,7 @@ class ShotsPage:
                 papers[name] = self.papers[name]
             else:
                 box = ui.checkbox(name, True)
-                self.session.watch(lambda: self.session.on_change(), box, take=self._leave_out)
+                self.session.page.watch(lambda: self.session.page.on_change(), box, take=self._leave_out)
                 papers[name] = pmui.Paper(box, ui.text(card), variant="outlined", sizing_mode="stretch_width", margin=0)
         if not papers or list(papers) != list(self.papers):
             self.grid[:] = list(papers.values()) or [ui.text(ui.paragraphs(EMPTY))]
@@ -174,7 +174,7 @@ class ShotsPage:
         if self.session.workspace is not None and out != self.session.workspace.out:
             news = f"{len(out)} shots left out" if out else "all shots take part"
             self.session.put(replace(self.session.workspace, out=out), news)
-            self.session.say(news)
+            self.session.page.say(news)
 
     def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, ui.Html]]:
         accounts = {account.shot: account for account in self.session.opened.accounts}

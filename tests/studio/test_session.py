@@ -114,7 +114,7 @@ def opened(folder: Path, profile: CameraProfile | None = None, workspace: Worksp
     page = Page(Folders([folder]), ())
     page.session.opened = Opened(profile=profile)
     page.session.begin(workspace)
-    page.session.on_change()
+    page.session.page.on_change()
     return page
 
 
@@ -151,12 +151,12 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     look = page.pages["Look"]
     assert page.session.look.target == "standard/daylight"  # not the first of the alphabet, cloudy
     look._open(tmp_path / "tells.jpg")
-    assert "taken as vivid/tungsten" in page.session.status.object
+    assert "taken as vivid/tungsten" in page.session.page.status.object
     assert page.session.look == ChosenLook("vivid/tungsten", "vivid/tungsten") and not page.session.look_chosen
     look.wanted.style.value, look.wanted.balance.value = "standard", "daylight"
     assert page.session.look == ChosenLook("vivid/tungsten", "standard/daylight")
     look._open(tmp_path / "silent.jpg")
-    assert "does not tell how it was taken" in page.session.status.object
+    assert "does not tell how it was taken" in page.session.page.status.object
     assert (look.source.style.value, look.source.balance.value) == ("", "")  # not what the last was taken as
     assert page.session.look == ChosenLook("", "standard/daylight") and look.view.a == []
     look.source.style.value, look.source.balance.value = "standard", "tungsten"
@@ -198,8 +198,8 @@ def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfil
 def test_a_profile_of_another_camera_does_not_take_the_place_of_a_model(tmp_path: Path, profile: CameraProfile) -> None:
     session = opened(tmp_path, workspace=with_profile(Workspace(chart_samples(patches=9)), profile)).session
     other = replace(profile, camera="Another")
-    session.attempt(session.take_opened, Opened(profile=other), "other.npz")
-    assert "other.npz: a profile of Another, which is not used" in session.status.object
+    session.page.attempt(session.take_opened, Opened(profile=other), "other.npz")
+    assert "other.npz: a profile of Another, which is not used" in session.page.status.object
     assert session.profile is profile and session.opened.profile is None
     session.begin(None)
     session.take_opened(Opened(profile=other), "other.npz")
@@ -236,35 +236,35 @@ def polled(session: Session, until: Callable[[], bool]) -> None:
     deadline = time.monotonic() + 120
     while not until():
         assert time.monotonic() < deadline
-        session.poll()
+        session.work.poll()
         time.sleep(0.02)
 
 
 def test_what_is_started_meanwhile_waits_for_its_turn(served: tuple[Page, Document]) -> None:
     session, results = served[0].session, list[int]()
     for number in (1, 2):
-        session.start(f"job {number}", results.append, doubled, number)
-    assert "job 2: comes after job 1" in session.status.object
+        session.work.start(f"job {number}", results.append, doubled, number)
+    assert "job 2: comes after job 1" in session.page.status.object
     polled(session, lambda: len(results) == 2)
-    assert results == [2, 4] and not session.cancel.visible
+    assert results == [2, 4] and not session.work.cancel_button.visible
 
 
 def test_a_picture_is_opened_beside_a_fit(served: tuple[Page, Document], tmp_path: Path) -> None:
     session, results = served[0].session, list[int]()
-    session.start("a fit", results.append, endless, tmp_path / "alive")
-    session.start("a picture", results.append, endless, tmp_path / "alive too", short=True)
-    session.start("the next picture", results.append, doubled, 21, short=True)  # takes its place
+    session.work.start("a fit", results.append, endless, tmp_path / "alive")
+    session.work.start("a picture", results.append, endless, tmp_path / "alive too", short=True)
+    session.work.start("the next picture", results.append, doubled, 21, short=True)  # takes its place
     polled(session, lambda: results == [42])
-    assert session.cancel.visible
-    session._cancel()
-    assert "a fit: cancelled" in session.status.object and not session.cancel.visible
+    assert session.work.cancel_button.visible
+    session.work.cancel()
+    assert "a fit: cancelled" in session.page.status.object and not session.work.cancel_button.visible
 
 
 def test_what_is_clicked_while_a_job_ends_is_done(served: tuple[Page, Document]) -> None:
     """A click whose callback is due after the news of a job, which draw all controls anew, is not undone by them."""
     page, document = served
     name, paper = next(iter(page.pages["Shots"].papers.items()))
-    page.session.guarded(page.session.on_change)()  # as a job does that has ended
+    page.session.page.guarded(page.session.page.on_change)()  # as a job does that has ended
     (news,) = document.session_callbacks
     paper[0].value = False
     (click,) = set(document.session_callbacks) - {news}
@@ -314,10 +314,10 @@ def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path)
     assert {"darktable", "rawtherapee"} <= set(view.program.options)
     view._save_profile()
     card = view.main[0]
-    page.session.on_change()
+    page.session.page.on_change()
     assert view.main[0] is card
     page.session.chosen = ChosenLook("", "vivid/tungsten")
-    page.session.on_change()
+    page.session.page.on_change()
     assert "(stale)" in view.main[0][0].object
 
 
@@ -345,10 +345,10 @@ def test_a_folder_of_raw_files_is_offered_by_its_name(tmp_path: Path) -> None:
 def test_an_error_goes_with_the_next_step(tmp_path: Path) -> None:
     page = opened(tmp_path)
     page.pages["Shots"].path.value = "../outside"
-    page.session.guarded(page.pages["Shots"]._open)()
-    assert 'role="alert"' in page.session.status.object
+    page.session.page.guarded(page.pages["Shots"]._open)()
+    assert 'role="alert"' in page.session.page.status.object
     page.show("Model")
-    assert "alert" not in page.session.status.object
+    assert "alert" not in page.session.page.status.object
 
 
 def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
@@ -356,7 +356,7 @@ def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
     paired = Workspace(samples, find_pairs(samples))
     for workspace, shown in ((Workspace(replace(samples)), "saturation"), (paired, "srgb_btf")):
         page.session.begin(workspace)
-        page.session.on_change()
+        page.session.page.on_change()
         page.show("Samples")
         view = page.pages["Samples"]
         assert view.first.value == shown
@@ -369,7 +369,7 @@ def test_a_profile_without_raw_works_in_every_step(tmp_path: Path) -> None:
     page = opened(tmp_path, calibrate(reference, CalibrationOptions(centres=60)))
     for workspace in (None, with_profile(Workspace(reference), page.session.require_profile())):
         page.session.begin(workspace)
-        page.session.on_change()
+        page.session.page.on_change()
         for step in STEPS:
             page.show(step)
     look = page.pages["Look"]
@@ -567,7 +567,7 @@ def test_what_is_a_bracket(bracket_folder: Path, tmp_path: Path) -> None:
 def test_a_response_is_exported_as_by_the_command_line(bracket_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = opened_bracket(bracket_folder)
     session, shots = page.session, page.pages["Shots"]
-    assert "a bracket of" in session.status.object and "press Fit response" in shots.notes.object
+    assert "a bracket of" in session.page.status.object and "press Fit response" in shots.notes.object
     assert shots.bracket.visible and not shots.response.visible
     workspace = session.require_workspace()
     assert len(workspace.samples) > 100 and not workspace.has_raw and workspace.pairs is not None
@@ -690,7 +690,7 @@ def test_a_photograph_that_is_dropped_is_shown(profile: CameraProfile, tmp_path:
     look.drop.param.update(value=picture, filename="dropped.jpg", mime_type="image/jpeg")
     assert look.view.title == "dropped.jpg" and look.view.picture == picture
     look.drop.param.update(value=b"text", filename="notes.txt", mime_type="text/plain")
-    assert "not a photograph" in page.session.status.object
+    assert "not a photograph" in page.session.page.status.object
     look.drop.param.update(value=picture, filename="../../out.jpg", mime_type="image/jpeg")
     assert look.view.title == "out.jpg" and list(tmp_path.glob("*.jpg")) == [tmp_path / "silent.jpg"]
     page.session.close()
@@ -764,8 +764,8 @@ def test_a_style_whose_name_has_a_slash_is_no_traceback(profile: CameraProfile, 
     styles = {"day/night": profile.styles["standard"]}
     page = opened(tmp_path, replace(profile, styles=styles))
     for step in STEPS:
-        page.session.attempt(page.show, step)
-        assert "this failed" not in page.session.status.object, step
+        page.session.page.attempt(page.show, step)
+        assert "this failed" not in page.session.page.status.object, step
 
 
 def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: CameraProfile, tmp_path: Path) -> None:
@@ -779,7 +779,7 @@ def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: Camera
     look.wanted.style.value = "vivid"
     assert states_of(session)["Look"] == "to do"
     look.wanted.balance.value = AS_SHOT
-    assert "alert" not in session.status.object
+    assert "alert" not in session.page.status.object
     page.show("Export")
     export = page.pages["Export"]
     export.program.value = "rawtherapee"
@@ -828,7 +828,7 @@ def test_a_page_that_loads_does_not_end_with_a_tab_that_is_closed(tmp_path: Path
     held = next(held for held in kept._held if held.session is closed.session)
     kept.leave(closed.session, held.is_shown)
     loading.session.begin(Workspace(chart_samples(patches=9)))
-    loading.session.on_change()
+    loading.session.page.on_change()
     assert loading.pages["Shots"].papers  # it still draws what changes
 
 
