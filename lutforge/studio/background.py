@@ -19,17 +19,21 @@ class Background:
 
     def attach(self, page: PageLink) -> None:
         """Report to a page from now on."""
-        self.page = page
-        self.cancel_button = page.button("Cancel", self.cancel, visible=False)
+        self._report_to(page)
         if self.queue.works:
             self._wait()
 
-    def detach(self) -> None:
-        """Report to nobody: what is short, of which only a page makes use, ends."""
+    def detach(self, page: PageLink) -> None:
+        """Report to a link that no page has; what is short, of which only a page makes use, ends."""
+        self._report_to(page)
         if self._polling is not None:
             self._polling.stop()
             self._polling = None
         self.queue.end([work for work in self.queue.works if work.short])
+
+    def _report_to(self, page: PageLink) -> None:
+        self.page = page
+        self.cancel_button = page.button("Cancel", self.cancel, visible=False)
 
     def start(
         self,

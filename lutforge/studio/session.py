@@ -83,8 +83,8 @@ class Session:
 
     def detach(self) -> None:
         """Let go of a page that is closed: long work goes on, and its result waits for the next page."""
-        self.work.detach()
         self.page = PageLink()
+        self.work.detach(self.page)
 
     @property
     def is_empty(self) -> bool:

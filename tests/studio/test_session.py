@@ -1,11 +1,13 @@
 """What a visitor may reach, and work in another process: cancelled at once, errors in one line."""
 
+import gc
 import os
 import shlex
 import signal
 import subprocess
 import sys
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -849,6 +851,15 @@ def test_a_session_that_goes_on_shows_its_photograph_and_look(profile: CameraPro
     assert page.session.look == before and again.view.a and page.shown == "Look"
     page.session.undo()
     assert again.ev.value == 0 and again.wanted.kelvin.value == 4000
+
+
+def test_a_page_is_freed_while_its_session_is_kept(tmp_path: Path) -> None:
+    page = opened(tmp_path, workspace=Workspace(chart_samples(patches=9)))
+    session, freed = page.session, weakref.ref(page)
+    session.detach()
+    del page
+    gc.collect()
+    assert freed() is None and session.workspace is not None
 
 
 def test_what_a_cancelled_job_was_writing_is_removed(tmp_path: Path) -> None:
