@@ -251,6 +251,11 @@ class Session:
         self.page.say(f"{names}: {news}")
         self.page.on_change()
 
+    def dropped_folder(self, purpose: str) -> Path | None:
+        """The folder of what was dropped for a purpose; None where nothing was."""
+        folder = None if self.dropped is None else Path(self.dropped.name) / purpose
+        return folder if folder is not None and folder.is_dir() else None
+
     def keep_dropped(self, purpose: str, names: Any, contents: Any) -> tuple[Path, ...]:
         """Write files that were dropped into a folder of this session, one for each purpose. Returns their paths.
 

@@ -4,7 +4,6 @@ from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,7 +44,6 @@ class ShotsPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.dropped: Path | None = None  # the folder of files that were dropped
         self._drawn: tuple[object, ...] | None = None
         self.papers: dict[str, pmui.Paper] = {}  # by shot: its box and its card
         self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, sizing_mode="stretch_width")
@@ -86,7 +84,7 @@ class ShotsPage:
 
     def _open(self) -> None:
         named = ui.written(self.path) or self.listed.value
-        dropped = self.dropped if not named else None
+        dropped = self.session.dropped_folder("shots") if not named else None
         self.session.open((dropped or self.session.folders.inside(named),))
 
     def _take(self) -> None:
@@ -94,9 +92,9 @@ class ShotsPage:
         names: Any = self.drop.filename
         if not self.drop.value or not names:
             return
-        self.dropped = self.session.keep_dropped("shots", names, self.drop.value)[0].parent
+        kept = self.session.keep_dropped("shots", names, self.drop.value)
         self.path.value = self.listed.value = ""
-        self.session.open((self.dropped,))
+        self.session.open((kept[0].parent,))
 
     def _enable(self) -> None:
         self.light.disabled = self.corners.disabled = not self.chart.value
