@@ -66,7 +66,7 @@ export function render({ model, el }) {
     "aria-valuemax": 100 }, make("span", { "aria-hidden": "true" }));
   const left = make("div", { className: "side left" }), right = make("div", { className: "side right" });
   const cross = make("div", { className: "cross", hidden: true });
-  const empty = make("p", { className: "empty" }, "No picture yet.");
+  const empty = make("p", { className: "empty" }, "No picture yet: choose a photograph, or drop one here.");
   const words = make("span", {}), help = make("button", { type: "button" }, "Begin with the usual ones");
   const notice = make("div", { className: "notice", role: "alert", hidden: true }, words, help);
   help.addEventListener("click", () => model.send_msg("help"));

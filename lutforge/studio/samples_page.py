@@ -126,6 +126,7 @@ class SamplesPage:
         accounts = self.session.opened.accounts
         ui.offer(self.picture_of, [account.shot for account in accounts if account.cells is not None])
         self.groups.options = list(workspace.groups)
+        self.groups.visible = bool(workspace.groups)
         for show in self.bound:
             show(workspace)
         outside = "; ".join(f"{COLUMNS[name].title}: {out.sum():,}" for name, out in workspace.filtered.items())
