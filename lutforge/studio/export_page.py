@@ -33,7 +33,7 @@ LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vl
 
 
 class ExportPage:
-    """The last step."""
+    """The page of the last step: what can be written, and what was."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -69,7 +69,7 @@ class ExportPage:
         ]
 
     def refresh(self) -> None:
-        """What was written, and whether it is of the model and look as they are; the programs that a kit can be for."""
+        """Draw what was written, stale where model or look have changed since, and offer programs for a kit."""
         session = self.session
         if session.profile is not None:
             ui.offer(self.program, kits_of(session.profile, session.look.target))
@@ -85,7 +85,7 @@ class ExportPage:
             self.main[:] = list(self._cards.values()) or [ui.text(ui.paragraphs(nothing))]
 
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
-        """What was written: lines that tell of it, and its command."""
+        """A card of what was written: what there is to know of it, and its command."""
         title = f"{made.what}: {self.session.folders.name(made.path)}{' (stale)' if stale else ''}"
         shown = ui.text(ui.html("<h2>{}</h2>{}", title, ui.paragraphs(*made.lines)))
         command = ui.html("<code>{}</code>", made.command) if made.command else ui.Html("")

@@ -1,4 +1,4 @@
-"""What can be undone: changes by the step in which they were made, each with a name."""
+"""The history of a session: changes that can be undone, by the step in which they were made, each with a name."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any

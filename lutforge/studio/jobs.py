@@ -19,12 +19,12 @@ from lutforge.atomic_write import discard_unfinished
 from lutforge.errors import LutForgeError, one_line
 
 PATIENCE_S = 2.0
-"""How long a cancelled job may take to remove what it had begun to write; compiled code hears no signal meanwhile."""
+"""Seconds for a cancelled job to remove what it had begun to write; compiled code hears no signal meanwhile."""
 
 
 @cache
 def _context() -> Any:
-    """How processes are started: from a server that has loaded the fits already, where the system can fork."""
+    """The way to start processes: from a server that has loaded the fits already, where the system can fork."""
     context: Any = multiprocessing.get_context("forkserver" if os.name == "posix" else "spawn")
     if os.name == "posix":
         context.set_forkserver_preload(["lutforge.studio.opening", "numba"])  # numba takes a second of each fit else

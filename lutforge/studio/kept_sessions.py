@@ -23,7 +23,7 @@ class _Held:
 
 
 class KeptSessions:
-    """All sessions of a server that are shown, and of those whose tab is closed the last few with anything in them."""
+    """The sessions of a server: those that are shown, and the last few with anything in them whose tab is closed."""
 
     def __init__(self) -> None:
         self._held: list[_Held] = []

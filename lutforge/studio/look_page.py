@@ -114,7 +114,7 @@ class SettingControl:
 
 
 class LookPage:
-    """The fourth step."""
+    """The page of the fourth step: a photograph, the settings it was taken with, and those wanted."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -166,7 +166,7 @@ class LookPage:
         self._grade()
 
     def _controls(self) -> dict[str, Any]:
-        """What the controls show, by their labels."""
+        """The values of the controls, by their labels."""
         return {name: widget.value for name, widget in self.moved.items()}
 
     def _take(self, name: str, value: Any) -> None:

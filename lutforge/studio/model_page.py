@@ -32,7 +32,7 @@ def with_preset(now: Workspace, preset: type[CalibrationOptions] | type[ThesisOp
 
 
 class ModelPage:
-    """The third step."""
+    """The page of the third step: fits with their options, and views of what they found."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -98,7 +98,7 @@ class ModelPage:
         return self.session.bind(widget, given, put)
 
     def refresh(self) -> None:
-        """Everything, from the session's workspace."""
+        """Draw the controls and the view of the session's workspace."""
         workspace = self.session.workspace
         if workspace is not None:
             names = {MODELS[name] + (" (stale)" if workspace.is_stale(name) else ""): name for name in workspace.models}
@@ -116,7 +116,7 @@ class ModelPage:
         view.draw()
 
     def _count(self) -> None:
-        """What a fit would take, in words."""
+        """Show how many samples the chosen fit takes, and what it builds on."""
         workspace = self.session.workspace
         kind = self.kind.value
         if workspace is None:
@@ -168,7 +168,7 @@ class View:
         self.layout = pn.Column(pn.Row(*controls, sizing_mode="stretch_width"), drawn, **ui.FILL)
 
     def draw(self) -> None:
-        """Everything, from the session's workspace and profile."""
+        """Draw the session's workspace and profile."""
 
 
 class FitView(View):
@@ -181,7 +181,7 @@ class FitView(View):
         super().__init__(session, beside=self.numbers)
 
     def draw(self) -> None:
-        """Everything, from the session's workspace and profile."""
+        """Draw the session's workspace and profile."""
         response = None
         words = ui.paragraphs("The matrix and the white balances stand here after a fit.")
         profile = self.session.profile
@@ -236,7 +236,7 @@ class GamutView(View):
         super().__init__(session, self.direction, self.luminance, self.style)
 
     def draw(self) -> None:
-        """Everything, from the session's profile, or the last one with a gamut map."""
+        """Draw the gamut map of the session's profile, or of the last one that has any."""
         profile = self.session.profile
         workspace = self.session.workspace
         maps = dict[str, GamutMap | SolvedInverse]()
@@ -289,7 +289,7 @@ class LatticeView(View):
         super().__init__(session, self.direction, self.style, self.channel, self.level)
 
     def draw(self) -> None:
-        """Everything, from the session's workspace and profile."""
+        """Draw the session's workspace and profile."""
         direction = self.direction.value
         channel = int(self.channel.value)
         profile = self.session.profile

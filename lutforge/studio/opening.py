@@ -1,4 +1,4 @@
-"""What a visitor opens: paths inside the studio's folders; samples, shots, profiles and brackets."""
+"""Opening files: paths inside the studio's folders; samples, shots, profiles and brackets."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -76,7 +76,7 @@ class Folders:
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """What was opened.
+    """The contents of files that were opened.
 
     workspace: None where there are no samples; profile_source: the file of the profile; accounts: of shots; left_out:
     why other shots have none; bracket: pictures without RAW, where that is all.

@@ -113,7 +113,7 @@ class Page:
 
 
 class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
-    """What works in every step: Ctrl+Z, Ctrl+Shift+Z, double clicks that reset sliders, files dropped on the window."""
+    """The keys of every step, Ctrl+Z and Ctrl+Shift+Z; double clicks that reset sliders; files that are dropped."""
 
     _esm = (HERE / "keys.js").read_text(encoding="utf-8")
 
@@ -158,7 +158,7 @@ NEXT = {
     "Look": "Choose a photograph, and the style and white balance that you want.",
     "Export": "Write what your program needs: a kit, a LUT, a config. Each line can be run again as a command.",
 }
-"""What to do in each step."""
+"""Advice for each step."""
 
 
 def states_of(session: Session) -> dict[str, State]:

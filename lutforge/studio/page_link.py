@@ -1,4 +1,4 @@
-"""What goes between a session and the page that shows it: news, and callbacks of controls, guarded against errors."""
+"""The link of a session to the page that shows it: news, and callbacks of controls, guarded against errors."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -78,7 +78,7 @@ class PageLink:
 
     @contextmanager
     def setting(self) -> Iterator[None]:
-        """What a page sets meanwhile is no wish of the visitor: `watch` does not call back."""
+        """Set controls without being called back by `watch`: it is no wish of the visitor."""
         before = self.refreshing
         self.refreshing = True
         try:

@@ -53,7 +53,7 @@ PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7
 
 
 class SamplesPage:
-    """The second step."""
+    """The page of the second step: plots of samples, filters, marks and groups of outliers."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -112,7 +112,7 @@ class SamplesPage:
         )  # fmt: skip
 
     def refresh(self) -> None:
-        """Everything, from the session's workspace."""
+        """Draw the session's workspace."""
         workspace = self.session.workspace
         if workspace is None:
             return
@@ -272,7 +272,7 @@ class Points:
 
 
 def points(workspace: Workspace, plot: str, channel: int) -> Points:
-    """All points of one plot and channel that are known."""
+    """The points of one plot and channel, as far as they are known."""
     samples = workspace.samples
     pairs = workspace.pairs
     fitted = workspace.fitted

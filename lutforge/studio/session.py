@@ -1,4 +1,4 @@
-"""What one visitor has open: a workspace with its history, a look, what was written, and the work under way.
+"""The session of a visitor: a workspace with its history, a look, files that were written, and work under way.
 
 A session outlives the page that shows it: a page is attached to it, and detached when its tab is closed.
 """
@@ -37,7 +37,7 @@ class Written:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What a visitor has changed, and can undo. look_controls: of Look, by name; the others as in `Session`."""
+    """The part of a session that can be undone. look_controls: of Look, by name; the others as in `Session`."""
 
     workspace: Workspace | None
     opened: Opened
@@ -135,7 +135,7 @@ class Session:
 
     @property
     def state(self) -> State:
-        """What is open and chosen now."""
+        """The part of this session that can be undone, as it is now."""
         return State(**{field.name: getattr(self, field.name) for field in fields(State)})
 
     def _restore(self, state: State) -> None:

@@ -40,7 +40,7 @@ FIT = "Name the chart, if the pictures show one, and press Fit response; untick 
 
 
 class ShotsPage:
-    """The first step."""
+    """The page of the first step: files to open, shots as cards, brackets and their responses."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -118,7 +118,7 @@ class ShotsPage:
         self.session.work.start("response", done, ResponseRequest.fit, request, None)
 
     def refresh(self) -> None:
-        """Everything, from what the session has opened."""
+        """Draw what the session has opened."""
         session = self.session
         bracket = self.session.opened.bracket
         workspace = session.workspace
@@ -210,7 +210,7 @@ def card_of(name: str, pictures: dict[str, NDArray[np.uint8]], facts: list[str])
 
 
 def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile: CameraProfile | None) -> list[str]:
-    """What is known of a shot, a line each: settings, samples and vignetting."""
+    """Facts of a shot, a line each: settings, samples and vignetting."""
     time = float(samples.exposure_s[0])
     balance = samples.white_balance[0]
     seconds = f", {exposure_time(time)}" if np.isfinite(time) else ""

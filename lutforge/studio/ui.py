@@ -1,4 +1,4 @@
-"""What pages are made of: controls by their labels, figures, and HTML in which all that comes from files is text."""
+"""Parts of pages: controls by their labels, figures, and HTML in which all that comes from files is text."""
 
 from collections.abc import Iterable
 from html import escape
@@ -83,7 +83,7 @@ def checkbox(label: str, value: bool = False) -> pmui.Checkbox:
 
 
 def written(line: pmui.TextInput) -> str:
-    """What stands in a line, whether or not it was finished with the enter key."""
+    """The text in a line, whether or not it was finished with the enter key."""
     return str(line.value_input or line.value or "").strip()
 
 

@@ -70,7 +70,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class FitTask:
-    """What a fit takes: samples (n,), options, and the stages, fitted before, that it stands on.
+    """The inputs of a fit: samples (n,), options, and the stages, fitted before, that it stands on.
 
     stages: a model of the kind "matrix", whose response, matrix and white balances are taken; None fits them anew.
     """
@@ -207,7 +207,7 @@ class Workspace:
         return np.asarray(~rows | ((self.hand < 0) & ~self.removed))
 
     def task(self, kind: str) -> FitTask:
-        """What a fit of this kind would take now."""
+        """The inputs that a fit of this kind takes now."""
         options = self.options
         if isinstance(options, ThesisOptions):
             options = replace(options, without_pairs=tuple(sorted(self.unticked)))
