@@ -78,10 +78,13 @@ class SettingControl:
         if kelvins is not None:
             low, high = round(kelvins[0] + 50, -2), round(kelvins[1] - 50, -2)
             self.kelvin.param.update(start=low, end=high, value=min(max(self.kelvin.value, low), high))
-        self.begin_multipliers()
+        self.follow()
 
-    def begin_multipliers(self) -> None:
-        """Begin multipliers that are to be written with the usual ones."""
+    def follow(self) -> None:
+        """Let the temperature be that of the chosen white balance, and multipliers begin with the usual ones."""
+        preset = self.profile.white_balances.get(self.balance.value)
+        if preset is not None and preset.kelvin is not None:
+            ui.set_possible(self.kelvin, preset.kelvin)
         if self.balance.value == BY_MULTIPLIERS and not ui.written(self.multipliers):
             gains = self.profile.multipliers(usual_setting(self.profile))
             begin = ",".join(f"{gain:.4g}" for gain in gains / gains[1])
@@ -161,7 +164,7 @@ class LookPage:
             for name, value in self.session.look_controls.items():
                 ui.set_possible(self.moved[name], value)
             for control in (self.wanted, self.source):
-                control.begin_multipliers()
+                control.follow()
             self.session.look_controls = self._controls()
         self._grade()
 
@@ -254,7 +257,7 @@ class LookPage:
     def _change(self) -> None:
         with self.session.page.setting():
             for control in (self.wanted, self.source):
-                control.begin_multipliers()
+                control.follow()
         self.session.look_controls = self._controls()
         self._grade()
 

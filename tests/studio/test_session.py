@@ -671,6 +671,18 @@ def test_multipliers_that_are_written_are_the_white_balance(profile: CameraProfi
     assert page.session.look.target == "standard/daylight" and page.undo.disabled
 
 
+def test_the_temperature_begins_at_the_chosen_white_balance(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    look.wanted.balance.value = "cloudy"
+    assert look.wanted.kelvin.value == 6000 and page.session.look.target == "standard/cloudy"
+    look.wanted.kelvin.value = 5000
+    assert page.session.look.target == "standard/5000K"
+    page.session.undo()
+    assert look.wanted.kelvin.value == 6000 and page.session.look.target == "standard/cloudy"
+
+
 def test_the_usual_setting_is_one_that_shots_were_taken_with(profile: CameraProfile) -> None:
     assert usual_setting(profile) == "standard/daylight"
     on_tungsten = {
