@@ -271,7 +271,8 @@ class GamutView(View):
             ui.lines_in_space(before[-1:][..., order], "#4f83e0", 5.0),
             ui.dots_in_space(figures.centres_near(gamut_map, level)[:, order], CHANNELS[0][1]),
         ]
-        title = f"{name}, Y = {level:.2f}: where the gamut map takes this slice"
+        drawn = "gamut map" if self.direction.value == "render" else "inverse gamut map"
+        title = f"{name}, Y = {level:.2f}: where the {drawn} takes this slice"
         self.space.show(title, traces, ("R", "B", "G"))
 
 

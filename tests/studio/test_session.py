@@ -719,6 +719,8 @@ def test_the_gamut_map_is_drawn_in_both_directions(profile: CameraProfile, tmp_p
     for direction in ("render", "linearize"):
         view.direction.value = direction
         surface = view.space.plot.data[0]
+        inverse = "inverse" in view.space.plot.layout["title"]["text"]
+        assert inverse == (direction == "linearize")
         assert surface["type"] == "surface" and np.isfinite(surface["z"]).all()
         heights.append(np.array(surface["z"]))
     assert np.abs(heights[0] - heights[1]).max() > 1e-3
