@@ -65,6 +65,8 @@ class Job:
                 self.report = news.recv()
         except (EOFError, OSError):
             self.report = JobReport("failed", "the calculation ended without a result, perhaps out of memory")
+        except Exception as error:  # of arguments or a result that cannot be pickled
+            self.report = JobReport("failed", f"{type(error).__name__}: {one_line(str(error), 300)}")
         finally:
             self._started.set()
             news.close()

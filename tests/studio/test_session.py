@@ -91,6 +91,7 @@ def test_a_job_brings_its_result_or_one_line() -> None:
     assert (failed.state, failed.message) == ("failed", "two lines")
     assert raised.state == "failed" and "ZeroDivisionError: never" in raised.message
     assert dead.state == "failed" and "without a result" in dead.message
+    assert Job(lambda progress: None).wait(120).state == "failed"  # which no other process can be given
 
 
 def test_cancelling_ends_the_process(tmp_path: Path) -> None:
