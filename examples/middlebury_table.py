@@ -23,7 +23,7 @@ from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.further_errors import delta
 from lutforge.evaluation.polynomials import colour_polynomial, mixed_channel_polynomials
-from lutforge.model.profile_data import CameraModel
+from lutforge.model.profile import CameraModel
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from lutforge.model.raw_transfer import load_transfer as load_transfer
     from lutforge.ocio.config import build_config as build_config
     from lutforge.pipeline.baking import bake as bake
-    from lutforge.pipeline.baking import transform as transform
     from lutforge.pipeline.calibration import calibrate as calibrate
     from lutforge.pipeline.configs import write_config as write_config
     from lutforge.pipeline.evaluation import evaluate as evaluate
@@ -50,6 +49,7 @@ if TYPE_CHECKING:
     from lutforge.pipeline.reports import report as report
     from lutforge.pipeline.response import response as response
     from lutforge.pipeline.sampling import sample as sample
+    from lutforge.pipeline.transforms import transform as transform
     from lutforge.samples.sample_set import SampleSet as SampleSet
     from lutforge.samples.table import read_samples as read_samples
 
@@ -74,7 +74,7 @@ _HOMES = {
     "report": "pipeline.reports",
     "response": "pipeline.response",
     "sample": "pipeline.sampling",
-    "transform": "pipeline.baking",
+    "transform": "pipeline.transforms",
     "write_config": "pipeline.configs",
     "write_kit": "pipeline.kits",
 }

@@ -106,7 +106,7 @@ def guarded(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> 
     arguments and its value are pickled. What it raises is raised here; OverrunError where it takes more than SECONDS or
     MEMORY, or ends the process. Ctrl-C ends the call.
     """
-    import pickle
+    import pickle  # imported here: most commands guard nothing
 
     with _guarding:
         process = _guard_process()
@@ -150,7 +150,7 @@ def _guard_process() -> Any:  # a process with its channels
 
 def serve() -> None:
     """Answer guarded calls until the process that asks is gone."""
-    import pickle
+    import pickle  # imported here: most commands guard nothing
 
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer

@@ -3,7 +3,7 @@
 import math
 import re
 from dataclasses import dataclass
-from typing import SupportsFloat
+from typing import Literal, SupportsFloat
 
 from lutforge.errors import SettingsError
 
@@ -57,6 +57,44 @@ class Multipliers:
         return ",".join(f"{value:g}" for value in self.rgb)
 
 
+ColourSpace = Literal["srgb", "adobe rgb"]
+"""The colour spaces that cameras encode their JPEGs in."""
+
+
+@dataclass(frozen=True)
+class StyleName:
+    """A picture style as a camera's settings name it: its name, adjustments in steps, and the JPEG's colour space.
+
+    Its text is "vivid contrast+1 adobe rgb": adjustments and colour space follow the name, sRGB is not mentioned.
+    """
+
+    name: str
+    adjustments: tuple[tuple[str, float], ...] = ()
+    colour_space: ColourSpace = "srgb"
+
+    def __str__(self) -> str:
+        space = () if self.colour_space == "srgb" else (self.colour_space,)
+        words = [self.name, *(f"{part}{steps:+g}" for part, steps in self.adjustments), *space]
+        return " ".join(word for word in words if word)
+
+    @classmethod
+    def parse(cls, text: str) -> "StyleName":
+        """The record of a text, whatever it is: what is no adjustment or colour space belongs to the name."""
+        space: ColourSpace = "srgb"
+        if (ending := re.search(r"(?:^| )adobe rgb$", text)) is not None:
+            text, space = text[: ending.start()], "adobe rgb"
+
+        adjustments = list[tuple[str, float]]()
+        while (adjusted := _ADJUSTMENT.search(text)) is not None:
+            adjustments.insert(0, (adjusted[1], float(adjusted[2])))
+            text = text[: adjusted.start()]
+        return cls(text, tuple(adjustments), space)
+
+
+_ADJUSTMENT = re.compile(r"(?<=\S) (color tone|[a-z]+)([+-]\d+(?:\.\d+)?)$")
+"""The last adjustment of a style's text; "color tone" is the one of two words."""
+
+
 @dataclass(frozen=True)
 class Selector:
     """A picture style and a white balance: a name of the profile, a temperature, or explicit multipliers.
@@ -70,6 +108,11 @@ class Selector:
 
     def __str__(self) -> str:
         return f"{self.style}/{self.white_balance}"
+
+    @property
+    def colour_space(self) -> ColourSpace:
+        """The colour space of JPEGs in the style."""
+        return StyleName.parse(self.style).colour_space
 
 
 @dataclass(frozen=True)

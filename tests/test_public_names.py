@@ -15,9 +15,9 @@ import pytest
 import lutforge as lf
 from lutforge.errors import SampleError, ShotError
 from lutforge.pipeline.sampling import gather_samples, sample_shots
-from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from tests.cases.profiles import small_profile
 from tests.cases.samples import chart_140, made_samples, photograph_patches
@@ -184,7 +184,7 @@ def test_a_bad_shot_is_left_out_and_named(tmp_path: Path) -> None:
 
 def test_a_table_that_is_named_twice_counts_once(tmp_path: Path) -> None:
     samples = photograph_patches(nikon_d5100(), chart_140()[:8], balances=("daylight",), stops=(-1,))
-    write_samples(tmp_path / "a.csv", samples)
+    samples.save(tmp_path / "a.csv")
     (tmp_path / "again.csv").symlink_to(tmp_path / "a.csv")
     found = gather_samples([tmp_path / "a.csv", tmp_path / "." / "a.csv", tmp_path / "again.csv"])
     assert len(found.samples) == len(samples)
@@ -197,11 +197,11 @@ def test_a_folder_beside_its_own_table_counts_once(tmp_path: Path) -> None:
         settings = CameraSettings("standard", "daylight", seconds)
         photograph(camera, SCENES["wall"](404, 608, 3), settings, tmp_path, name)
     sampled = sample_shots([tmp_path]).samples
-    write_samples(tmp_path / "both.csv", sampled)
-    write_samples(tmp_path / "one.csv", sampled.select(sampled.shot == "first"))
+    sampled.save(tmp_path / "both.csv")
+    sampled.select(sampled.shot == "first").save(tmp_path / "one.csv")
     edited = sampled.select(np.flatnonzero(sampled.shot == "first")[:-1])
     other = replace(edited, srgb=edited.srgb[:, ::-1])  # of the same name, and another photograph
-    write_samples(tmp_path / "other.csv", other)
+    other.save(tmp_path / "other.csv")
     for tables, more in ((["both.csv"], 0), (["one.csv", "both.csv"], 0), (["other.csv"], len(other))):
         paths = [tmp_path / table for table in tables]
         assert len(gather_samples([*paths, tmp_path]).samples) == len(sampled) + more

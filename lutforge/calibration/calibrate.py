@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.coverage_notes import thin_colours, thin_settings
-from lutforge.calibration.lattice.fit import node_coverage
+from lutforge.calibration.coverage_notes import thin_settings
+from lutforge.calibration.each_style import fit_styles, notes_on_fits
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.steps import (
     State,
@@ -23,11 +23,11 @@ from lutforge.calibration.steps import (
 from lutforge.calibration.style import StyleData, fit_lattices, style_data
 from lutforge.calibration.white_balance import named_white_balances
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.gamut_map import identity_gamut_map
-from lutforge.model.profile_data import CameraModel, PictureStyle
+from lutforge.model.profile import CameraModel, PictureStyle
+from lutforge.model.provenance import OwnRaw
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
-from lutforge.threads import each, one_blas_thread
+from lutforge.threads import one_blas_thread
 
 STEPS: tuple[Step, ...] = (
     use_reference_raw,
@@ -69,26 +69,12 @@ def calibrate(
             centres=options.centres,
         )
 
-    def fit_style(name: str) -> PictureStyle:
-        style = data[name]
-        lattices = fit_lattices(style, options)
-        coverage = {direction: node_coverage(one, style.both[direction][0]) for direction, one in lattices.items()}
-        models = () if style.monochrome else (style.model,)
-        return PictureStyle(lattices.render, lattices.linearize, models, coverage=coverage)
+    def models_of(name: str) -> tuple[CameraModel, ...]:
+        return () if data[name].monochrome else (data[name].model,)
 
-    progress(f"fitting {', '.join(data)}", 0.0)
-    styles = {}
-    for name, fitted_style in zip(data, each(fit_style, list(data)), strict=True):
-        styles[name] = fitted_style
-        progress(f"{name}: fitted", len(styles) / len(data))
-    progress("done", 1.0)
-
+    styles = fit_styles(data, models_of, lambda style: fit_lattices(style, options), progress)
     matrix = matrix_of(data) if given is None else given.matrix
-    notes = thin_settings(state.samples)
-    if clipped:
-        notes.append(f"{clipped} of {len(state.samples)} samples are clipped and take no part in the fit")
-    for name, style in data.items():
-        notes += thin_colours(style.encoded, name, monochrome=style.monochrome)
+    notes = [*thin_settings(state.samples), *notes_on_fits(data, clipped, len(state.samples))]
     return assembled(state, matrix, styles, options.as_json(), notes), data
 
 
@@ -107,9 +93,8 @@ def calibrate_base(
     progress("done", 1.0)
 
     balances = tuple(str(name) for name in np.unique(state.samples.white_balance))
-    unchanged = identity_gamut_map()
     styles = {
-        name: PictureStyle(models=(CameraModel(balances, base.matrix, base.response, unchanged, unchanged),))
+        name: PictureStyle(models=(CameraModel.without_gamut_map(balances, base.matrix, base.response),))
         for name, base in bases.items()
     }
     largest = max(bases, key=lambda name: int(state.rows(name).sum()), default="")
@@ -153,8 +138,14 @@ def assembled(
         shots=tuple(name for name, _ in state.samples.by_shot()),
         options=options,
         notes=(*state.notes, *notes, *([by_matrix] if computed else [])),
-        raw_camera=state.raw_camera,
-        raw_transfer=state.raw_transfer,
+        provenance=state.provenance,
+        dng_camera=_dng_camera(state.samples) if isinstance(state.provenance, OwnRaw) else "",
         vignettings=state.vignettings,
         diagnoses=state.diagnoses,
     )
+
+
+def _dng_camera(samples: SampleSet) -> str:
+    """The UniqueCameraModel that all DNG files among the shots state; "" where there is none, or they disagree."""
+    stated = np.unique(samples.dng_camera[samples.dng_camera != ""])
+    return str(stated[0]) if len(stated) == 1 else ""

@@ -17,6 +17,9 @@ from lutforge.model.response import Response, inverse_emor, log_inverse_emor
 LEAST_SLOPE = 0.02
 """A curve rises at least this fraction as fast as EMoR's mean: no f⁻¹ is flat."""
 
+WHITE_SPREAD = 0.1
+"""Standard deviation of f⁻¹(1) around 1, beforehand: cameras render as white what saturates their sensor, or nearly."""
+
 SAMPLE = (255.0 / 0.4) ** 2
 """Precision of a JPEG value: rounding, and a little noise, have a standard deviation of 0.4 codes."""
 
@@ -53,9 +56,16 @@ class CurveBasis:
         )  # fmt: skip
 
     def with_white_by_one(self) -> "CurveBasis":
-        """The family less the curves that reach white beyond 1: f⁻¹(1) ≤ 1."""
-        rising, least = np.vstack([self.rising, -self.design[-1:]]), np.append(self.least, self.offset[-1] - 1.0)
-        return replace(self, rising=rising, least=least)
+        """The family less the curves that reach white beyond 1: f⁻¹(1) ≤ 1, and without samples near white about 1."""
+        white = self.design[-1]
+        lacking = 1.0 - self.offset[-1]
+        return replace(
+            self,
+            precision=self.precision + np.outer(white, white) / WHITE_SPREAD**2,
+            wanted=self.wanted + lacking * white / WHITE_SPREAD**2,
+            rising=np.vstack([self.rising, -white]),
+            least=np.append(self.least, -lacking),
+        )
 
 
 OF_VALUES, OF_BENDS = 0.01, 0.003

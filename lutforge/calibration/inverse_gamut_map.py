@@ -22,12 +22,12 @@ HOLD = 0.01
 
 
 def fit_inverse(
-    forward: GamutMap, response: Response, linear: Array, mapped: Array, weight: Array, whole: Mask
+    forward: GamutMap, matrix: Array, response: Response, linear: Array, mapped: Array, weight: Array, whole: Mask
 ) -> SolvedInverse:
     """The inverse of a gamut map, by likely scenes.
 
-    linear, mapped: X and h(X) of the scenes (m, 3), X = Ts Tw E; weight, whole: (m,), their weights, and which of them
-    no channel clips.
+    matrix: Ts (3, 3); linear, mapped: X and h(X) of the scenes (m, 3), X = Ts Tw E; weight, whole: (m,), their weights,
+    and which of them no channel clips.
     """
     top = float(max(to_even(response.inverse[-1], forward.offset).max(), 1e-3))
     even = np.clip(to_even(mapped[whole], forward.offset), 0.0, top)
@@ -42,4 +42,4 @@ def fit_inverse(
         prior=Prior(np.zeros(shape), np.full(shape, HOLD)),
         tolerance=1e-3,
     )
-    return SolvedInverse(forward, fitted.value, top)
+    return SolvedInverse(forward, matrix, fitted.value, top)

@@ -22,7 +22,7 @@ from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.matrix_and_response import encoded_residual, fit_matrix_and_response, with_matrix_of_all
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
-from lutforge.model.profile_data import Diagnosis
+from lutforge.model.profile import Diagnosis
 from lutforge.samples.sample_set import SampleSet, unclipped_colours
 
 FAR_BETTER = 2.5

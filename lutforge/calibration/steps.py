@@ -27,7 +27,8 @@ from lutforge.calibration.white_balance import (
 )
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_data import Diagnosis
+from lutforge.model.profile import Diagnosis
+from lutforge.model.provenance import OwnRaw, Provenance, ReferenceRaw
 from lutforge.model.reference_raw import with_own_raw
 from lutforge.model.vignetting import Vignetting
 from lutforge.samples.sample_set import SampleSet
@@ -38,9 +39,9 @@ class State:
     """Samples of one camera on their way to a profile, and the corrections that were applied to them.
 
     multipliers: Tw (n, 3) of the samples, with the gains of settings; beta, curves: as of `CalibrationOptions`; given:
-    a profile whose responses, matrices and white balances hold as they are, or None. raw_camera, raw_transfer: the
-    reference camera whose RAW replaces the camera's, and Tc (3, 3); "" and None for own RAW. notes: what a user should
-    know. bases: of the styles whose base was fitted to the present samples.
+    a profile whose responses, matrices and white balances hold as they are, or None. provenance: what the RAW of the
+    samples was: own, or a reference camera's. notes: what a user should know. bases: of the styles whose base was
+    fitted to the present samples.
     """
 
     samples: SampleSet
@@ -48,8 +49,7 @@ class State:
     beta: float = BETA
     curves: int = CURVES
     given: CameraProfile | None = None
-    raw_camera: str = ""
-    raw_transfer: Array | None = None
+    provenance: Provenance = field(default_factory=OwnRaw)
     vignettings: tuple[Vignetting, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
     notes: tuple[str, ...] = ()
@@ -128,8 +128,8 @@ def reference_raw_by(state: State, transform: Callable[[SampleSet], tuple[Sample
         return state
 
     raw_camera = str(samples.raw_camera[0])
-    if state.given is not None and state.given.raw_transfer is not None:
-        own, transfer = with_own_raw(state.given, samples), state.given.raw_transfer
+    if state.given is not None and isinstance(state.given.provenance, ReferenceRaw):
+        own, transfer = with_own_raw(state.given, samples), state.given.provenance.transfer
     else:
         own, transfer = transform(samples)
     check_one_camera(own)
@@ -138,7 +138,7 @@ def reference_raw_by(state: State, transform: Callable[[SampleSet], tuple[Sample
         lost = len(samples) - len(own)
         notes.append(f"{lost} of {len(samples)} samples are clipped, in the JPEG or in that RAW")
     own_state = replace(state, samples=own, multipliers=own.wb, notes=(*state.notes, *notes))
-    return replace(own_state, raw_camera=raw_camera, raw_transfer=transfer)
+    return replace(own_state, provenance=ReferenceRaw(raw_camera, transfer))
 
 
 def complete_white_balances(state: State) -> State:

@@ -19,7 +19,7 @@ from lutforge.calibration.options import BETA, CURVES, MOST_CENTRES, Calibration
 from lutforge.calibration.scenes import RenderedScenes, likely_scenes
 from lutforge.errors import CalibrationError
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import Both, CameraModel
+from lutforge.model.profile import ByDirection, CameraModel
 from lutforge.model.response import smooth_response
 from lutforge.samples.sample_set import SampleSet, unclipped_colours
 from lutforge.solvers.cross_validation import leave_groups_out
@@ -97,14 +97,14 @@ class StyleData:
         balances = tuple(str(name) for name in np.unique(self.samples.white_balance))
         scenes, base = self.scenes, self.base
         inverse = fit_inverse(
-            scenes.gamut_map, base.response, scenes.linear, scenes.mapped, scenes.weight, scenes.whole
+            scenes.gamut_map, base.matrix, base.response, scenes.linear, scenes.mapped, scenes.weight, scenes.whole
         )
         return CameraModel(balances, base.matrix, base.response, scenes.gamut_map, inverse)
 
     @property
-    def both(self) -> Both[tuple[Array, Array]]:
+    def both(self) -> ByDirection[tuple[Array, Array]]:
         """What each direction takes and gives at the samples, each (n, 3)."""
-        return Both((self.balanced, self.encoded), (self.encoded, self.balanced))
+        return ByDirection((self.balanced, self.encoded), (self.encoded, self.balanced))
 
     @cached_property
     def folds(self) -> list[tuple[Mask, "StyleData"]]:
@@ -179,13 +179,13 @@ def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleD
 
 
 @one_blas_thread
-def fit_lattices(data: StyleData, options: CalibrationOptions) -> Both[Lattice]:
+def fit_lattices(data: StyleData, options: CalibrationOptions) -> ByDirection[Lattice]:
     """The lattices of both directions of a style, baked from its camera model. Raises CalibrationError.
 
     A black-and-white style is linearized by the inverse of the greys of its rendering.
     """
     if data.monochrome:
         render = bake_render(data.model, data.scenes, options)
-        return Both(render, inverse_of_greys(render, options))
+        return ByDirection(render, inverse_of_greys(render, options))
     bakes = (bake_render, bake_linearize)
-    return Both(*each(lambda bake: bake(data.model, data.scenes, options), bakes))
+    return ByDirection(*each(lambda bake: bake(data.model, data.scenes, options), bakes))

@@ -27,7 +27,6 @@ def demo(
     from lutforge.pipeline.outputs import check_output
     from lutforge.pipeline.sampling import sample_shots
     from lutforge.reports.matplotlib_figure import calibration_sheet
-    from lutforge.samples.table import write_samples
 
     check_output(output / "report.html")
     taken = count()
@@ -39,7 +38,7 @@ def demo(
 
     with progress_bar("sampling") as progress:
         sampled = sample_shots(shots.calibration, progress)
-    write_samples(output / "samples.csv", sampled.samples)
+    sampled.samples.save(output / "samples.csv")
     say(f"2. Sample: {len(sampled.samples):,} colours that RAW and JPEG share: {output / 'samples.csv'}")
     for account in sampled.shots if verbose else ():
         say(f"   {account.summary}")
@@ -72,7 +71,8 @@ def demo(
 
 def _bake(profile: "lf.CameraProfile", shots: "DemoShots", folder: Path, verbose: bool) -> None:
     """Bake a LUT for each job, and say by how much the worst of the files differs from the model."""
-    from lutforge.pipeline.baking import TransformRequest, bake_files
+    from lutforge.pipeline.baking import bake_files
+    from lutforge.pipeline.transforms import TransformRequest
 
     jobs = (
         (TransformRequest("render", target=shots.target), ["render.clf"]),

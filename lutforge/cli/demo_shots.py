@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, Scene
 
 

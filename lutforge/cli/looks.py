@@ -74,7 +74,8 @@ def bake(
     ] = None,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
-    from lutforge.pipeline.baking import TransformRequest, bake_files
+    from lutforge.pipeline.baking import bake_files
+    from lutforge.pipeline.transforms import TransformRequest
 
     wanted = TransformRequest(kind, source, target, ev, space, model, other, transfer)
     with progress_bar("baking") as progress:

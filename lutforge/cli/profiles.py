@@ -83,7 +83,6 @@ def sample(
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
     from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output, named_or_new
     from lutforge.pipeline.sampling import raw_substitute, sample_by_reference, sample_shots
-    from lutforge.samples.table import write_samples
 
     output = check_output(named_or_new(output, "samples.csv"), TABLE_SUFFIXES, shots)
     if chart and reference is not None:
@@ -94,7 +93,7 @@ def sample(
         else:
             sampled = sample_shots(shots, progress, raw_substitute(developed, developed_space), chart)
     tell(sampled)
-    write_samples(output, sampled.samples)
+    sampled.samples.save(output)
     say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shot{'s' * (len(sampled.shots) != 1)}")
 
 
@@ -171,9 +170,9 @@ def response(
     ] = None,
 ) -> None:
     """Find the response of a camera without RAW from one scene at several exposures, and how exact these were."""
+    from lutforge.model.provenance import Chart
     from lutforge.pipeline.outputs import named_or_new
     from lutforge.pipeline.response import ResponseRequest
-    from lutforge.pipeline.sampling import CHART
 
     output = named_or_new(output, "camera.npz")
     words = (times or "", camera, all_colours, chart or "", light or "", corners or "")
@@ -188,8 +187,8 @@ def response(
         "stated, relative": [f"{time / least:.4g}" for time in exposures.values()],
         "true / stated": [f"{error[name]:.3f}" if name in error else "–" for name in exposures],
     }
-    if samples is not None:
-        say(f"{output}: {profile.camera}, {selector}, of the {profile.developer.removeprefix(CHART)}")
+    if samples is not None and isinstance(profile.provenance, Chart):
+        say(f"{output}: {profile.camera}, {selector}, of the {profile.provenance.lit}")
         used = {name: str(len(rows)) for name, rows in samples.by_shot()}
         seen = ["found" if name in fitted.found else "" for name in exposures]
         columns = {

@@ -4,10 +4,10 @@ The result is records, and one JSON document with stable keys.
 
     format        "lutforge-evaluation"; version: 1 (a key that exists keeps its meaning; new ones may be added)
     camera        the profile's; tables: whether the thesis's tables were asked for
-    rows          chapter 5: one entry per direction, style, shot ("all": together) and method, with held_out, count,
-                  mean, maximum, q1, median, q3 (of the Euclidean norm of the RGB difference, 1 = full scale), rmse
-                  (over channels), de00_mean, de00_max (null where the values are not display colours), fit_seconds and
-                  seconds_per_megapixel (null where they were not measured)
+    rows          chapter 5: one entry per direction, style, shot ("all", and all_shots true: together) and method, with
+                  held_out, count, mean, maximum, q1, median, q3 (of the Euclidean norm of the RGB difference, 1 = full
+                  scale), rmse (over channels), de00_mean, de00_max (null where the values are not display colours),
+                  fit_seconds and seconds_per_megapixel (null where they were not measured)
     raw           Fig. 4.5: JPEG → RAW before white balance: style, method, held_out, count, rmse, rmse_rgb
     linearization  equation (4.11): style, method, held_out, pairs, delta (r, g, b)
     edited        ΔE00 after exposure and white balance are changed: style, method, held_out, count, and de00, the means
@@ -43,8 +43,9 @@ from lutforge.evaluation import further_errors as further
 from lutforge.evaluation.figures import ErrorFigures, error_figures
 from lutforge.evaluation.methods import LATTICE, MODEL
 from lutforge.evaluation.predictions import Predictions, predict
-from lutforge.model.camera_profile import CameraProfile, is_response_alone
-from lutforge.model.profile_data import Direction
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.profile import Direction
+from lutforge.model.provenance import ResponseOnly
 from lutforge.model.reference_raw import with_own_raw
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.sample_set import SampleSet
@@ -55,14 +56,15 @@ from lutforge.thesis.options import stated_options
 class EvaluationRow:
     """One line of the error table.
 
-    direction: "render" or "linearize"; shot: a name, or "all"; method: what predicted; held_out: whether its fit had
-    not seen the shot. fit_seconds: of its fits, the median; seconds_per_megapixel: of its evaluation; None where they
-    were not measured.
+    direction: "render" or "linearize"; shot: a name, or "all" where all_shots is true; method: what predicted;
+    held_out: whether its fit had not seen the shot. fit_seconds: of its fits, the median; seconds_per_megapixel: of its
+    evaluation; None where they were not measured.
     """
 
     direction: Direction
     style: str
     shot: str
+    all_shots: bool
     method: str
     held_out: bool
     figures: ErrorFigures
@@ -132,13 +134,13 @@ def error_rows(style: str, predictions: Predictions) -> Iterator[EvaluationRow]:
         for method in predictions.methods:
             values = np.clip(predicted[method], 0.0, 1.0)
             known = np.all(np.isfinite(values), axis=1)
-            parts = {"all": known}
+            parts = [("all", True, known)]
             if method in (LATTICE, MODEL):
-                parts |= {str(shot): known & (data.shot == shot) for shot in np.unique(data.shot[known])}
-            for shot, rows in parts.items():
+                parts += [(str(shot), False, known & (data.shot == shot)) for shot in np.unique(data.shot[known])]
+            for shot, all_shots, rows in parts:
                 figures = error_figures(values[rows], measured[rows], display=display)
                 held_out = bool(np.all(predictions.held_out[rows]))
-                yield EvaluationRow(direction, style, shot, method, held_out, figures)
+                yield EvaluationRow(direction, style, shot, all_shots, method, held_out, figures)
 
 
 def evaluate(
@@ -155,7 +157,7 @@ def evaluate(
     tables: every method of the thesis's tables, with its times, whatever the profile holds; sizes: nodes per axis of
     the lattices in these. Raises CalibrationError where the samples hold none of the profile's styles.
     """
-    if is_response_alone(profile):
+    if isinstance(profile.provenance, ResponseOnly):
         raise CalibrationError(
             f"the profile of {profile.camera} holds a response alone, found without RAW: samples of RAW cannot tell "
             "its error; lutforge response prints it"
@@ -244,7 +246,7 @@ def _timed(rows: Iterable[EvaluationRow], predictions: dict[str, Predictions]) -
     pixels = np.random.default_rng(0).random((1 << 17, 3))
     for row in rows:
         fits = [fitted[row.method] for fitted in predictions[row.style].fits if row.method in fitted]
-        if row.shot != "all" or not fits:
+        if not row.all_shots or not fits:
             yield row
             continue
         known = [seconds for fit in fits if (seconds := fit.seconds[row.direction]) is not None]

@@ -20,7 +20,7 @@ from lutforge.interpolation import interpolate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import OFFSET, even_slope
 from lutforge.model.lattice import grid
-from lutforge.model.profile_data import Both, Direction, PictureStyle
+from lutforge.model.profile import ByDirection, Direction, PictureStyle
 from lutforge.progress import Progress, part
 from lutforge.thesis.options import Options
 from lutforge.threads import one_blas_thread
@@ -142,13 +142,13 @@ def held_out_errors(predictions: Predictions, method: str) -> dict[Direction, He
         rows &= np.isfinite(values[method]).all(axis=1) if method in values else False
     if rows.sum() < 24 or data.monochrome or len(np.unique(predictions.fold)) < 2:
         return {}
-    base, deviation = data.base, Both(np.zeros(len(rows)), np.zeros(len(rows)))
+    base, deviation = data.base, ByDirection(np.zeros(len(rows)), np.zeros(len(rows)))
     for fold in np.unique(predictions.fold[rows]):
         inside, train = rows & (predictions.fold == fold), predictions.fold != fold
         of_codes = deviations(base, data.balanced[train], data.encoded[train])
         for direction, of_fold in of_codes.items():
             deviation[direction][inside] = of_fold(data.both[direction][0][inside], data.encoded[inside])
-    encoders = Both[Predictor](lambda rendered: np.clip(rendered, 0.0, 1.0), base.render)
+    encoders = ByDirection[Predictor](lambda rendered: np.clip(rendered, 0.0, 1.0), base.render)
     errors: dict[Direction, HeldOut] = {}
     for direction, values in predictions.predicted.items():
         encode = encoders[direction]
@@ -157,7 +157,9 @@ def held_out_errors(predictions: Predictions, method: str) -> dict[Direction, He
     return errors
 
 
-def deviations(base: MatrixAndResponse, balanced: Array, encoded: Array) -> Both[Callable[[Array, Array], Array]]:
+def deviations(
+    base: MatrixAndResponse, balanced: Array, encoded: Array
+) -> ByDirection[Callable[[Array, Array], Array]]:
     """σ by direction, given samples Tw E → I, both (n, 3): of colours (…, 3) that it takes, and their JPEG codes."""
     of_light = posterior_deviation(balanced @ base.matrix.T)
     of_codes = posterior_deviation(base.response.linearize(encoded))
@@ -167,7 +169,7 @@ def deviations(base: MatrixAndResponse, balanced: Array, encoded: Array) -> Both
         slopes = encoding_slope(base.response, flat) / even_slope(base.response.linearize(flat), OFFSET)
         return np.asarray(slopes.mean(axis=1).reshape(codes.shape[:-1]))
 
-    return Both(
+    return ByDirection(
         lambda light, codes: of_light(light @ base.matrix.T) * slope(codes),
         lambda _, codes: of_codes(base.response.linearize(codes)) * slope(codes),
     )

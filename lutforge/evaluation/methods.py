@@ -16,7 +16,7 @@ from lutforge.evaluation.polynomials import (
     mixed_channel_polynomials,
 )
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import Both, CameraModel, PictureStyle
+from lutforge.model.profile import ByDirection, CameraModel, PictureStyle
 from lutforge.thesis.calibrate import fit_camera_model as fit_thesis_model
 from lutforge.thesis.calibrate import fit_lattices as fit_thesis_lattices
 from lutforge.thesis.lattice import fit_uniform
@@ -38,13 +38,13 @@ def lattice_name(size: int, *, nonuniform: bool) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit(Both[Predictor]):
+class Fit(ByDirection[Predictor]):
     """One method, fitted once. render: Tw E (n, 3) → I; linearize: I → Tw E, not clipped.
 
     seconds: what the fits took, with all that is searched; None where the method was not fitted here.
     """
 
-    seconds: Both[float | None] = field(default_factory=lambda: Both(None, None))
+    seconds: ByDirection[float | None] = field(default_factory=lambda: ByDirection(None, None))
 
 
 def fits_of_profile(style: PictureStyle, model: CameraModel | None) -> dict[str, Fit]:
@@ -119,7 +119,7 @@ class Fitter:
             return {}
         half = 0.5 * (time.perf_counter() - start)
         return {
-            MODEL: Fit(model.render, model.linearize, Both(half, half)),
+            MODEL: Fit(model.render, model.linearize, ByDirection(half, half)),
             NO_GAMUT_MAP: _without_gamut_map(model),
         }
 
@@ -157,10 +157,10 @@ def _timed(fit: Callable[[], Fit]) -> Fit:
     start = time.perf_counter()
     fitted = fit()
     half = 0.5 * (time.perf_counter() - start)
-    return replace(fitted, seconds=Both(half, half))
+    return replace(fitted, seconds=ByDirection(half, half))
 
 
-def _as_fit(lattices: Both[Lattice]) -> Fit:
+def _as_fit(lattices: ByDirection[Lattice]) -> Fit:
     return Fit(lattices.render, lattices.linearize)
 
 

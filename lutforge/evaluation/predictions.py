@@ -16,7 +16,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.style import LEAST_SAMPLES, StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import Fit, Fitter, compared_fits, fit_baselines, fits_of_profile
-from lutforge.model.profile_data import Both, CameraModel, Direction, PictureStyle
+from lutforge.model.profile import ByDirection, CameraModel, Direction, PictureStyle
 from lutforge.thesis.options import Options
 from lutforge.threads import each, one_blas_thread
 
@@ -34,7 +34,7 @@ class Predictions:
     fits: tuple[Mapping[str, Fit], ...]
     held_out: Mask
     notes: tuple[str, ...]
-    predicted: Both[Mapping[str, Array]]
+    predicted: ByDirection[Mapping[str, Array]]
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -107,7 +107,7 @@ def predict(
             fits.append(refitted)
             progress(number / len(trains))
     methods = tuple(dict.fromkeys(method for fitted in fits for method in fitted))
-    predicted = Both[Mapping[str, Array]](
+    predicted = ByDirection[Mapping[str, Array]](
         {method: _by_fold(fits, fold, method, "render", data.balanced) for method in methods},
         {method: _by_fold(fits, fold, method, "linearize", data.encoded) for method in methods},
     )

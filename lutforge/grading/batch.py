@@ -1,6 +1,5 @@
 """Grade many images by one recipe; an image that fails is reported, and the others go on."""
 
-import hashlib
 import json
 import os
 import shlex
@@ -16,78 +15,16 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.atomic_write import atomic_path, remove_temporaries
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.grading.grade import Grade, Recipe
-from lutforge.grading.image import REGION_SAMPLES, GradedImage, apply_image, check_colours
+from lutforge.grading.image import REGION_SAMPLES, GradedImage
+from lutforge.grading.image_colours import check_colours
 from lutforge.grading.inputs import JOURNAL, Failure, resolver
+from lutforge.grading.jobs import FileIdentity, Job, Outcome, Record, run_job
 from lutforge.images.heif import is_heif
 from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.images.write import SOFTWARE, describe_output, keeps_orientation
 from lutforge.luts.sequence import Lut
 from lutforge.progress import Progress, silent
 from lutforge.shots.discover import RAW_SUFFIXES
-
-
-@dataclass(frozen=True)
-class Job:
-    """An image to grade, and where it goes."""
-
-    source: Path
-    target: Path
-
-
-@dataclass(frozen=True)
-class FileIdentity:
-    """Which content a file has. path: absolute; time_ns: of its last change; sha256: "" where it was not read."""
-
-    path: str
-    size: int
-    time_ns: int
-    sha256: str = ""
-
-    def still_true(self) -> bool:
-        """True where the file has this content still: same size and time, or same size and hash."""
-        try:
-            now = Path(self.path).stat()
-            if now.st_size != self.size:
-                return False
-            return now.st_mtime_ns == self.time_ns or (self.sha256 != "" and _sha256(Path(self.path)) == self.sha256)
-        except OSError:
-            return False
-
-
-@dataclass(frozen=True)
-class Record:
-    """An image that was graded. recipe: its key."""
-
-    recipe: str
-    source: FileIdentity
-    output: FileIdentity
-
-    def still_true(self, recipe: str, source: Path) -> bool:
-        """True where this recipe was applied to this source, which has not changed since, and the output is whole."""
-        same = self.recipe == recipe and self.source.path == str(source.absolute())
-        return same and self.source.still_true() and self.output.still_true()
-
-
-Outcome = tuple[GradedImage, Record] | Failure
-"""What became of a job."""
-
-
-def run_job(recipe: Recipe, job: Job, threads: int = 1, region_samples: int = REGION_SAMPLES) -> Outcome:
-    """Grade an image. threads, region_samples: as for `apply_image`."""
-    source = job.source
-    try:
-        before = _identify(source)
-        grade = recipe.grade(source)
-        applied = apply_image(grade, source, job.target, threads, region_samples)
-        if _identify(source) != before:
-            raise ImageError(f"{source}: it was changed while it was graded; grade it again")
-        return applied, Record(recipe.key, before, _identify(job.target, written=True))
-    except LutForgeError as error:
-        return Failure(source, str(error))
-    except MemoryError:
-        return Failure(source, f"{source}: not enough memory for this image")
-    except Exception as error:  # whatever a codec does with one file, the others are graded
-        return Failure(source, f"{source}: {type(error).__name__}: {' '.join(str(error).split())[:300]}")
 
 
 def read_journal(folder: Path) -> Mapping[str, Record]:
@@ -117,21 +54,6 @@ def add_to_journal(folder: Path, record: Record) -> None:
             raise OSError(None, "the disk is full")
     finally:
         os.close(handle)
-
-
-def _identify(path: Path, written: bool = False) -> FileIdentity:
-    """A file as it is now; one that was just written is read back. Raises ImageError."""
-    try:
-        now = path.stat()
-        return FileIdentity(str(path.absolute()), now.st_size, now.st_mtime_ns, _sha256(path) if written else "")
-    except OSError as error:
-        reason = "no such file" if not path.exists() else error.strerror
-        raise ImageError(f"{path}: {f'cannot be read back ({error.strerror})' if written else reason}") from error
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.errors import LutForgeError, one_line
-from lutforge.grading.batch import Job, Outcome, run_job
 from lutforge.grading.grade import Recipe
 from lutforge.grading.inputs import Failure
+from lutforge.grading.jobs import Job, Outcome, run_job
 
 Sent = TypeVar("Sent", Recipe, Job)
 

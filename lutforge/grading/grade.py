@@ -17,8 +17,11 @@ from lutforge.arrays import Single
 from lutforge.child_processes import guarded
 from lutforge.errors import ConfigError, LutError, LutForgeError, alternatives
 from lutforge.luts.check import check_lut, other_half
+from lutforge.luts.forms import MAX_SIZE
+from lutforge.luts.input_and_output import ENCODED, read_input_and_output
+from lutforge.luts.ocio_transforms import OCIO_ERRORS, of_codes
 from lutforge.luts.reading import NoFiguresError, is_read_by_ocio, processor_of_stranger
-from lutforge.luts.sequence import ENCODED, MAX_SIZE, OCIO_ERRORS, Lut, of_codes, read_input_and_output
+from lutforge.luts.sequence import Lut
 
 if TYPE_CHECKING:
     from lutforge.model.vignetting import Vignetting

@@ -1,131 +1,26 @@
-"""Grade pictures with camera profiles, each by its own settings: to other settings, another camera's, or to light."""
+"""Grade pictures with camera profiles, each by its own settings: to other settings, or to another camera's."""
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
-import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.colour.rgb_spaces import CHROMATICITIES, INTEROP_IDS, from_linear_srgb, rgb_space
-from lutforge.errors import ImageError, ProfileError, SettingsError
+from lutforge.errors import ProfileError, SettingsError
+from lutforge.grading.baked_grades import BakedGrades, SettingChange
 from lutforge.grading.grade import Grade, Recipe
-from lutforge.grading.image import TELL_ADOBE_RGB
+from lutforge.grading.image_colours import TELL_ADOBE_RGB
+from lutforge.grading.picture_settings import AS_IT_IS, AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
 from lutforge.images.write import IN_SRGB
-from lutforge.luts.bake import bake, grading_lut, grading_steps
-from lutforge.luts.ops import Cube, Matrix, Range
-from lutforge.luts.sequence import Lut, of_codes
-from lutforge.model.camera_profile import CameraProfile, load_profile, match, raw_to_balanced, same_light
-from lutforge.model.gamut_map import GamutMap
-from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.luts.ocio_transforms import of_codes
+from lutforge.model.camera_profile import CameraProfile, load_profile, same_light
+from lutforge.model.provenance import Pictures
 from lutforge.model.raw_transfer import RawTransfer, load_transfer
-from lutforge.model.transform import Transform, through_stages
-from lutforge.model.white_balance import LIGHT_SOURCES, temperatures_of
-from lutforge.progress import Progress, silent
-from lutforge.settings import (
-    KELVIN_RANGE,
-    Kelvin,
-    Multipliers,
-    Selector,
-    Shift,
-    parse_selector,
-    require_exposure,
-    split_shift,
-)
+from lutforge.model.white_balance import LIGHT_SOURCES
+from lutforge.settings import Multipliers, Selector, Shift, StyleName, parse_selector, split_shift
 from lutforge.shots.discover import RAW_SUFFIXES
-from lutforge.shots.maker_settings import ADOBE_RGB
 from lutforge.shots.metadata import ShotMetadata, read_picture_settings, software_tag
-
-
-@dataclass(frozen=True)
-class SettingChange:
-    """What a refinish changes: `given` settings of a camera to those wanted of `look`, the same or another camera.
-
-    ev: exposure change in stops. transfer: RAW → RAW between the two cameras, where one was measured.
-    """
-
-    camera: CameraProfile
-    given: Selector
-    look: CameraProfile
-    wanted: Selector
-    ev: float = 0.0
-    transfer: RawTransfer | None = None
-
-    @property
-    def transform(self) -> Transform:
-        """The refinish (6.1), exact to the model."""
-        return match(self.camera, self.given, self.look, self.wanted, self.ev, transfer=self.transfer)
-
-    @property
-    def is_none(self) -> bool:
-        """True where both settings render alike."""
-        if self.look is not self.camera or self.ev or self.given.style != self.wanted.style:
-            return False
-        before, after = self.camera.multipliers(self.given), self.camera.multipliers(self.wanted)
-        return bool(np.allclose(before, after, rtol=1e-4))
-
-    def history(self, source: str) -> str:
-        """What was done, in one line for an image's history. source: what the picture was, settings or RAW."""
-        exposure = f", {self.ev:+g} EV" if self.ev else ""
-        return f"{self.camera.camera}: {source} -> {self.look.camera}: {self.wanted}{exposure}"
-
-
-class BakedGrades:
-    """LUTs of refinishes and renders, each linearize and render step baked once for all white balances."""
-
-    def __init__(self) -> None:
-        self._luts: dict[object, Lut] = {}
-        # Only the last ones are kept: pictures on automatic white balance each have a grade of their own.
-        self.refinish: Callable[[SettingChange], Lut] = lru_cache(16)(
-            lambda change: grading_lut(change.transform, self.baked)
-        )
-        self.processor: Callable[..., OCIO.CPUProcessor] = lru_cache(32)(Lut.processor)
-
-    def develop(self, change: SettingChange) -> OCIO.CPUProcessor:
-        """The processor that renders RAW; highlights, clipped before less exposure darkens them, stay neutral."""
-        camera, given, look, wanted, transfer = change.camera, change.given, change.look, change.wanted, change.transfer
-        before = camera.multipliers(given if look is not camera else wanted)
-        k = 2.0**change.ev
-        stages = raw_to_balanced(camera, given, look, wanted, transfer=transfer)
-        balanced = through_stages(stages, grid(uniform_levels(2)) / before)
-        gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
-        exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
-        return Lut((*exposed, *self.baked(look.render_balanced(wanted)).ops)).processor()
-
-    def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
-        """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""
-        steps = () if refinish.is_identity else (grading_steps(refinish)[0], grading_steps(refinish)[-1])
-        return tuple(step for step in steps if isinstance(_core(step), GamutMap) and _core(step) not in self._luts)
-
-    def add(self, step: Transform, lut: Lut) -> None:
-        """Take over a step that was baked elsewhere."""
-        self._luts[_core(step)] = lut
-
-    def baked(self, step: Transform) -> Lut:
-        """Return the LUT of a step that is the same under all white balances."""
-        core = _core(step)
-        if core not in self._luts:
-            (self._luts[core],) = baked_steps([step])
-        return self._luts[core]
-
-
-def baked_steps(steps: Sequence[Transform], progress: Progress = silent) -> tuple[Lut, ...]:
-    """Bake steps of a look that are the same under all white balances."""
-    baked = []
-    for number, step in enumerate(steps):
-        progress("baking", number / len(steps))
-        baked.append(bake(step, display_referred=False))
-    return tuple(baked)
-
-
-def _core(step: Transform) -> Lattice | GamutMap:
-    return next(stage for stage in step.stages if isinstance(stage, Lattice | GamutMap))
-
-
-# --- The grades as LUTs: what `apply` does to pixels, and what the studio's preview shows -----------------------------
-
 
 STALE = (
     "Exif:MakerNote", "Exif:Saturation", "Exif:Contrast", "Exif:CustomRendered",
@@ -133,15 +28,9 @@ STALE = (
 )  # fmt: skip
 """What the camera wrote about a rendering that is no longer the picture's."""
 
-UNIT_EXPOSURE = 2.0**-10
-"""Time in seconds · ISO / 100 / f-number² of a picture that keeps its values: 1/60 s at f/4 and ISO 100, nearly.
-
-Half floats hold noon and a lit room beside it without loss.
-"""
-
 
 @dataclass(frozen=True)
-class _OfProfiles(Recipe):
+class RecipeOfProfiles(Recipe):
     """What recipes of camera profiles share.
 
     profiles: of one camera or of several; the camera that a picture names decides which applies. source: STYLE/WB of
@@ -186,7 +75,7 @@ class _OfProfiles(Recipe):
 
 
 @dataclass(frozen=True)
-class ProfileRecipe(_OfProfiles):
+class ProfileRecipe(RecipeOfProfiles):
     """Grade each picture from the settings that it was made with to other settings.
 
     look: the profile of the camera whose look is wanted. transfer: RAW → RAW from another camera to it.
@@ -230,16 +119,16 @@ class ProfileRecipe(_OfProfiles):
             notes=(*settings.notes, *notes, *doubts),
             lut=lut,
             codes=grades.processor(lut, codes=True),
-            for_srgb=not given.style.endswith(ADOBE_RGB),
+            for_srgb=given.colour_space == "srgb",
         )
 
     def _developed(self, source: Path, settings: ShotMetadata, camera: CameraProfile) -> Grade:
         """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
-        if camera.developer:
+        if isinstance(camera.provenance, Pictures):
             raise SettingsError(
-                f"{source}: the profile is of {camera.developer}, not of RAW: develop it with `lutforge kit`"
+                f"{source}: the profile is of {camera.provenance}, not of RAW: develop it with `lutforge kit`"
             )
-        stated = (settings.style, settings.style.removesuffix(f" {ADOBE_RGB}"))
+        stated = (settings.style, str(replace(StyleName.parse(settings.style), colour_space="srgb")))
         style = next((name for name in stated if name in camera.styles), next(iter(camera.styles)))
         asked = Selector(style, self.asked.white_balance)
         given, notes = source_selector(source, replace(settings, style=style), camera, asked)
@@ -314,182 +203,13 @@ class ProfileRecipe(_OfProfiles):
         return SettingChange(camera, given, look, wanted, self.ev, transfer)
 
 
-@dataclass(frozen=True)
-class SceneRecipe(_OfProfiles):
-    """Take each picture from the settings that it was made with to linear light of a colour space.
-
-    target: whose white balance names the light that becomes neutral, "as-shot/WB"; by default a picture's own, or where
-    exposures are minded one for all, daylight or else the profile's first. by_exposure: divide by time, ISO and
-    aperture, as the file states them, so that pictures of one scene agree.
-    """
-
-    space: str = field(kw_only=True)
-    by_exposure: bool = False
-
-    def check(self) -> None:
-        """Raise SettingsError or ProfileError where the profiles or the settings asked for are wrong."""
-        if not rgb_space(self.space).is_linear:
-            raise SettingsError(f"--space {self.space}: encoded; pictures become linear light, such as acescg")
-        require_exposure(self.ev)
-        if self._wanted.style != AS_SHOT:
-            helps = f"write --to {AS_SHOT}/{self._wanted.white_balance}"
-            raise SettingsError(f"--to {self.target}: light has no style, only a white balance; {helps}")
-        super().check()
-        for camera in self.cameras.values():
-            self._neutral(camera, Selector(next(iter(camera.styles)), next(iter(camera.white_balances))))
-
-    def grade(self, source: Path) -> Grade:
-        """Return the grade of one picture by its own settings."""
-        if source.suffix.lower() in RAW_SUFFIXES:
-            raise SettingsError(f"{source}: a RAW file; --space takes finished pictures")
-        settings = read_picture_settings(source)
-        camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
-        given, doubts = source_selector(source, settings, camera, self.asked)
-        scale = 2.0**self.ev
-        if self.by_exposure:
-            if not math.isfinite(settings.exposure):
-                raise ImageError(f"{source}: the file does not tell its exposure; leave out --exposure exif")
-            scale *= UNIT_EXPOSURE / settings.exposure
-            doubts += settings.exposure_notes
-        neutral, space = self._neutral(camera, given), rgb_space(self.space)
-        # The LUT to light: the step to balanced RAW, baked once for each style, and a matrix.
-        stages = camera.linearize_to_own_raw(given).stages
-        to_balanced, to_raw = Transform(stages[:-1]), Transform(stages[-1:])
-        raw = to_raw(np.eye(3)).T
-        light = from_linear_srgb(self.space) @ camera.matrix @ np.diag(camera.multipliers(neutral))
-        lut = Lut((*self.baked_grades.baked(to_balanced).ops, Matrix(scale * light @ raw)))
-        details = f", {self.ev:+g} EV" * bool(self.ev) + ", by exposure" * self.by_exposure
-        return Grade(
-            self.baked_grades.processor(lut),
-            f"{camera.camera}: {given} -> {self.space}, neutral {neutral.white_balance}{details}",
-            attributes={
-                **dict.fromkeys((*STALE, "ICCProfile", "Exif:ColorSpace", "oiio:ColorSpace", "oiio:Gamma")),
-                "colorInteropID": INTEROP_IDS.get(space.name),
-                "chromaticities": tuple(np.ravel(CHROMATICITIES[space.primaries]).tolist()),
-            },
-            notes=(*settings.notes, *notes, *doubts),
-            gives_linear=True,
-            lut=lut,
-            for_srgb=not given.style.endswith(ADOBE_RGB),
-            marks_clipped=True,
-        )
-
-    def _neutral(self, camera: CameraProfile, given: Selector) -> Selector:
-        """The setting whose light becomes neutral."""
-        if self._wanted.white_balance not in NAMED_BY_FILE:
-            return camera.selector(Selector(given.style, self._wanted.white_balance))
-        if self.target is not None or not self.by_exposure:
-            return given
-        known = camera.white_balances
-        return camera.selector(Selector(given.style, "daylight" if "daylight" in known else next(iter(known))))
-
-
 def _attributes(look: CameraProfile, wanted: Selector, given: Selector | None = None) -> dict[str, object]:
     """EXIF tags of the new rendering, and the stale ones of the old as None. given: the settings of a picture."""
     light = LIGHT_SOURCES.get(wanted.white_balance, 0) if isinstance(wanted.white_balance, str) else 255  # other
     software = software_tag(look.camera, str(wanted))
     space: Mapping[str, object] = {}
-    if wanted.style.endswith(ADOBE_RGB):
+    if wanted.colour_space == "adobe rgb":
         space = TELL_ADOBE_RGB
-    elif given is not None and given.style.endswith(ADOBE_RGB):
+    elif given is not None and given.colour_space == "adobe rgb":
         space = {"ICCProfile": None, "Exif:ColorSpace": IN_SRGB}
     return {**dict.fromkeys(STALE), "Software": software, "Exif:WhiteBalance": 1, "Exif:LightSource": light, **space}
-
-
-# --- Which of a profile's settings a picture was made with: by its metadata, or by what the user says of it -----------
-
-
-AS_SHOT = "as-shot"
-AS_IT_IS = Selector(AS_SHOT, AS_SHOT)
-NAMED_BY_FILE = (AS_SHOT, "auto")
-"""White balances that stand for the picture's own."""
-
-STEADY = 0.02
-"""A named setting whose multipliers vary by less from shot to shot is the same for all shots."""
-
-
-def choose_camera(
-    path: Path, settings: ShotMetadata, cameras: Mapping[str, CameraProfile], asked: bool
-) -> tuple[CameraProfile, tuple[str, ...]]:
-    """The profile of the camera that took a picture. cameras: by name in lower case.
-
-    asked: the user names the settings; then a single profile applies to any picture, and the notes say so.
-    """
-    found = cameras.get(settings.camera.lower())
-    if found is not None:
-        return found, ()
-    named = f"is of {settings.camera}" if settings.camera else "does not name its camera"
-    known = ", ".join(camera.camera for camera in cameras.values())
-    if len(cameras) > 1 or not asked:
-        raise SettingsError(
-            f"{path}: the picture {named}, the profile{'s are' if len(cameras) > 1 else ' is'} of {known}; "
-            f"name the settings with --from STYLE/WB to use a profile all the same"
-        )
-    return next(iter(cameras.values())), (f"the picture {named}; the profile is of {known}",)
-
-
-def source_selector(
-    path: Path, settings: ShotMetadata, camera: CameraProfile, asked: Selector = AS_IT_IS, needed: bool = True
-) -> tuple[Selector, tuple[str, ...]]:
-    """The settings of a picture: those asked for, completed by its metadata; and notes.
-
-    needed: False where the white balance stays as it is, so that any serves where it is not told.
-    """
-    style = asked.style if asked.style != AS_SHOT else settings.style
-    if style not in camera.styles:
-        if asked.style != AS_SHOT:
-            camera.selector(asked)  # raises: this error lists the styles
-        known = f"{camera.camera} has the styles {', '.join(sorted(camera.styles))}"
-        stated = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
-        balances = ", ".join(sorted(camera.white_balances))
-        raise SettingsError(f"{path}: {stated}; {known} and the white balances {balances}: name it with --from")
-    balance = _balance_of_file(settings, camera)
-    chosen = balance if asked.white_balance in NAMED_BY_FILE else asked.white_balance
-    if chosen is not None:
-        given = camera.selector(Selector(style, chosen))
-        named_style = settings.style if settings.style != "unknown" else style
-        named = settings.white_balance if settings.white_balance != "unknown" else str(given.white_balance)
-        if balance is None:
-            same = named in (str(given.white_balance), "auto")
-        else:
-            stated_multipliers = camera.multipliers(Selector(style, balance))
-            same = bool(np.allclose(stated_multipliers, camera.multipliers(given), rtol=2 * STEADY))
-        if named_style == style and same:
-            return given, ()
-        named = str(given.white_balance) if same else named
-        return given, (f"the file says {named_style}/{named}; it is taken for {given}, as --from says",)
-    middle = camera.white_balances.get("auto")
-    if asked.white_balance == "auto" and middle is not None:
-        r, g, b = middle.multipliers
-        text = f"the file does not tell its white balance; that of the middle shot, {r:.3f},{g:g},{b:.3f}, is used"
-        return Selector(style, "auto"), (text,)
-    if not needed:
-        return Selector(style, next(iter(camera.white_balances))), ()
-    stated = "the file does not tell its white balance"
-    if settings.white_balance != "unknown":
-        stated = (
-            f'its white balance is "{settings.white_balance}", and the file does not tell which multipliers that were'
-        )
-    known = ", ".join(sorted(camera.white_balances))
-    raise SettingsError(
-        f"{path}: {stated}; put its RAW file beside it, name it with --from {style}/WB, where WB is {known}"
-        f"{temperatures_of(camera.white_balances)}; `lutforge studio` shows how each looks"
-    )
-
-
-def _balance_of_file(settings: ShotMetadata, camera: CameraProfile) -> str | Kelvin | Multipliers | None:
-    """The white balance that the metadata tell: the named setting, the temperature dialled in, or the multipliers."""
-    name = settings.white_balance
-    known = camera.white_balances.get(name)
-    steady = known is not None and known.spread <= STEADY
-    if settings.multipliers is not None and not camera.raw_camera:
-        r, g, b = (float(value) for value in settings.multipliers)
-        departure = 0.0 if known is None else float(np.max(np.abs(settings.multipliers / known.multipliers - 1)))
-        if not steady or STEADY < departure <= 0.3:  # multipliers that depart further are not believed
-            return Multipliers((r, g, b))
-    if steady:
-        return name
-    if name.endswith("k") and name[:-1].replace(".", "", 1).isdigit():
-        kelvin = float(name[:-1])
-        return Kelvin(kelvin) if KELVIN_RANGE[0] <= kelvin <= KELVIN_RANGE[1] else None
-    return None

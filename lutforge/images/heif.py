@@ -77,6 +77,11 @@ def read_heif_exif(path: Path) -> bytes:
     return _exif_of(_opened(path).info)
 
 
+def read_heif_xmp(path: Path) -> bytes:
+    """The XMP packet of a file; empty where it has none. Raises ImageError as `read_heif`."""
+    return bytes(_opened(path).info.get("xmp") or b"")
+
+
 def _exif_of(info: dict[str, Any]) -> bytes:
     """The TIFF structure in what pillow-heif tells of a picture."""
     block = bytes(info.get("exif") or b"")

@@ -52,7 +52,7 @@ def is_srgb(profile: bytes) -> bool:
 @lru_cache(maxsize=64)
 def codes_moved(profile: bytes) -> float | None:
     """How many codes of 255 an ICC profile moves colours by on their way to sRGB, in the mean; None of a broken one."""
-    from PIL import Image, ImageCms
+    from PIL import Image, ImageCms  # as above
 
     axis = np.arange(0, 256, 15, dtype=np.uint8)
     codes = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(1, -1, 3)
@@ -65,7 +65,7 @@ def codes_moved(profile: bytes) -> float | None:
 
 def profile_name(profile: bytes) -> str:
     """The description of an ICC profile in one line, "a space without a name" where it has none."""
-    from PIL import ImageCms
+    from PIL import ImageCms  # as above
 
     try:
         told = ImageCms.getProfileDescription(BytesIO(profile))
@@ -75,7 +75,7 @@ def profile_name(profile: bytes) -> str:
 
 
 def _transform(profile: bytes) -> Any:
-    from PIL import ImageCms
+    from PIL import ImageCms  # as above
 
     relative = ImageCms.Intent.RELATIVE_COLORIMETRIC
     return ImageCms.buildTransform(BytesIO(profile), ImageCms.createProfile("sRGB"), "RGB", "RGB", relative)

@@ -1,12 +1,13 @@
-"""Packets of metadata as a file stores them, XMP and EXIF: read of any format, written where OpenImageIO writes none.
+"""Packets of metadata as a file stores them: read of any format, written where OpenImageIO writes none.
 
-PNG (chunks), WebP (RIFF chunks), JPEG 2000 (boxes) and TIFF (fields). A damaged file has no packets.
+XMP, IPTC and EXIF, of JPEG (segments), PNG (chunks), WebP (RIFF chunks), JPEG 2000 (boxes), TIFF (fields) and HEIF. A
+damaged file has no packets.
 """
 
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -17,6 +18,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
+from lutforge.images.heif import is_heif, read_heif_xmp
 from lutforge.images.jpeg import APP0, APP1, EXIF, SOI, Segment, metadata_end, read_header
 from lutforge.images.tiff import byte_order, number, read_directory
 
@@ -25,7 +27,15 @@ _PNG, _JP2 = b"\x89PNG\r\n\x1a\n", b"\0\0\0\x0cjP  \r\n\x87\n"
 _PNG_XMP = b"XML:com.adobe.xmp\0"
 _UUID_EXIF, _UUID_XMP = b"JpgTiffExif->JP2", bytes.fromhex("be7acfcb97a942e89c71999491e3afac")
 _UUID_IPTC = bytes.fromhex("33c7a4d2b81d4723a0baf1a3e097ad38")
-_TIFF_XMP = 700
+_TIFF_XMP, _TIFF_IPTC = 700, 33723
+_PNG_IPTC = b"Raw profile type iptc\0"
+"""Keyword of the text in which ImageMagick and exiftool store IPTC in a PNG, which has no place for it."""
+PHOTOSHOP = (0xED, b"Photoshop 3.0\0")
+"""Marker and beginning of the JPEG segments that hold Photoshop's image resources, IPTC among them."""
+_XMP_EXTENSION = (APP1, b"http://ns.adobe.com/xmp/extension/\0")
+_RESOURCE, _IPTC_RESOURCE = b"8BIM", 0x0404
+LARGEST_JPEG_PACKET = 65_000
+"""Bytes of a packet that a segment of a JPEG holds, beside its signature."""
 _LARGEST = 1 << 24
 """Bytes of a packet that is read."""
 
@@ -53,21 +63,26 @@ def declares_film(xmp: bytes) -> bool:
 class Packets:
     """What a file stores besides its pixels.
 
-    xmp: a packet as the file has it, empty where there is none. animated: several frames. lossless: a WebP without
-    loss. unread: kinds of metadata that the file has and nothing here reads. encoding: "PQ", "HLG" or "linear" where a
+    xmp, iptc, exif: packets as the file has them, empty where there are none; exif of a JPEG 2000 alone, in which
+    OpenImageIO does not look for it. animated: several frames. lossless: a WebP without loss. extended: an XMP packet
+    of a JPEG has an extension beyond 64 kB, which is not in `xmp`. encoding: "PQ", "HLG" or "linear" where a
     PNG says that it is encoded so.
     """
 
     xmp: bytes = b""
+    iptc: bytes = b""
+    exif: bytes = b""
     animated: bool = False
     lossless: bool = False
-    unread: tuple[str, ...] = ()
+    extended: bool = False
     encoding: str = ""
 
 
 def read_packets(path: Path) -> Packets:
     """Read what a picture's file stores; nothing of a damaged one or another format."""
     try:
+        if is_heif(path):
+            return Packets(xmp=read_heif_xmp(path))
         with reading(path, "metadata", ImageError):
             if path.stat().st_size == 0:  # which cannot be mapped
                 return Packets()
@@ -80,31 +95,68 @@ def read_packets(path: Path) -> Packets:
 def packets_of(data: bytes | mmap) -> Packets:
     """Read what the bytes of a file store. Damaged ones raise what `boundary.reading` translates."""
     if data[:2] == b"\xff\xd8":
-        header = read_header(data)
-        segments = () if header is None else header.segments
-        bodies = [each.body for each in segments if each.holds((APP1, XMP_SEGMENT))]
-        return Packets(bodies[0][len(XMP_SEGMENT) :] if bodies else b"")
+        return _jpeg_packets(data)
     if data[:8] == _PNG:
-        chunks = list(_png_chunks(data))
-        texts = [body[len(_PNG_XMP) :] for name, body in chunks if name == b"iTXt" and body.startswith(_PNG_XMP)]
-        xmp = b""
-        if texts:  # compressed or not, the method, two texts that end in a null
-            packed, rest = texts[0][:1] == b"\1", texts[0][2:].split(b"\0", 2)[-1]
-            xmp = zlib.decompressobj().decompress(rest, _LARGEST) if packed else rest
-        return Packets(xmp, any(name == b"acTL" for name, _ in chunks), encoding=_png_encoding(dict(chunks)))
+        return _png_packets(list(_png_chunks(data)))
     if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        found = dict(reversed(list(_riff_chunks(data))))
-        return Packets(found.get(b"XMP ", b""), b"ANIM" in found, b"VP8L" in found)
+        chunks = dict(reversed(list(_riff_chunks(data))))
+        return Packets(chunks.get(b"XMP ", b""), animated=b"ANIM" in chunks, lossless=b"VP8L" in chunks)
     if data[:12] == _JP2:
-        uuids = [body for name, body in _boxes(data) if name == b"uuid"]
-        exif, iptc = (any(body[:16] == kind for body in uuids) for kind in (_UUID_EXIF, _UUID_IPTC))
-        unread = (*(("EXIF", "GPS") if exif else ()), *(("IPTC",) if iptc else ()))
-        return Packets(next((body[16:] for body in uuids if body[:16] == _UUID_XMP), b""), unread=unread)
+        bodies = [body for name, body in _boxes(data) if name == b"uuid"]
+        packets = {body[:16]: body[16:] for body in reversed(bodies)}  # the first of a kind counts
+        xmp, iptc, exif = (packets.get(kind, b"") for kind in (_UUID_XMP, _UUID_IPTC, _UUID_EXIF))
+        return Packets(xmp, iptc, exif)
     order = byte_order(data[:2])
     if order is not None and data[2:4] == struct.pack(f"{order}H", 42):
         entries, _ = read_directory(data, order, number(data, order, "I", 4))
-        return Packets(data[entries[_TIFF_XMP].place] if _TIFF_XMP in entries else b"")
+        xmp, iptc = (data[entries[tag].place] if tag in entries else b"" for tag in (_TIFF_XMP, _TIFF_IPTC))
+        return Packets(xmp, iptc)
     return Packets()
+
+
+def _jpeg_packets(data: bytes | mmap) -> Packets:
+    header = read_header(data)
+    segments = () if header is None else header.segments
+    xmp = [segment.body[len(XMP_SEGMENT) :] for segment in segments if segment.holds((APP1, XMP_SEGMENT))]
+    resources = b"".join(segment.body[len(PHOTOSHOP[1]) :] for segment in segments if segment.holds(PHOTOSHOP))
+    extended = any(segment.holds(_XMP_EXTENSION) for segment in segments)
+    return Packets(xmp[0] if xmp else b"", _iptc_of(resources), extended=extended)
+
+
+def _png_packets(chunks: list[tuple[bytes, bytes]]) -> Packets:
+    xmp = iptc = b""
+    for name, body in chunks:
+        if name == b"iTXt" and body.startswith(_PNG_XMP) and not xmp:
+            # compressed or not, the method, two texts that end in a null
+            packed, rest = body[len(_PNG_XMP)] == 1, body[len(_PNG_XMP) + 2 :].split(b"\0", 2)[-1]
+            xmp = _unpacked(rest) if packed else rest
+        elif name in (b"zTXt", b"tEXt") and body.startswith(_PNG_IPTC) and not iptc:
+            text = body[len(_PNG_IPTC) :] if name == b"tEXt" else _unpacked(body[len(_PNG_IPTC) + 1 :])
+            # a line with a name, one with the length, and hexadecimal digits
+            iptc = _iptc_of(bytes.fromhex(b"".join(text.split()[3:]).decode("ascii")))
+    animated = any(name == b"acTL" for name, _ in chunks)
+    return Packets(xmp, iptc, animated=animated, encoding=_png_encoding(dict(chunks)))
+
+
+def _unpacked(text: bytes) -> bytes:
+    return zlib.decompressobj().decompress(text, _LARGEST)
+
+
+def _iptc_of(resources: bytes) -> bytes:
+    """The IPTC packet among Photoshop's image resources; empty where there is none.
+
+    A resource is a signature, a number, a name and its data, both of even length
+    (https://www.adobe.com/devnet-apps/photoshop/fileformatashtml/, Image Resources Section).
+    """
+    at = 0
+    while resources[at : at + 4] == _RESOURCE:
+        kind = number(resources, ">", "H", at + 4)
+        start = at + 6 + (resources[at + 6] + 2) // 2 * 2
+        size = number(resources, ">", "I", start)
+        if kind == _IPTC_RESOURCE:
+            return resources[start + 4 : start + 4 + size]
+        at = start + 4 + size + size % 2
+    return b""
 
 
 def _png_encoding(chunks: dict[bytes, bytes]) -> str:
@@ -138,23 +190,27 @@ def exif_block(spec: oiio.ImageSpec) -> bytes:
     return b"" if header is None or header.exif is None else header.exif
 
 
-def add_packets(path: Path, format: str, spec: oiio.ImageSpec, xmp: bytes) -> None:
-    """Put XMP into a file that OpenImageIO wrote: JPEG, TIFF, PNG, WebP, JPEG 2000; the last two get EXIF, too."""
+def holds_packets(format: str) -> frozenset[str]:
+    """The kinds of packets, XMP and IPTC, that are written to a format, by OpenImageIO's name of it."""
+    if format in ("jpeg", "tiff", "jpeg2000"):
+        return frozenset({"XMP", "IPTC"})
+    return frozenset({"XMP"} if format in ("png", "webp", "openexr") else ())
+
+
+def add_packets(path: Path, format: str, spec: oiio.ImageSpec, xmp: bytes, iptc: bytes) -> None:
+    """Put XMP into a JPEG, TIFF, PNG, WebP or JPEG 2000 that OpenImageIO wrote, and IPTC where `holds_packets`.
+
+    The last two get EXIF, too. A JPEG holds packets of up to LARGEST_JPEG_PACKET.
+    """
     if format == "tiff":
-        if xmp:
-            _put_into_tiff(path, xmp)
+        if fields := {tag: packet for tag, packet in ((_TIFF_XMP, xmp), (_TIFF_IPTC, iptc)) if packet}:
+            _put_into_tiff(path, fields)
         return
     if format not in ("jpeg", "png", "webp", "jpeg2000"):
         return
     data = path.read_bytes()
-    if format == "jpeg" and 0 < len(xmp) < 65_000:
-        header = read_header(data)
-        if header is None:
-            return
-        kept = [segment for segment in header.segments if not segment.holds((APP1, XMP_SEGMENT))]
-        places = [at + 1 for at, segment in enumerate(kept) if segment.marker == APP0 or segment.holds(EXIF)]
-        kept.insert(max(places, default=0), Segment(APP1, XMP_SEGMENT + xmp))
-        path.write_bytes(SOI + b"".join(segment.stored for segment in kept) + data[metadata_end(data) :])
+    if format == "jpeg":
+        path.write_bytes(_jpeg_with(data, xmp, iptc))
     elif format == "png" and xmp:
         body = _PNG_XMP + bytes(4) + xmp
         chunk = struct.pack(">I", len(body)) + b"iTXt" + body + struct.pack(">I", zlib.crc32(b"iTXt" + body))
@@ -163,7 +219,7 @@ def add_packets(path: Path, format: str, spec: oiio.ImageSpec, xmp: bytes) -> No
         path.write_bytes(_webp_with(data, spec, exif_block(spec), xmp))
     elif format == "jpeg2000" and data[:12] == _JP2:
         profile = spec.getattribute("ICCProfile")
-        boxes = [(b"uuid", _UUID_EXIF + exif_block(spec)), (b"uuid", _UUID_XMP + xmp)]
+        boxes = [(b"uuid", _UUID_EXIF + exif_block(spec)), (b"uuid", _UUID_XMP + xmp), (b"uuid", _UUID_IPTC + iptc)]
         added = b"".join(_box(name, body) for name, body in boxes if len(body) > 16)
         parts = []
         for name, body in _boxes(data):
@@ -177,8 +233,31 @@ def add_packets(path: Path, format: str, spec: oiio.ImageSpec, xmp: bytes) -> No
         path.write_bytes(b"".join(parts))
 
 
-def _put_into_tiff(path: Path, xmp: bytes) -> None:
-    """Write the first directory anew, at the end of the file, with the packet; BigTIFF files stay as they are."""
+def photoshop_segment(iptc: bytes) -> Segment:
+    """The segment of a JPEG that holds an IPTC packet."""
+    resource = struct.pack(">4sHHI", _RESOURCE, _IPTC_RESOURCE, 0, len(iptc)) + iptc + bytes(len(iptc) % 2)
+    return Segment(PHOTOSHOP[0], PHOTOSHOP[1] + resource)
+
+
+def _jpeg_with(data: bytes, xmp: bytes, iptc: bytes) -> bytes:
+    """A JPEG file with packets in place of those that OpenImageIO wrote; one that is too large is not written."""
+    header = read_header(data)
+    packets = []
+    if 0 < len(xmp) < LARGEST_JPEG_PACKET:
+        packets.append(((APP1, XMP_SEGMENT), Segment(APP1, XMP_SEGMENT + xmp)))
+    if 0 < len(iptc) < LARGEST_JPEG_PACKET:
+        packets.append((PHOTOSHOP, photoshop_segment(iptc)))
+    if header is None or not packets:
+        return data
+    segments = [segment for segment in header.segments if not any(segment.holds(kind) for kind, _ in packets)]
+    places = [at + 1 for at, segment in enumerate(segments) if segment.marker == APP0 or segment.holds(EXIF)]
+    place = max(places, default=0)
+    segments[place:place] = [segment for _, segment in packets]
+    return SOI + b"".join(segment.stored for segment in segments) + data[metadata_end(data) :]
+
+
+def _put_into_tiff(path: Path, fields: Mapping[int, bytes]) -> None:
+    """Write the first directory anew, at the end of the file, with packets by tag; BigTIFF files stay as they are."""
     with path.open("r+b") as file:
         head = file.read(8)
         order = byte_order(head)
@@ -189,15 +268,17 @@ def _put_into_tiff(path: Path, xmp: bytes) -> None:
         entries = [file.read(12) for _ in range(count)]
         following = file.read(4)
         end = file.seek(0, 2)
-        packet = end + end % 2
-        directory = packet + len(xmp) + len(xmp) % 2
-        if directory + 12 * count + 20 >= 1 << 32:
+        added = bytes(end % 2)
+        entries = [entry for entry in entries if number(entry, order, "H", 0) not in fields]
+        for tag, packet in fields.items():
+            kind = 1 if tag == _TIFF_XMP else 7  # bytes, or what is not defined
+            entries.append(struct.pack(f"{order}HHII", tag, kind, len(packet), end + len(added)))
+            added += packet + bytes(len(packet) % 2)
+        directory = end + len(added)
+        if directory + 12 * len(entries) + 8 >= 1 << 32:
             return
-        entries = [entry for entry in entries if number(entry, order, "H", 0) != _TIFF_XMP]
-        entries.append(struct.pack(f"{order}HHII", _TIFF_XMP, 1, len(xmp), packet))
         entries.sort(key=lambda entry: number(entry, order, "H", 0))
-        stored = struct.pack(f"{order}H", len(entries)) + b"".join(entries) + following
-        file.write(bytes(end % 2) + xmp + bytes(len(xmp) % 2) + stored)
+        file.write(added + struct.pack(f"{order}H", len(entries)) + b"".join(entries) + following)
         file.seek(4)
         file.write(struct.pack(f"{order}I", directory))
 

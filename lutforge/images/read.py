@@ -1,5 +1,6 @@
 """Read an image file with OpenImageIO: pixels in the file's own encoding, and all of its metadata."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ImageError, ShotError, one_line
 from lutforge.images.heif import Heif, is_heif, read_heif
 from lutforge.images.jpeg import read_header
+from lutforge.images.packets import read_packets
 
 _OF_THE_SHOT = frozenset({"Make", "Model", "DateTime", "ExposureTime", "FNumber", "Software", "Artist", "Copyright"})
 """OpenImageIO's names of the tags of a picture's first directory that a graded one keeps."""
@@ -89,6 +91,8 @@ class ImageReader:
             self.format: str = source.format_name()
             if self.format == "jpeg" and (quality := jpeg_quality(path)) is not None:
                 spec.attribute("jpeg:quality", quality)
+            if self.format == "jpeg2000":  # OpenImageIO looks for no metadata there
+                _describe_exif(spec, read_packets(path).exif, _OF_THE_SHOT | {"Orientation"})
             problem = ""
             if spec.deep or spec.depth > 1:
                 problem = "a deep or volume image; flatten it first"
@@ -151,11 +155,15 @@ class ImageReader:
     @property
     def parts(self) -> int:
         """How many images the file holds, up to 100. Nothing can be read afterwards."""
-        parts = 1
-        while parts < 100 and self._source.seek_subimage(parts, 0):
-            parts += 1
+        return 1 + sum(1 for _ in self.further_parts())
+
+    def further_parts(self) -> Iterator[oiio.ImageSpec]:
+        """Describe the images of the file after the first, up to 99. Nothing can be read afterwards."""
+        part = 1
+        while part < 100 and self._source.seek_subimage(part, 0):
+            yield self._source.spec()
+            part += 1
         self._source.geterror()
-        return parts
 
     def __enter__(self) -> "ImageReader":
         return self
@@ -178,19 +186,28 @@ def _heif_spec(heif: Heif) -> oiio.ImageSpec:
     """Describe a HEIF picture, with its EXIF as OpenImageIO reads it from a JPEG, which holds at most 64 kB of it."""
     height, width, _ = heif.codes.shape
     spec = oiio.ImageSpec(width, height, 3, oiio.UINT8 if heif.bits == 8 else oiio.UINT16)
-    if 0 < len(heif.exif) < 65_500:
-        with scratch_folder() as folder:
-            PIL.Image.new("RGB", (8, 8)).save(folder / "exif.jpg", exif=b"Exif\0\0" + heif.exif)
-            with ImageReader(folder / "exif.jpg") as reader:
-                for told in reader.spec.extra_attribs:
-                    if told.name.startswith(("Exif:", "GPS:")) or told.name in _OF_THE_SHOT:
-                        value = told.value
-                        if isinstance(value, str):  # OpenImageIO takes no bytes back that are no text
-                            value = value.encode("utf-8", "replace").decode("utf-8")
-                        spec.attribute(told.name, told.type, value)
+    _describe_exif(spec, heif.exif, _OF_THE_SHOT)
     if heif.icc:
         spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(heif.icc)}]"), heif.icc)
     return spec
+
+
+def _describe_exif(spec: oiio.ImageSpec, exif: bytes, further: frozenset[str]) -> None:
+    """Add EXIF and GPS of a TIFF structure to a description, as OpenImageIO reads them from a JPEG: at most 64 kB.
+
+    further: OpenImageIO's names of other tags that are added.
+    """
+    if not 0 < len(exif) < 65_500:
+        return
+    with scratch_folder() as folder:
+        PIL.Image.new("RGB", (8, 8)).save(folder / "exif.jpg", exif=b"Exif\0\0" + exif)
+        with ImageReader(folder / "exif.jpg") as reader:
+            for attribute in reader.spec.extra_attribs:
+                if attribute.name.startswith(("Exif:", "GPS:")) or attribute.name in further:
+                    value = attribute.value
+                    if isinstance(value, str):  # OpenImageIO takes no bytes back that are no text
+                        value = value.encode("utf-8", "replace").decode("utf-8")
+                    spec.attribute(attribute.name, attribute.type, value)
 
 
 def jpeg_quality(path: Path) -> int | None:

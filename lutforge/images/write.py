@@ -221,17 +221,19 @@ def _cut_short(path: Path) -> ImageError:
 
 @contextmanager
 def image_writer(
-    path: Path, described: oiio.ImageSpec, start: bytes | None = None, xmp: bytes = b""
+    path: Path, described: oiio.ImageSpec, start: bytes | None = None, xmp: bytes = b"", iptc: bytes = b""
 ) -> Iterator[ImageWriter]:
     """Open an output under a temporary name; the file appears, whole, when the block ends without an error.
 
     described: what is written, as `describe_output` gives it. start: SOI and the metadata segments of a JPEG, in place
-    of those that OpenImageIO makes. xmp: a packet for PNG, WebP and JPEG 2000, which get EXIF here, too.
+    of those that OpenImageIO makes. xmp, iptc: packets as the source has them; WebP and JPEG 2000 get EXIF here, too.
     """
+    if xmp and format_of(path) == "openexr":
+        described.attribute("xmp", xmp.decode("utf-8", "replace"))  # OpenEXR has attributes of any name
     with atomic_path(path) as temporary:
         with _opened(path, temporary, described, start) as writer:
             yield writer
-        add_packets(temporary, format_of(path), described, xmp)
+        add_packets(temporary, format_of(path), described, xmp, iptc)
 
 
 @contextmanager

@@ -20,8 +20,9 @@ from lutforge.compiled import compiled
 from lutforge.errors import LutError
 from lutforge.interpolation import Axis, Levels, apply_curve, indexed, interpolate, locate
 from lutforge.inverse.round_trip import in_every_cell, raw_colours
-from lutforge.luts.ops import Cube, Curve, Range, node_levels, shaper
+from lutforge.luts.ops import Cube, Curve, Range
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import node_levels, shaper
 from lutforge.model.lattice import Lattice, grid, snap_levels
 from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.lattice_regression import Prior, Regularization, fit_lattice

@@ -28,12 +28,16 @@ from lutforge.images.tiff import (
     short_field,
     text_field,
 )
-from lutforge.kits.kit import Look
+from lutforge.kits.kit import BALANCED_RAW, Look
+from lutforge.model.camera_profile import CameraProfile
 
 _SRGB = rgb_space("srgb")
 
 _TYPES = {1: "u1", 2: "u1", 3: "u2", 4: "u4", 5: "u4", 9: "i4", 10: "i4", 11: "f4", 12: "f8"}
 """TIFF 6.0's types of numbers; rationals are two of them."""
+
+_IN_CAPITALS = ("Leica", "Ricoh", "Sigma")
+"""Brands that DNG files and Adobe's profiles write in capitals."""
 
 DIVISIONS = (90, 30, 30)
 """Hue, saturation and value divisions of the look table: 4° of hue, as in the finest of Adobe's own profiles."""
@@ -46,7 +50,8 @@ class DngProfile:
     color_matrix: (3, 3), XYZ → camera RGB before white balance, under D65. forward_matrix: (3, 3), camera RGB behind
     white balance → XYZ of D50. tone_curve: (n, 2), linear input and output on [0, 1], increasing. look_table:
     (value, hue, saturation, 3) of hue shift in degrees, saturation factor and value factor. encoded_values: values
-    are spaced evenly, and multiplied, behind sRGB's curve.
+    are spaced evenly, and multiplied, behind sRGB's curve. camera: the UniqueCameraModel of the files that it is for.
+    description: what it states of itself, a line each.
     """
 
     name: str
@@ -56,10 +61,11 @@ class DngProfile:
     tone_curve: Array
     look_table: Array
     encoded_values: bool = True
+    description: tuple[str, ...] = ()
 
     def __call__(self, balanced: Array) -> Array:
         """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
-        from scipy.ndimage import map_coordinates
+        from scipy.ndimage import map_coordinates  # imported here: only checks of a written file need it
 
         rgb = np.clip(balanced @ (np.linalg.inv(to_xyz_d50("linear-prophoto")) @ self.forward_matrix).T, 0.0, 1.0)
         hue, saturation, value = np.moveaxis(hsv_of_prophoto(rgb), -1, 0)
@@ -115,7 +121,18 @@ def fit_dng_profile(look: Look) -> DngProfile:
     entries = np.stack([np.where(is_grey, 0.0, shift), saturation, lighter], axis=1)
     color_matrix = np.asarray(np.linalg.inv(under_d65), dtype=np.float64)
     table = entries.reshape(values, hues, saturations, 3)
-    return DngProfile(look.title, look.profile.camera, color_matrix, forward, curve, table)
+    stated = look.description(BALANCED_RAW, "linear ProPhoto RGB of the camera's JPEG, which the developer encodes")
+    return DngProfile(
+        look.title, unique_camera_model(look.profile), color_matrix, forward, curve, table, description=stated
+    )
+
+
+def unique_camera_model(profile: CameraProfile) -> str:
+    """The name by which developers match profiles with RAW files: that of the camera's DNG files, else Adobe's."""
+    if profile.dng_camera:
+        return profile.dng_camera
+    brand, blank, model = profile.camera.partition(" ")
+    return f"{brand.upper() if brand in _IN_CAPITALS else brand}{blank}{model}"
 
 
 def write_dcp(profile: DngProfile, path: Path) -> None:
@@ -132,7 +149,7 @@ def write_dcp(profile: DngProfile, path: Path) -> None:
         50936: text_field(profile.name),
         50940: float_field(profile.tone_curve),
         50941: long_field(no_restrictions),
-        50942: text_field("made with LutForge"),
+        50942: text_field("; ".join(profile.description)),
         50964: rational_field(profile.forward_matrix.ravel(), signed=True),
         50981: long_field(hues, saturations, values),
         50982: float_field(profile.look_table),
@@ -186,7 +203,8 @@ def read_dcp(path: str | Path) -> DngProfile:
             table = tags[50982].reshape(max(values, 1), hues, saturations, 3)
         color_matrix, forward = tags[50721].reshape(3, 3), tags[50964].reshape(3, 3)
         name, camera, encoded = _text(tags, 50936), _text(tags, 50708), bool(tags.get(51108, np.zeros(1))[0])
-        return DngProfile(name, camera, color_matrix, forward, curve.reshape(-1, 2), table, encoded)
+        stated = tuple(_text(tags, 50942, 1000).split("; "))
+        return DngProfile(name, camera, color_matrix, forward, curve.reshape(-1, 2), table, encoded, stated)
 
 
 def dcp_lines(path: str | Path) -> list[str]:
@@ -194,6 +212,7 @@ def dcp_lines(path: str | Path) -> list[str]:
     tags = _tags(Path(path))
     known = {50964: "forward matrix", 50937: "hue and saturation map", 50981: "look table", 50940: "tone curve"}
     lines = [f"{path}: DNG camera profile", f"  title     {_text(tags, 50936)}", f"  camera    {_text(tags, 50708)}"]
+    lines += [f"  comment   {text}" for text in _text(tags, 50942, 1000).split("; ") if text]
     lines.append(f"  holds     {', '.join(name for tag, name in known.items() if tag in tags)}")
     if 50964 in tags and 50721 in tags:
         profile = read_dcp(path)
@@ -234,5 +253,7 @@ def _tags(path: Path) -> dict[int, Array]:
     return found
 
 
-def _text(tags: dict[int, Array], tag: int) -> str:
-    return one_line(bytes(tags.get(tag, np.zeros(0)).astype(np.uint8)).split(b"\0")[0].decode("utf-8", "replace"), 160)
+def _text(tags: dict[int, Array], tag: int, most: int = 160) -> str:
+    """The text of a tag in one line; "" where there is none."""
+    text = bytes(tags.get(tag, np.zeros(0)).astype(np.uint8)).split(b"\0")[0]
+    return one_line(text.decode("utf-8", "replace"), most)

@@ -19,9 +19,10 @@ from lutforge.boundary import reading, require_file
 from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
 from lutforge.images.icc import profile_name
-from lutforge.kits.kit import Look
-from lutforge.luts.bake import fit_cube
+from lutforge.kits.kit import BALANCED_RAW, Look
+from lutforge.luts.fit_cube import Axes, fit_cube
 from lutforge.luts.ops import Cube, Curve
+from lutforge.luts.writers.text import plain
 
 ENTRIES = 4096
 """Entries of an input curve: the most that a lut16Type has."""
@@ -49,11 +50,13 @@ class IccProfile:
     """What a profile of a camera holds: its name, a curve per channel, and a cube of Lab codes.
 
     These are the codes of version 2 as shares of 65535: L* · 652.8, a* and b* from −128 in steps of 1 / 256.
+    description: what it states of itself, a line each.
     """
 
     name: str
     curve: Curve
     cube: Cube
+    description: tuple[str, ...] = ()
 
     def __call__(self, balanced: Array) -> Array:
         """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
@@ -80,9 +83,11 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
     even = np.linspace(0.0, 1.0, len(level))
     column = np.rint(np.interp(_ROOTS, level, even) * 65535) / 65535
     curve = Curve(np.repeat(column[:, None], 3, axis=1))
-    levels, knots = (level, level, level), (even, even, even)
-    values = fit_cube(codes, levels, knots, "tetrahedral", curve=lambda root: curve(root**GAMMA))
-    return IccProfile(f"{look.title}{variant}", curve, Cube(np.rint(values * 65535) / 65535))
+    axes = Axes((level, level, level), (even, even, even), lambda root: curve(root**GAMMA))
+    values = fit_cube(codes, axes, "tetrahedral", np.ones(3))
+    gives = "CIE Lab (D50) of the camera's JPEG" + ", without its tone curve, scene-linear" * bool(variant)
+    stated = look.description(BALANCED_RAW, gives)
+    return IccProfile(f"{look.title}{variant}", curve, Cube(np.rint(values * 65535) / 65535), stated)
 
 
 def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
@@ -138,8 +143,8 @@ def write_icc(profile: IccProfile, path: Path) -> None:
     table = b"mft2" + struct.pack(">4x3Bx9i2H", 3, 3, profile.cube.size, *unit, len(profile.curve.outputs), 2)
     for values in (profile.curve.outputs.T, profile.cube.values, np.tile([0.0, 1.0], (3, 1))):
         table += np.rint(values * 65535).astype(">u2").tobytes()
-    made = "No copyright (CC0 1.0); made with LutForge"
-    content = icc_file(b"scnr", b"Lab ", profile.name, made, {b"wtpt": icc_xyz(D50), b"A2B0": table})
+    stated = "; ".join(plain(line) for line in profile.description)
+    content = icc_file(b"scnr", b"Lab ", profile.name, stated, {b"wtpt": icc_xyz(D50), b"A2B0": table})
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 
@@ -156,12 +161,12 @@ def read_icc(path: str | Path) -> IccProfile:
         numbers = np.frombuffer(table, ">u2", 3 * (entries + nodes**3), 52) / 65535
         curve, cube = np.split(numbers, [3 * entries])
         curves, nodes_of_cube = curve.reshape(3, entries).T, cube.reshape(nodes, nodes, nodes, 3)
-        return IccProfile(profile_name(data), Curve(curves), Cube(nodes_of_cube))
+        return IccProfile(profile_name(data), Curve(curves), Cube(nodes_of_cube), _copyright(tags))
 
 
 def icc_lines(path: str | Path) -> list[str]:
     """What is in an ICC profile, anyone's, and what Little CMS makes of it. Raises LutError where it is none."""
-    from PIL import Image, ImageCms
+    from PIL import Image, ImageCms  # imported here: kits are written without it
 
     data, tags = _tags(Path(path))
     names = {b"scnr": "input", b"mntr": "display", b"prtr": "output", b"spac": "colour space", b"link": "device link"}
@@ -169,6 +174,7 @@ def icc_lines(path: str | Path) -> list[str]:
     lines = [
         f"{path}: ICC profile",
         f"  title     {profile_name(data)}",
+        *(f"  comment   {text}" for text in _copyright(tags) if text),
         f"  1. version {data[8]}.{data[9] >> 4}, class {names.get(kind, 'other')}, {_word(space)} to {_word(pcs)}",
         f"  2. tags {', '.join(_word(tag) for tag in tags)}",
     ]
@@ -206,6 +212,13 @@ def _tags(path: Path) -> tuple[bytes, dict[bytes, bytes]]:
             raise LutError(f"{path}: an ICC profile of {count:,} tags")
         places = [struct.unpack_from(">4s2I", data, 132 + 12 * index) for index in range(count)]
         return data, {tag: data[start : start + length] for tag, start, length in places}
+
+
+def _copyright(tags: dict[bytes, bytes]) -> tuple[str, ...]:
+    """What the copyright tag of version 2 holds, in which our profiles state input, output, settings and licence."""
+    kind, text = tags.get(b"cprt", b"")[:4], tags.get(b"cprt", b"")[8:]
+    stated = text.split(b"\0")[0].decode("ascii", "replace") if kind == b"text" else ""
+    return tuple(one_line(stated, 1000).split("; "))
 
 
 def _word(tag: bytes) -> str:

@@ -12,8 +12,13 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.luts.check import FileError
+from lutforge.luts.description import description
+from lutforge.luts.input_and_output import InputAndOutput
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.transform import Decode, Encode, MatrixStage, Transform
+
+BALANCED_RAW = "linear camera RAW behind its white balance, which the developer sets"
+"""What camera profiles take."""
 
 Source = Literal["raw", "any"]
 """What a kit can be made from: a profile of RAW files, or also one of developed pictures."""
@@ -52,6 +57,16 @@ class Look:
     def setting(self) -> str:
         """STYLE/WB."""
         return f"{self.style}/{self.white_balance}"
+
+    @property
+    def details(self) -> list[str]:
+        """Camera, settings and held-out errors, as files state them."""
+        errors = self.profile.render(self.setting).purpose.comments
+        return [f"camera and settings: {self.profile.camera}, {self.setting}", *errors]
+
+    def description(self, takes: str, gives: str) -> tuple[str, ...]:
+        """What a camera profile of the look states of itself: version, input, output, camera, settings and licence."""
+        return description(InputAndOutput(takes, gives), details=self.details)
 
     def seen_from(self, source: str) -> Transform:
         """Colours of a space → the camera's JPEG, encoded sRGB.

@@ -9,12 +9,14 @@ from lutforge.arrays import ColourFunction
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.kits.kit import Look
 from lutforge.kits.measure import error_of_lut
-from lutforge.luts.bake import bake_forms
+from lutforge.luts.bake import bake_to
 from lutforge.luts.check import FileError
 from lutforge.luts.description import description
-from lutforge.luts.ops import FEW, Curve, Matrix
+from lutforge.luts.input_and_output import ENCODED, InputAndOutput, input_and_output_of
+from lutforge.luts.ops import Curve, Matrix
 from lutforge.luts.programs import Target, target_of
-from lutforge.luts.sequence import ENCODED, InputAndOutput, Lut, input_and_output_of
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import FEW
 
 
 def write_lut(look: Look, path: Path, source: str, target: str, size: int | None = None, place: str = "") -> FileError:
@@ -22,15 +24,13 @@ def write_lut(look: Look, path: Path, source: str, target: str, size: int | None
     jpeg = look.seen_from(source)
     if path.suffix == ".clf":
         # The exact chain to the JPEG, whose encoding is then undone: a cube of both would clip what the chain takes.
-        (lut,) = bake_forms(jpeg, [Target(size=size)])
+        lut = bake_to(jpeg, Target(size=size))
         space, even = rgb_space(target), np.repeat(np.linspace(0.0, 1.0, FEW)[:, None], 3, axis=1)
         lut = Lut(
             (*lut.ops, Curve(rgb_space("srgb").linearize(even)), Matrix(matrix_between("linear-srgb", space.name)))
         )
     else:
-        (lut,) = bake_forms(
-            look.between(source, target), [target_of(path, size=size)], display_referred=target == "srgb"
-        )
+        lut = bake_to(look.between(source, target), target_of(path, size=size))
     given = ENCODED if target == "srgb" else input_and_output_of("render", target).input
     described(look, lut, InputAndOutput(input_and_output_of("render", source).input, given), place).write(path)
     return error_of_lut(path, jpeg, source, target, lut.interpolation)
@@ -38,12 +38,9 @@ def write_lut(look: Look, path: Path, source: str, target: str, size: int | None
 
 def described(look: Look, lut: Lut, ends: InputAndOutput, place: str = "") -> Lut:
     """Return a LUT with the look's title, and what files say of themselves."""
-    errors = look.profile.render(look.setting).purpose.comments
-    details = [f"camera and settings: {look.profile.camera}, {look.setting}", *errors]
-    return replace(lut, title=look.title, comments=description(ends, place, details))
+    return replace(lut, title=look.title, comments=description(ends, place, look.details))
 
 
 def baked(function: ColourFunction, path: Path, size: int) -> Lut:
     """Bake a function from and to encoded sRGB to the form of a file."""
-    (lut,) = bake_forms(function, [target_of(path, size=size)])
-    return lut
+    return bake_to(function, target_of(path, size=size))

@@ -11,8 +11,8 @@ from lutforge.kits.dcp import read_dcp
 from lutforge.kits.icc import read_icc, scene_linear
 from lutforge.kits.kit import Look
 from lutforge.luts.check import FileError, compare
-from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import evaluate, own_reader
+from lutforge.luts.ocio_transforms import evaluate
+from lutforge.luts.reading import file_processor, has_own_reader, read_lut
 from lutforge.model.transform import Transform
 from lutforge.sobol import sobol
 
@@ -36,7 +36,7 @@ def error_of_lut(
     jpeg: the model, from the space to encoded sRGB, in which both are compared.
     """
     x = colours_of(source, jpeg)
-    if own_reader(path) is None:
+    if not has_own_reader(path):
         got = evaluate(file_processor(path, interpolation), x).astype(np.float64)
     else:
         got = read_lut(path)(x)

@@ -12,12 +12,15 @@ from lutforge.arrays import Array, ColourFunction, Real, Single
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import one_line
 from lutforge.interpolation import Interpolation
-from lutforge.luts.formats import SPI_PAIR
-from lutforge.luts.ops import Cube, Curve, Matrix, node_levels
+from lutforge.luts.input_and_output import InputAndOutput, read_input_and_output
+from lutforge.luts.ocio_transforms import evaluate
+from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.programs import readers_of as programs_of
-from lutforge.luts.reading import file_processor, is_read_by_ocio, read_lut
-from lutforge.luts.sequence import InputAndOutput, Lut, evaluate, own_reader, read_input_and_output
+from lutforge.luts.reading import file_processor, has_own_reader, is_read_by_ocio, read_lut
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import node_levels
 from lutforge.luts.text import TEXTS
+from lutforge.luts.writers.spi import SPI_PAIR
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.sobol import sobol
 
@@ -366,7 +369,7 @@ def verify(
     # Rounded to float32 first: both sides get the very same input.
     x = sample_points(lut or read_lut(path))
     x = (np.concatenate([x, scene_points(float(x.max()))]) if scenes else x).astype(np.float32).astype(np.float64)
-    if own_reader(path) is None:
+    if not has_own_reader(path):
         pair = [path.with_suffix(end) for end in SPI_PAIR]  # in the order in which they are used
         is_pair = path.suffix.lower() in SPI_PAIR and all(file.is_file() for file in pair)
         got = x.astype(np.float32)

@@ -6,7 +6,7 @@ A LUT on the wrong pixels is the usual mistake, and most formats have no word fo
 from collections.abc import Iterable
 
 from lutforge import __version__
-from lutforge.luts.sequence import InputAndOutput
+from lutforge.luts.input_and_output import InputAndOutput
 
 LICENCE = "CC0 1.0, no rights reserved"
 """What those who make a file with LutForge give others leave to do with it."""

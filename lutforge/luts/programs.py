@@ -9,7 +9,8 @@ from pathlib import Path
 from lutforge.errors import LutError, alternatives
 from lutforge.interpolation import Interpolation
 from lutforge.luts import command_lines
-from lutforge.luts.sequence import MAX_SIZE, Form, format_of
+from lutforge.luts.formats import format_of
+from lutforge.luts.forms import MAX_SIZE, Form
 
 CUBES = (".cube", ".cube, domain from 0", ".cube, domain", ".cube, range", ".cube, curve")
 """Kinds of .cube files without a shaper."""
@@ -229,6 +230,11 @@ class Target:
     default: int = 33
     sizes: tuple[int, ...] = TRIED
     curve: bool = False
+
+    @property
+    def method(self) -> Interpolation:
+        """The interpolation of cubes that are fitted."""
+        return self.interpolation or "tetrahedral"
 
 
 def program_named(name: str) -> Program:

@@ -1,7 +1,7 @@
 """LUT files of any origin, read by OpenColorIO in a process of its own.
 
 OpenColorIO's readers are what most programs read LUT files with, so that what it makes of a file is what the file
-means. Three formats that it does not know have readers of their own beside their writers (`formats.py`).
+means. Formats that it does not know have readers of their own: .vlt, and pictures that hold a LUT.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,9 +18,16 @@ from lutforge.boundary import path_of, reading, require_file
 from lutforge.child_processes import OverrunError, P, R, guarded
 from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
+from lutforge.luts.formats import FORMATS
+from lutforge.luts.ocio_transforms import OCIO_ERRORS, evaluate
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
-from lutforge.luts.sequence import FORMATS, OCIO_ERRORS, Lut, evaluate, own_reader
+from lutforge.luts.picture import SUFFIXES, read_picture
+from lutforge.luts.sequence import Lut
 from lutforge.luts.text import checked_text, decoded
+from lutforge.luts.vlt import read_vlt
+
+OWN_READERS: dict[str, Callable[[Path], Lut]] = {".vlt": read_vlt, **dict.fromkeys(SUFFIXES, read_picture)}
+"""The readers of formats that OpenColorIO does not know, by suffix."""
 
 MOST_BYTES = 128 << 20
 """Bytes of a LUT file that is read: a 129³ cube as text takes about 70 MB."""
@@ -40,11 +47,11 @@ def read_lut(path: str | Path) -> Lut:
     """
     path = path_of(path, "a LUT")
     require_file(path, "a LUT", LutError, MOST_BYTES)
-    own = own_reader(path)
+    reader = OWN_READERS.get(path.suffix.lower())
     with reading(path, f"a {path.suffix.lower()} LUT", LutError):
-        if own is not None:
+        if reader is not None:
             with _as_its_reader_takes_it(path) as (link, problems):
-                lut = own(link)
+                lut = reader(link)
             metadata = {"format": path.suffix.lower(), **lut.metadata}
             return replace(lut, metadata={**metadata, **({"problems": "; ".join(problems)} if problems else {})})
         if path.suffix.lower() == ".dcp":
@@ -106,7 +113,12 @@ def _as_its_reader_takes_it(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]
 
 def is_read_by_ocio(path: Path, lut: Lut) -> bool:
     """Whether OpenColorIO reads a file as it is, of which `lut` was read."""
-    return own_reader(path) is None and "problems" not in lut.metadata
+    return not has_own_reader(path) and "problems" not in lut.metadata
+
+
+def has_own_reader(path: Path) -> bool:
+    """True for a format that OpenColorIO does not know, and LutForge reads itself."""
+    return path.suffix.lower() in OWN_READERS
 
 
 def processor_of_stranger(path: str | Path) -> OCIO.Processor:

@@ -13,12 +13,12 @@ from lutforge.arrays import Array
 from lutforge.boundary import path_of
 from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError, alternatives
-from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.highlights import neutral_highlights as highlights_between
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.model.profile_data import CameraModel, PictureStyle, ProfileData
+from lutforge.model.profile import CameraModel, ProfileData
+from lutforge.model.profile_file import described, read_profile, write_profile
+from lutforge.model.provenance import Pictures, ReferenceRaw
 from lutforge.model.raw_transfer import RawTransfer
-from lutforge.model.response import Response
 from lutforge.model.transform import (
     Clip,
     Decode,
@@ -30,7 +30,7 @@ from lutforge.model.transform import (
     Transform,
     through_stages,
 )
-from lutforge.model.white_balance import WhiteBalance, resolve, shifted, temperature_of
+from lutforge.model.white_balance import resolve, shifted, temperature_of
 from lutforge.settings import Kelvin, Multipliers, Selector, Shift, parse_selector, require_exposure, split_shift
 
 ModelName = Literal["lattice", "model"]
@@ -64,9 +64,9 @@ class CameraProfile(ProfileData):
     def notes_on(self, selector: Selector) -> list[str]:
         """What is to be known of a setting: that the camera sets it anew for each shot, or that it comes on top."""
         known = self.white_balances.get(str(selector.white_balance))
-        if self.raw_space != "raw" and isinstance(selector.white_balance, Multipliers):
+        if isinstance(self.provenance, Pictures) and isinstance(selector.white_balance, Multipliers):
             return [
-                f"the profile is of {self.developer}, whose white balance is in it already: {selector.white_balance} "
+                f"the profile is of {self.provenance}, whose white balance is in it already: {selector.white_balance} "
                 "comes on top of that, and 1,1,1 changes nothing"
             ]
         if known is None or known.spread <= 0.02:
@@ -82,8 +82,8 @@ class CameraProfile(ProfileData):
 
         Raises SettingsError where no natural light is so far off.
         """
-        if self.raw_space != "raw" and shift != Shift():
-            raise SettingsError(f"{self.camera}: colour temperatures need RAW, and the profile is of {self.developer}")
+        if isinstance(self.provenance, Pictures) and shift != Shift():
+            raise SettingsError(f"{self.camera}: colour temperatures need RAW, and the profile is of {self.provenance}")
         r, g, b = (float(value) for value in shifted(factors, shift, self.white_balances, self.matrix))
         return Multipliers((r / g, 1.0, b / g), g)
 
@@ -93,10 +93,10 @@ class CameraProfile(ProfileData):
 
     def render(self, to: str | Selector, model: ModelName | None = None) -> Transform:
         """RAW before white balance, of the reference camera if there is one → the camera's JPEG, encoded [0, 1]."""
-        own = self._render(to, model)
-        ahead = () if self.raw_transfer is None else (MatrixStage(self.raw_transfer),)
-        purpose = _purpose("render", f"{self.camera} RAW to {to}", target=(self, to))
-        return Transform((*ahead, *own.stages), purpose)
+        stages = self._render(to, model).stages
+        if isinstance(self.provenance, ReferenceRaw):
+            stages = (MatrixStage(self.provenance.transfer), *stages)
+        return Transform(stages, _purpose("render", f"{self.camera} RAW to {to}", target=(self, to)))
 
     def render_balanced(self, to: str | Selector, model: ModelName | None = None) -> Transform:
         """White-balanced RAW → the camera's JPEG, encoded [0, 1]: the same for all white balances of a style."""
@@ -110,24 +110,25 @@ class CameraProfile(ProfileData):
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for rendering")
             return Transform((Gain(gain), Clip(), style.render))
         forward, response = fitted.gamut_map, Encode(fitted.response)
-        if not self.raw_camera:
+        if not isinstance(self.provenance, ReferenceRaw):
             return Transform((Gain(gain), Clip(), MatrixStage(fitted.matrix), forward, response))
-        # Another camera's RAW stands in. Its sensor saturates at 1, but this camera may expose brighter.
+
+        # Another camera's RAW replaces this one's. Its sensor saturates at 1, but this camera may expose brighter.
         brightest = fitted.linearize(grid(uniform_levels(5))).max(axis=(0, 1, 2))
         reach = np.maximum(brightest, 1.0)
         within = MatrixStage(np.diag(1 / reach))
         return Transform((Gain(gain), within, Clip(), MatrixStage(fitted.matrix * reach), forward, response))
 
     def linearize(self, source: str | Selector, space: str = "raw", model: ModelName | None = None) -> Transform:
-        """Take the camera's JPEG, encoded [0, 1], to RAW before white balance, or to light in another colour space.
+        """Take the camera's JPEG, encoded [0, 1], to RAW before white balance, or to linear values of an RGB space.
 
         space: "raw", or a name of `lutforge.colour.rgb_spaces`, scene-linear or encoded, such as "acescg" or "vlog".
         Raises SettingsError on an unknown space, and ProfileError where the camera's own RAW is asked for and another
-        camera's stood in.
+        camera's replaced it.
         """
-        if space == "raw" and self.raw_camera:
+        if space == "raw" and isinstance(self.provenance, ReferenceRaw):
             raise ProfileError(
-                f"{self.camera} has no RAW: this profile was calibrated through the RAW of {self.raw_camera}; "
+                f"{self.camera} has no RAW: this profile was calibrated through the RAW of {self.provenance.camera}; "
                 "refinish works, or linearize to linear-srgb, acescg or aces2065-1"
             )
         stages = self._linearize(source, space, model).stages
@@ -167,7 +168,27 @@ class CameraProfile(ProfileData):
 
     def raw_to_linear_srgb(self, selector: Selector) -> Array:
         """(3, 3): Ts Tw for a setting; of a reference camera's RAW Ts Tw Tc."""
-        return (self.matrix * self.multipliers(selector)) @ _from_reference(self)
+        return (self.matrix * self.multipliers(selector)) @ self.from_reference
+
+    @property
+    def from_reference(self) -> Array:
+        """Tc (3, 3) from the RAW of the reference camera; the identity where the camera has RAW."""
+        return self.provenance.transfer if isinstance(self.provenance, ReferenceRaw) else np.eye(3)
+
+    @property
+    def raw_camera(self) -> str:
+        """The camera whose RAW a render takes: the reference camera, else this one."""
+        return self.provenance.camera if isinstance(self.provenance, ReferenceRaw) else self.camera
+
+    def is_same_calibration(self, profile: CameraProfile) -> bool:
+        """True of a profile of the same camera with the same models; what is noted of them may differ."""
+        (first, arrays), (second, arrays_of_second) = described(self), described(profile)
+        same = all(first[part] == second[part] for part in first if part not in ("shots", "options", "notes"))
+        return same and all(np.array_equal(array, arrays_of_second[name]) for name, array in arrays.items())
+
+    def save(self, path: str | Path) -> None:
+        """Write the profile to a file (.npz), atomically; `lutforge.load_profile` reads it."""
+        write_profile(path, self)
 
     def _model(self, selector: Selector, model: ModelName | None) -> CameraModel | None:
         """The camera model fitted for this white balance, else the style's first; None where a lattice takes part."""
@@ -191,7 +212,7 @@ def load_profile(path: str | Path) -> CameraProfile:
     Raises:
         ProfileError: it is none, in one line.
     """
-    return CameraProfile.read(path_of(path, "a profile"))
+    return CameraProfile(**vars(read_profile(path_of(path, "a profile"))))
 
 
 def as_profile(profile: CameraProfile | str | Path) -> CameraProfile:
@@ -216,7 +237,7 @@ def match(
     neutral_highlights: as for `CameraProfile.refinish`.
 
     transfer: Tc, measured on common scenes. Without it Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of
-    the source's light (see `same_light`); where the target camera does not know it, its target white balance stands in.
+    the source's light (see `same_light`); where the target camera does not know it, it is its target white balance.
     Between profiles of one RAW, a camera's own or a common reference's, Tc is what takes both to that.
     Raises SettingsError on an exposure beyond ±20 stops, ProfileError on a transfer between other cameras.
     """
@@ -298,16 +319,11 @@ def raw_to_balanced(
     if transfer is not None:
         under = None if light is None else target_camera.multipliers(Selector(target.style, light))
         return MatrixStage(transfer.under(source_camera.multipliers(source), under).matrix), balance
-    if (source_camera.raw_camera or source_camera.camera) == (target_camera.raw_camera or target_camera.camera):
-        return MatrixStage(_from_reference(target_camera) @ np.linalg.inv(_from_reference(source_camera))), balance
+    if source_camera.raw_camera == target_camera.raw_camera:
+        return MatrixStage(target_camera.from_reference @ np.linalg.inv(source_camera.from_reference)), balance
     light_of_target = target_camera.multipliers(Selector(target.style, light or target.white_balance))
     to_target = np.linalg.inv(target_camera.matrix * light_of_target)
     return MatrixStage(to_target @ (source_camera.matrix * source_camera.multipliers(source))), balance
-
-
-def _from_reference(camera: CameraProfile) -> Array:
-    """Tc (3, 3) from the RAW of the reference camera, or of the camera itself where it has RAW."""
-    return np.eye(3) if camera.raw_transfer is None else camera.raw_transfer
 
 
 def same_light(
@@ -347,37 +363,3 @@ def through_camera(
     stages = (*decode, MatrixStage(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages)
     title = f"{profile.camera} {space} to {to}"
     return Transform(stages, _purpose("render", title, target=(profile, to), space=space, ev=ev))
-
-
-# --- The profile of a camera of which only the response is known: its JPEGs' own light stands in for RAW -------------
-
-
-SOURCE = "exposure bracket"
-"""What the options of such a profile name as its source."""
-
-
-def profile_of_response(
-    response: Response, camera: str, style: str, white_balance: str, shots: tuple[str, ...] = ()
-) -> CameraProfile:
-    """A profile with f alone: no matrix, no gamut map; linear light has the primaries of the JPEG."""
-    nothing = identity_gamut_map()
-    model = CameraModel((white_balance,), np.eye(3), response, nothing, nothing)
-    return CameraProfile(
-        camera=camera,
-        matrix=np.eye(3),
-        white_balances={white_balance: WhiteBalance((1.0, 1.0, 1.0))},
-        styles={style: PictureStyle(models=(model,))},
-        shots=shots,
-        options={"source": SOURCE},
-        notes=("only the response is known: linear light is that of the JPEG, in its own primaries and white balance",),
-    )
-
-
-def has_own_raw(profile: CameraProfile) -> bool:
-    """True where the profile is of the camera's own RAW, not of a response alone or through a reference camera."""
-    return not (is_response_alone(profile) or profile.raw_camera)
-
-
-def is_response_alone(profile: CameraProfile) -> bool:
-    """True for a profile that `profile_of_response` made."""
-    return profile.options.get("source") == SOURCE

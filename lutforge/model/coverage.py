@@ -11,7 +11,7 @@ from lutforge.interpolation import interpolate
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import CLIPPED, clipped
 from lutforge.model.lattice import Lattice, grid
-from lutforge.model.profile_data import CameraModel, PictureStyle
+from lutforge.model.profile import CameraModel, PictureStyle
 
 FARTHEST = 24.0 / 255.0
 """Default limit: distance to the nearest sample, in encoded RGB."""

@@ -18,7 +18,8 @@ from lutforge.boundary import path_of
 from lutforge.errors import ProfileError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.profile_data import CameraModel, PictureStyle
+from lutforge.model.profile import CameraModel, PictureStyle
+from lutforge.model.provenance import ReferenceRaw
 from lutforge.model.response import Response
 from lutforge.model.white_balance import LIGHT_SOURCES, NAMED_KELVIN, WhiteBalance
 
@@ -107,7 +108,7 @@ def import_published(folders: Sequence[str | Path], camera: str = "", style: str
         matrix=largest.matrix / rows,
         white_balances=balances,
         styles={style: PictureStyle(models=tuple(model.model for model in models))},
-        options={"source": "published model of the thesis's authors"},
+        notes=("the model was read from files that the thesis's authors publish",),
     )
 
 
@@ -119,10 +120,10 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
     hold the style, or two of its white balances are "other".
     """
     models = profile.styles[style].models
-    if profile.raw_camera:
+    if isinstance(profile.provenance, ReferenceRaw):
         raise ProfileError(
             f"{profile.camera} has no RAW: the authors' files start from a camera's own, and hold no matrix from that "
-            f"of {profile.raw_camera}; bake LUTs instead"
+            f"of {profile.provenance.camera}; bake LUTs instead"
         )
     if not models:
         raise ProfileError(

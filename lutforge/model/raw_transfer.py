@@ -13,7 +13,7 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import path_of, reading, require_file
 from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ProfileError
-from lutforge.model.profile_data import is_invertible
+from lutforge.model.provenance import is_invertible
 
 FORMAT = "lutforge-raw-transfer"
 FORMAT_VERSION = 3

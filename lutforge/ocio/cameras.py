@@ -14,7 +14,8 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError, alternatives
-from lutforge.model.camera_profile import CameraProfile, as_profile, has_own_raw
+from lutforge.model.camera_profile import CameraProfile, as_profile
+from lutforge.model.provenance import ReferenceRaw, ResponseOnly
 
 _SIGNS = " ._()-"
 
@@ -112,7 +113,7 @@ class Camera:
 
     def raw(self, balance: str | None = None) -> str:
         """The colour space of its RAW, or of its JPEGs' linear values, before white balance or after one."""
-        kind = RAW if has_own_raw(self.profile) else LINEAR
+        kind = LINEAR if isinstance(self.profile.provenance, ReferenceRaw | ResponseOnly) else RAW
         return space_name(self.name, kind, self.balances[balance] if balance is not None else UNBALANCED)
 
     def jpeg(self, style: str, balance: str) -> str:
@@ -171,7 +172,7 @@ def name_cameras(
     loaded = as_profiles(profiles)
     _require_balances(loaded, looks)
     for profile in loaded:
-        if any(_are_one(profile, camera.profile) for camera in cameras):
+        if any(profile.is_same_calibration(camera.profile) for camera in cameras):
             raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")
         styles, balances = UniqueNames(), UniqueNames((UNBALANCED,))
         first = camera = Camera(
@@ -213,18 +214,3 @@ def _look_pairs(profile: CameraProfile, looks: Sequence[str]) -> tuple[tuple[str
     by_lower = {name.lower(): name for name in profile.white_balances}
     known = [by_lower[name] for name in dict.fromkeys(map(str.lower, looks)) if name in by_lower]
     return tuple(pair for name in known[1:] for pair in ((name, known[0]), (known[0], name)))
-
-
-def _are_one(first: CameraProfile, second: CameraProfile) -> bool:
-    """Whether two profiles are of one camera and one calibration."""
-    return (
-        first.camera == second.camera
-        and first.white_balances == second.white_balances
-        and np.array_equal(first.matrix, second.matrix)
-        and _errors(first) == _errors(second)  # of developed pictures the matrix is the same for all looks
-    )
-
-
-def _errors(profile: CameraProfile) -> dict[str, dict[str, float]]:
-    """The errors of each style, which no two calibrations share."""
-    return {name: dict(style.errors) for name, style in profile.styles.items()}

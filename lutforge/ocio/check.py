@@ -11,7 +11,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.boundary import reading, require_file
 from lutforge.errors import ConfigError, one_line
-from lutforge.luts.sequence import OCIO_ERRORS
+from lutforge.luts.ocio_transforms import OCIO_ERRORS
 
 MOST_TEXT = 64 << 20
 """Bytes of a config.ocio; the largest of studios has half a megabyte."""

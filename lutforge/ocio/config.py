@@ -12,8 +12,8 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.errors import ConfigError
 from lutforge.inverse.linearization import SIZE
-from lutforge.luts.formats import clf_text
-from lutforge.luts.sequence import OCIO_ERRORS
+from lutforge.luts.ocio_transforms import OCIO_ERRORS
+from lutforge.luts.writers.process_list import clf_text
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio import spaces
 from lutforge.ocio.cameras import Camera, UniqueNames, config_names, name_cameras

@@ -19,7 +19,7 @@ from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading
 from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
-from lutforge.luts.sequence import OCIO_ERRORS
+from lutforge.luts.ocio_transforms import OCIO_ERRORS
 from lutforge.ocio import spaces
 from lutforge.ocio.blender import blender_config
 from lutforge.ocio.check import file_names, try_file

@@ -15,9 +15,12 @@ from lutforge.arrays import Array, ColourFunction
 from lutforge.errors import ConfigError
 from lutforge.inverse.linearization import SIZE, BakedRender, inverse_of
 from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
-from lutforge.luts.bake import bake, grading_steps, raised
-from lutforge.luts.ops import FEW, Curve
+from lutforge.luts.bake import bake
+from lutforge.luts.highlights import raised
+from lutforge.luts.ops import Curve
+from lutforge.luts.refinish import steps_of
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import FEW
 from lutforge.model.coverage import uncovered
 from lutforge.model.highlights import CLIPPED
 from lutforge.model.transform import Gain, Transform
@@ -176,10 +179,10 @@ def baked(
         errors += lines
         for source, target, refinish in rendering.refinishes():
             if rendering.file("calibrated") not in luts:  # the same for all pairs
-                lut = bake(rendering.linearize, display_referred=False, title=f"{title} linearize, as calibrated")
+                lut = bake(rendering.linearize, title=f"{title} linearize, as calibrated")
                 luts[rendering.file("calibrated")] = with_short_curves(lut)
             # A look changes the white balance between linearization and render, and keeps white white.
-            _, _, highlights, _ = grading_steps(refinish)
+            highlights = steps_of(refinish).highlights
             gain = rendering.camera.gain(target) / rendering.camera.gain(source)
             names = rendering.camera.balances
             title = f"{rendering.camera.name} {names[source]} to {names[target]}"

@@ -13,8 +13,8 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.errors import ConfigError
-from lutforge.luts.sequence import matrix_transform
-from lutforge.model.camera_profile import has_own_raw
+from lutforge.luts.ocio_transforms import matrix_transform
+from lutforge.model.provenance import ReferenceRaw, ResponseOnly
 from lutforge.ocio.cameras import JPEG, Camera, UniqueNames, file_stem, space_name
 from lutforge.ocio.renderings import Rendering
 
@@ -146,7 +146,8 @@ def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> N
     """The camera's RAW before white balance, and after each. groups: equality groups, by what decides them."""
     for balance in (None, *camera.profile.white_balances):
         name, matrix = camera.raw(balance), camera.to_reference(balance)
-        kind = "RAW" if has_own_raw(camera.profile) else "values of the JPEGs"
+        of_jpegs = isinstance(camera.profile.provenance, ReferenceRaw | ResponseOnly)
+        kind = "values of the JPEGs" if of_jpegs else "RAW"
         what = f"Linear {kind} of the {camera.profile.camera}, black 0, saturation 1, "
         if balance is None:
             what += f"before white balance. Neutral in the reference under {camera.own}"

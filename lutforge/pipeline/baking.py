@@ -1,8 +1,8 @@
-"""Use case: profiles and settings → a transform → LUT files, each read back and measured."""
+"""Use case: a transform → LUT files, each read back and measured; and camera profiles of a profile's look."""
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,117 +16,23 @@ from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, write_dcp
 from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, write_icc
 from lutforge.kits.kit import look_of, setting_of
 from lutforge.kits.measure import error_of_profile
-from lutforge.luts.bake import bake_forms, bake_steps, takes_scenes
+from lutforge.luts.bake import bake_steps, bake_to, bake_within
 from lutforge.luts.check import FileError, verify
 from lutforge.luts.description import description
-from lutforge.luts.formats import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
-from lutforge.luts.programs import Target, files_for, program_named, target_of
-from lutforge.luts.sequence import ADOBE_RGB, ENCODED, FORMS, Form, Lut, format_of, input_and_output_of
-from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, is_response_alone, match, through_camera
-from lutforge.model.raw_transfer import RawTransfer, load_transfer
+from lutforge.luts.formats import format_of, write
+from lutforge.luts.forms import FORMS, Form
+from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, InputAndOutput, input_and_output_of
+from lutforge.luts.lower import takes_scenes
+from lutforge.luts.programs import Program, Target, files_for, program_named, target_of
+from lutforge.luts.sequence import Lut
+from lutforge.luts.writers.process_list import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
+from lutforge.model.camera_profile import CameraProfile, as_profile
+from lutforge.model.provenance import Pictures
 from lutforge.model.transform import Purpose, Transform
 from lutforge.pipeline.outputs import Paths, check_output, one_of, several
+from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
-from lutforge.shots.maker_settings import ADOBE_RGB as ADOBE_RGB_STYLE
-
-KINDS = ("render", "linearize", "refinish", "match")
-
-
-@dataclass(frozen=True)
-class TransformRequest:
-    """The options of `transform`, beside the profile. Raises SettingsError where one does not go with the kind.
-
-    kind: one of KINDS; space: "raw", or the name of a colour space; in any case, and kept as they are named.
-    """
-
-    kind: str
-    source: str | None = None
-    target: str | None = None
-    ev: float = 0.0
-    space: str = "raw"
-    model: str | None = None
-    look: CameraProfile | Path | None = None
-    transfer: RawTransfer | Path | None = None
-
-    def __post_init__(self) -> None:
-        kind, space = one_of("transform", self.kind, KINDS), self.space.strip().lower()
-        space = space if space == "raw" else rgb_space(self.space).name
-        if (self.look is not None) != (kind == "match"):
-            raise SettingsError("match needs two profiles, A.npz match B.npz; the other transforms need one")
-        if self.transfer is not None and kind != "match":
-            raise SettingsError("--transfer goes with match")
-        if space != "raw" and kind in ("refinish", "match"):
-            raise SettingsError(f"--space goes with linearize and render; a {kind} has JPEGs on both sides")
-        if self.ev and (kind == "linearize" or (kind == "render" and space == "raw")):
-            instead = "scale the scene" if kind == "linearize" else "name a scene with --space, or scale the RAW values"
-            raise SettingsError(f"--ev does not go with a {kind}{' of camera RAW' * (kind == 'render')}: {instead}")
-        object.__setattr__(self, "kind", kind)
-        object.__setattr__(self, "space", space)
-
-
-def transform(
-    profile: CameraProfile | str | Path,
-    kind: str,
-    source: str | None = None,
-    target: str | None = None,
-    *,
-    ev: float = 0.0,
-    space: str = "raw",
-    model: str | None = None,
-    look: CameraProfile | str | Path | None = None,
-    transfer: RawTransfer | str | Path | None = None,
-) -> Transform:
-    """Return the transform of a profile that words ask for: a function of colours (…, 3), exact to the model.
-
-    JPEG values are encoded, RAW and scenes linear, with 1 = full scale.
-
-    Args:
-        profile: a profile, or the path of its file.
-        kind: "render" (RAW → JPEG), "linearize" (JPEG → scene), "refinish" (JPEG → JPEG) or "match" (camera → camera).
-        source: STYLE/WB of the JPEG that comes in.
-        target: STYLE/WB of the JPEG that comes out.
-        ev: exposure change in stops.
-        space: what render takes and linearize gives: "raw", or a colour space such as "acescg" or "vlog".
-        model: "lattice", or "model" for the camera model itself, where the profile holds both.
-        look: for match, the profile whose look is wanted.
-        transfer: for match, the transfer from RAW to RAW, or its file.
-
-    Returns:
-        The transform; its `purpose` has a title, and notes on settings that stand for others.
-
-    Raises:
-        SettingsError: a setting is missing or unknown, or an option does not go with the kind.
-        ProfileError: a profile or transfer cannot be read, or holds no such model.
-    """
-    beside = Path(look) if isinstance(look, str) else look
-    step = Path(transfer) if isinstance(transfer, str) else transfer
-    wanted = TransformRequest(kind, source, target, ev, space, model, beside, step)
-    return choose_transform(as_profile(profile), wanted)
-
-
-def choose_transform(camera: CameraProfile, wanted: TransformRequest) -> Transform:
-    """Return the transform that the words ask for. Raises SettingsError where a setting is missing or unknown."""
-    kind, space = wanted.kind, wanted.space
-    model = None if wanted.model is None else one_of("model", wanted.model, MODELS)
-    end = camera if wanted.look is None else as_profile(wanted.look)
-    for selector, option, profile in ((wanted.source, "--from", camera), (wanted.target, "--to", end)):
-        if selector is None and kind != ("render" if option == "--from" else "linearize"):
-            raise SettingsError(
-                f"{kind} needs {option} STYLE/WB; {profile.camera} has the styles {', '.join(profile.styles)} "
-                f"and the white balances {', '.join(profile.white_balances)}"
-            )
-    source, target = wanted.source or "", wanted.target or ""
-    if kind == "linearize":
-        return camera.linearize(source, "linear-srgb" if space == "raw" and is_response_alone(camera) else space, model)
-    if kind == "render":
-        fed = camera.fed_to if space == "raw" else space
-        return camera.render(target, model) if fed == "raw" else through_camera(camera, target, fed, wanted.ev, model)
-    step = load_transfer(wanted.transfer) if isinstance(wanted.transfer, Path) else wanted.transfer
-    return match(camera, source, end, target, wanted.ev, model, step)
-
-
-# --- LUT files --------------------------------------------------------------------------------------------------------
-
+from lutforge.settings import StyleName
 
 CAMERA_PROFILES = (".icc", ".icm", ".dcp")
 
@@ -135,7 +41,7 @@ BALANCED = "input: camera RAW behind its white balance, which the RAW developer 
 
 @dataclass(frozen=True)
 class BakedFile:
-    """A file that was written. summary: what it holds; error: of what it makes of colours, against the model."""
+    """A file that was written. summary: what it holds; error: of its colours, against the model."""
 
     path: Path
     summary: str
@@ -196,67 +102,197 @@ def bake(
         SettingsError: an option is unknown, or the program feeds no LUT with camera RAW.
         LutForgeError: nothing can be written there. All of these are raised before the work.
     """
+    plan = _plan(
+        transform, outputs, program=program, size=size, form=form, tolerance=tolerance, interpolation=interpolation,
+        title=title, highest=highest, clf_version=clf_version,
+    )  # fmt: skip
+    luts = [_fitted(plan, task, progress) for task in plan.tasks]
+    files = _written(plan, luts)
+    return _baked(plan, luts, files)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One LUT of a plan: its form, and the file that it is written to, or none of a LUT in memory.
+
+    in_steps: a cube for each step of the transform, so that lattices of a profile stay exact.
+    """
+
+    target: Target
+    path: Path | None = None
+    in_steps: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """What is to be baked, and what its files state.
+
+    ends: input and output, where they are known; scenes: inputs are scene-linear; program: the one that reads the files
+    and its name, or none.
+    """
+
+    transform: ColourFunction
+    purpose: Purpose
+    tasks: tuple[_Task, ...]
+    title: str
+    comments: tuple[str, ...]
+    metadata: Mapping[str, str]
+    ends: InputAndOutput | None
+    scenes: bool
+    program: str | None
+    tolerance: float | None
+    highest: float
+    notes: tuple[str, ...]
+
+    @property
+    def display_referred(self) -> bool:
+        """True where the output is encoded sRGB, so that ΔE00 has a meaning."""
+        return self.purpose.kind != "linearize"
+
+
+def _plan(
+    transform: ColourFunction,
+    outputs: Paths,
+    *,
+    program: str | None,
+    size: int | None,
+    form: Form,
+    tolerance: float | None,
+    interpolation: str | None,
+    title: str,
+    highest: float,
+    clf_version: str | None,
+) -> _Plan:
+    """What `bake` is to do. Raises what it raises before the work."""
     method = None if interpolation is None else one_of("interpolation", interpolation, INTERPOLATIONS)
-    if program is not None:
-        method = method or program_named(program).interpolation
+    reader = None if program is None else program_named(program)
+    if reader is not None:
+        method = method or reader.interpolation
     if form not in FORMS:
         raise LutError(f'unknown form "{form}"; choose {", ".join(FORMS)}')
     purpose = transform.purpose if isinstance(transform, Transform) else Purpose()
-    kind, title, displayed = purpose.kind, title or purpose.title, purpose.kind != "linearize"
+    if tolerance is not None and purpose.kind == "linearize":
+        raise LutError("a ΔE00 tolerance has no meaning for scene-linear output; give a size (33 or 65) instead")
     _require_fed(program, purpose)
+
+    title = title or purpose.title
     named, notes = _files([check_output(path) for path in several(outputs)], program, title)
-    metadata = _clf_metadata(clf_version, named)
-    adobe_rgb = purpose.source.partition("/")[0].endswith(ADOBE_RGB_STYLE)
-    ends = input_and_output_of(kind, purpose.light, ADOBE_RGB if adobe_rgb else ENCODED) if kind else None
     scenes = takes_scenes(transform) or highest != 1
-    if kind:  # of camera RAW, a matrix in front is that of a reference camera
-        scenes = kind == "render" and purpose.space != "raw" and rgb_space(purpose.space).is_linear
-    targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
-    targets = targets or [Target(form, size, method)]
-    place = "" if program is None else program_named(program).use
-    comments = description(ends, place, [f"camera and settings: {title}"] * bool(kind) + list(purpose.comments))
-    # A cube for each step, so that lattices of a profile stay exact, where nothing else is asked for.
-    whole = kind in ("refinish", "match") and not any((program, size, tolerance, method))
-    stepwise = [whole and path.suffix.lower() in PROCESS_LISTS for path in named] or [False]
+    if purpose.kind:  # of camera RAW, a matrix that comes first is that of a reference camera
+        scenes = purpose.kind == "render" and purpose.space != "raw" and rgb_space(purpose.space).is_linear
+
+    # A cube for each step where nothing else is given.
+    exact = purpose.kind in ("refinish", "match") and not any((program, size, tolerance, method))
+    tasks = [
+        _Task(target_of(path, name, size, method, scenes), path, exact and path.suffix.lower() in PROCESS_LISTS)
+        for path, name in named.items()
+    ]
+    ends = _ends(purpose)
+    return _Plan(
+        transform=transform,
+        purpose=purpose,
+        tasks=tuple(tasks) or (_Task(Target(form, size, method)),),
+        title=title,
+        comments=_comments(purpose, ends, reader, title),
+        metadata=_clf_metadata(clf_version, named),
+        ends=ends,
+        scenes=scenes,
+        program=program,
+        tolerance=tolerance,
+        highest=highest,
+        notes=tuple(notes),
+    )
+
+
+def _ends(purpose: Purpose) -> InputAndOutput | None:
+    """Input and output of a transform of a profile; none of any other function."""
+    if not purpose.kind:
+        return None
+    is_adobe_rgb = StyleName.parse(purpose.source.partition("/")[0]).colour_space == "adobe rgb"
+    return input_and_output_of(purpose.kind, purpose.light, ADOBE_RGB if is_adobe_rgb else ENCODED)
+
+
+def _comments(purpose: Purpose, ends: InputAndOutput | None, reader: Program | None, title: str) -> tuple[str, ...]:
+    """What the files state of themselves."""
+    place = "" if reader is None else reader.use
+    settings = [f"camera and settings: {title}"] if purpose.kind else []
+    return description(ends, place, [*settings, *purpose.comments])
+
+
+def _fitted(plan: _Plan, task: _Task, progress: Progress) -> Lut:
+    """The LUT of one task."""
     with telling_of_compilation(progress) as telling:
-        luts = bake_forms(
-            transform, [target for target, steps in zip(targets, stepwise, strict=True) if not steps],
-            tolerance=tolerance, display_referred=displayed, title=title, comments=comments, highest=highest,
-            progress=telling,
-        )  # fmt: skip
-        if any(stepwise):
-            steps = bake_steps(transform, title=title, comments=comments)
-            for at in np.flatnonzero(stepwise):
-                luts.insert(int(at), steps)
-    made = []
-    luts = [replace(lut, metadata={**lut.metadata, **metadata}) for lut in luts]
-    for path, lut in zip(named, luts, strict=False):
-        error = verify(lut.write(path), transform, lut, display_referred=displayed, scenes=scenes and bool(kind))
-        made.append((BakedFile(path, f"{lut.summary}, {lut.interpolation}", error), lut))
-    made.sort(key=lambda pair: pair[0].error.mean)
-    notes = [*purpose.notes, *notes]
-    for file, _ in made:  # what it cannot hold: whole numbers, linear light; plain cubes, light far above white
-        if kind == "linearize" and format_of(file.path).bits is not None:
+        if task.in_steps and isinstance(plan.transform, Transform):
+            lut = bake_steps(plan.transform, title=plan.title, comments=plan.comments)
+        elif plan.tolerance is not None:
+            lut = bake_within(
+                plan.transform, task.target, plan.tolerance, title=plan.title, comments=plan.comments,
+                highest=plan.highest, progress=telling,
+            )  # fmt: skip
+        else:
+            lut = bake_to(
+                plan.transform, task.target, title=plan.title, comments=plan.comments, highest=plan.highest,
+                progress=telling,
+            )  # fmt: skip
+    return replace(lut, metadata={**lut.metadata, **plan.metadata})
+
+
+def _written(plan: _Plan, luts: Sequence[Lut]) -> list[tuple[BakedFile, Lut]]:
+    """The files of a plan, each written and read back, with its LUT; the most exact first."""
+    files = []
+    for task, lut in zip(plan.tasks, luts, strict=True):
+        if task.path is not None:
+            error = verify(
+                write(lut, task.path), plan.transform, lut, display_referred=plan.display_referred,
+                scenes=plan.scenes and bool(plan.purpose.kind),
+            )  # fmt: skip
+            files.append((BakedFile(task.path, f"{lut.summary}, {lut.interpolation}", error), lut))
+    return sorted(files, key=lambda pair: pair[0].error.mean)
+
+
+def _baked(plan: _Plan, luts: Sequence[Lut], files: Sequence[tuple[BakedFile, Lut]]) -> BakedLut:
+    """The LUT of the most exact file, or the one in memory, with the files and notes."""
+    best = files[0][1] if files else luts[0]
+    written = tuple(file for file, _ in files)
+    notes = (*plan.purpose.notes, *plan.notes, *_notes_on(plan, written))
+    return BakedLut(best.ops, best.title, best.comments, best.metadata, written, notes)
+
+
+def _notes_on(plan: _Plan, files: Sequence[BakedFile]) -> list[str]:
+    """What users should know of files: what these cannot hold, what they take, and how to load them."""
+    notes = []
+    for file in files:
+        if plan.purpose.kind == "linearize" and format_of(file.path).bits is not None:
             lost = "whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
             notes.append(f"{file.path}: {lost}")
-        if kind == "render" and purpose.space != "raw" and file.error.max_de00 is not None and file.error.max_de00 > 1:
-            light = rgb_space(purpose.space).linearize(np.array(file.error.worst))
-            if light.max() > 1 or light.min() < 0:  # where a difference that is seen is the largest
-                bright, dark = f"{light.max():.0f} times as bright as white", f"{light.min():.2f}, below black"
-                where = f"at light {bright if light.max() > 1 else dark}"
-                notes.append(f"{file.path}: the largest difference is {where}; a .clf is closer")
-    if made and ends is not None and kind in ("render", "linearize"):
-        notes.append("; ".join(ends.comments))
-    if made and program is not None:
-        use = program_named(program).advice(made[0][0].path)
-        notes.append(f"load {made[0][0].path} in {program.lower()}{f': {use}' if use else ''}")
-    best = made[0][1] if made else luts[0]
-    return BakedLut(best.ops, best.title, best.comments, best.metadata, tuple(file for file, _ in made), tuple(notes))
+        notes += _notes_on_difference(plan.purpose, file)
+    if files and plan.ends is not None and plan.purpose.kind in ("render", "linearize"):
+        notes.append("; ".join(plan.ends.comments))
+    if files and plan.program is not None:
+        first = files[0].path
+        use = program_named(plan.program).advice(first)
+        notes.append(f"load {first} in {plan.program.lower()}{f': {use}' if use else ''}")
+    return notes
+
+
+def _notes_on_difference(purpose: Purpose, file: BakedFile) -> list[str]:
+    """Where a difference that is seen is the largest, in a file that takes scenes."""
+    error = file.error
+    if purpose.kind != "render" or purpose.space == "raw" or error.max_de00 is None or error.max_de00 <= 1:
+        return []
+    scene = rgb_space(purpose.space).linearize(np.array(error.worst))
+    if scene.max() > 1:
+        place = f"{scene.max():.0f} times as bright as white"
+    elif scene.min() < 0:
+        place = f"{scene.min():.2f}, below black"
+    else:
+        return []
+    return [f"{file.path}: the largest difference is at light {place}; a .clf is closer"]
 
 
 def bake_files(
     profile: CameraProfile | str | Path,
-    wanted: TransformRequest,
+    request: TransformRequest,
     outputs: Sequence[str | Path] = (),
     *,
     program: str | None = None,
@@ -272,21 +308,21 @@ def bake_files(
     Returned are the files, the most exact first, and what the user should know of them. colours: of an ICC profile, the
     look without its tone curve, scene-linear. Raises ProfileError, and what `bake` does.
     """
-    inputs = [path for path in (profile, wanted.look, wanted.transfer) if isinstance(path, str | Path)]
+    inputs = [path for path in (profile, request.look, request.transfer) if isinstance(path, str | Path)]
     paths = [check_output(path, inputs=inputs) for path in outputs]
     if not paths and program is None:
         raise LutError(
             "no output: name a file with -o, for example -o look.cube or -o look.clf; or a program with --for"
         )
     camera = as_profile(profile)
-    if wanted.target is not None and any(path.suffix.lower() in CAMERA_PROFILES for path in paths):
-        wanted = replace(wanted, target=setting_of(camera, wanted.target))
-    transform = choose_transform(camera, wanted)
+    if request.target is not None and any(path.suffix.lower() in CAMERA_PROFILES for path in paths):
+        request = replace(request, target=setting_of(camera, request.target))
+    transform = choose_transform(camera, request)
     purpose = transform.purpose
     profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
     for path in profiles:
-        if camera.developer:
-            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.developer}")
+        if isinstance(camera.provenance, Pictures):
+            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.provenance}")
         if (purpose.kind, purpose.space) != ("render", "raw"):
             raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
         if program is not None and path.suffix.lower().replace(".icm", ".icc") not in program_named(program).reads:
@@ -295,14 +331,14 @@ def bake_files(
         raise SettingsError("--colours goes with an ICC profile: -o look.icc")
     luts = [path for path in paths if path not in profiles]
     if profiles and not luts:
-        return tuple(_bake_camera_profile(camera, wanted, path, colours) for path in profiles), (BALANCED,)
+        return tuple(_bake_camera_profile(camera, request, path, colours) for path in profiles), (BALANCED,)
     if isinstance(profile, str | Path):
         _require_fed(program, transform.purpose, str(profile))
     baked = bake(
         transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation,
         clf_version=clf_version, progress=progress,
     )  # fmt: skip
-    files = [*baked.files, *(_bake_camera_profile(camera, wanted, path, colours) for path in profiles)]
+    files = [*baked.files, *(_bake_camera_profile(camera, request, path, colours) for path in profiles)]
     return tuple(sorted(files, key=lambda file: file.error.mean)), baked.notes
 
 
@@ -313,9 +349,9 @@ def _require_fed(program: str | None, purpose: Purpose, profile: str = "camera.n
         raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
 
 
-def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: Path, colours: bool) -> BakedFile:
+def _bake_camera_profile(camera: CameraProfile, request: TransformRequest, path: Path, colours: bool) -> BakedFile:
     """Write a camera profile of a look, read it back, and compare it with the model behind white balance."""
-    look = look_of(camera, wanted.target or "")
+    look = look_of(camera, request.target or "")
     if path.suffix.lower() == ".dcp":
         write_dcp(fit_dng_profile(look), path)
         summary = f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}"

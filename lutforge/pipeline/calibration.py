@@ -14,9 +14,10 @@ from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import CalibrationError, SampleError
 from lutforge.evaluation.measured_profile import measured
 from lutforge.model.camera_profile import CameraProfile, as_profile
+from lutforge.model.provenance import Developed
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.pipeline.outputs import Paths, check_output
-from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples, origin_of
+from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples, provenance_of
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.thesis.calibrate import calibrate as fit_thesis_profile
@@ -52,7 +53,7 @@ def calibrate(
         raise CalibrationError(f"{options!r:.80} are no options: give CalibrationOptions(size=33), or none")
     options = options or CalibrationOptions()
     samples = with_setting_names(as_samples(samples))
-    origin = origin_of(samples)
+    provenance = provenance_of(samples)
     with telling_of_compilation(progress) as telling:
         base = None if given is None else as_profile(given)
         within = part(telling, 0.0, 0.5)
@@ -61,10 +62,10 @@ def calibrate(
         else:
             fitted, data = fit_profile(samples, options, within, base)
         profile = measured(fitted, data, options, part(telling, 0.5, 1.0))
-    if not origin:
+    if not isinstance(provenance, Developed):
         return profile
-    exact = matrix_between(origin["raw_space"], "linear-srgb")  # of what a program developed nothing is to be fitted
-    return replace(profile, matrix=exact, options={**profile.options, **origin})
+    # The space of developed pictures is known exactly.
+    return replace(profile, matrix=matrix_between(provenance.space, "linear-srgb"), provenance=provenance)
 
 
 def calibrate_base(

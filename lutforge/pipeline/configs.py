@@ -10,6 +10,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.provenance import Developed
 from lutforge.ocio.cameras import as_profiles
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
@@ -17,7 +18,6 @@ from lutforge.ocio.config import write_config as write
 from lutforge.ocio.merging import open_base
 from lutforge.ocio.spaces import OLDEST
 from lutforge.pipeline.outputs import check_output
-from lutforge.pipeline.sampling import CHART
 from lutforge.progress import Progress, silent, telling_of_compilation
 
 
@@ -70,9 +70,9 @@ def write_config(
     check_output(output if archive else output / CONFIG_NAME, inputs=inputs)
     loaded = as_profiles(profiles)
     for profile in loaded:
-        if profile.developer and not profile.developer.startswith(CHART):
+        if isinstance(profile.provenance, Developed):
             raise ConfigError(
-                f"{profile.camera}: the profile is of {profile.developer}; a config needs one of RAW files, "
+                f"{profile.camera}: the profile is of {profile.provenance}; a config needs one of RAW files, "
                 "lutforge calibrate SHOT… -o camera.npz"
             )
     with telling_of_compilation(progress) as telling:

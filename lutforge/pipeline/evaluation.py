@@ -14,9 +14,10 @@ from lutforge.calibration.white_balance import with_known_balances
 from lutforge.evaluation.evaluation import Evaluation, known_styles, scene_departures
 from lutforge.evaluation.evaluation import evaluate as evaluate_profile
 from lutforge.model.camera_profile import CameraProfile, as_profile
+from lutforge.model.provenance import ReferenceRaw
 from lutforge.model.vignetting import vignetting_of
 from lutforge.pipeline.outputs import Paths
-from lutforge.pipeline.sampling import as_samples, gather_samples, require_same_origin
+from lutforge.pipeline.sampling import as_samples, gather_samples, require_same_provenance
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.reports.tables import Table
 from lutforge.samples.sample_set import SampleSet, with_setting_names
@@ -52,7 +53,7 @@ def evaluate(
     """
     camera = as_profile(profile)
     samples = as_samples(samples)
-    require_same_origin(camera, samples)
+    require_same_provenance(camera, samples)
     with telling_of_compilation(progress) as telling:
         return evaluate_profile(camera, with_setting_names(samples), telling, tables=tables, sizes=sizes)
 
@@ -102,6 +103,7 @@ def predict(profile: CameraProfile, samples: SampleSet) -> Predicted:
     samples = at_the_centre(with_setting_names(samples), profile.vignettings)
     scene, linearized, rendered, transformed, decoded = (np.full_like(samples.raw, np.nan) for _ in range(5))
     multipliers = with_known_balances(samples, profile.white_balances).wb
+    through_reference = isinstance(profile.provenance, ReferenceRaw)
     columns = [samples.style, samples.white_balance, *np.char.mod("%.9g", multipliers.T)]
     _, first, group = np.unique(np.stack(columns), axis=1, return_index=True, return_inverse=True)
     for index, row in enumerate(first):
@@ -109,10 +111,10 @@ def predict(profile: CameraProfile, samples: SampleSet) -> Predicted:
         known = profile.white_balances.get(name)
         if style not in profile.styles:
             continue
-        if known is not None and (profile.raw_camera or np.allclose(known.multipliers, gains, rtol=1e-6)):
+        if known is not None and (through_reference or np.allclose(known.multipliers, gains, rtol=1e-6)):
             # The setting has its gain, and its own camera model where there are several.
             selector, gain = Selector(style, name), 1.0
-        elif profile.raw_camera or not np.all(np.isfinite(gains)):
+        elif through_reference or not np.all(np.isfinite(gains)):
             continue
         else:
             r, g, b = gains.tolist()

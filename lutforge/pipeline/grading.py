@@ -82,7 +82,8 @@ class Grading:
         recipe: Recipe
         path, *others = self.words[0], *filter(_is_profile, self.words[1:])  # LUT, config or profile; further profiles
         if _is_profile(path):
-            from lutforge.grading.profile_recipe import ProfileRecipe, SceneRecipe
+            from lutforge.grading.profile_recipe import ProfileRecipe
+            from lutforge.grading.scene_recipe import SceneRecipe
 
             settings = ((path, *others), self.source, self.target, self.ev)
             if self.space is not None:

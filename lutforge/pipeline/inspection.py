@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lutforge.boundary import reading
-from lutforge.errors import ImageError, LutError
+from lutforge.child_processes import OverrunError, guarded
+from lutforge.errors import ImageError, LutError, one_line
 from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.reports.tables import exposure_time
-from lutforge.samples.table import is_table, read_samples
+from lutforge.samples.table import read_samples
+from lutforge.samples.table_file import is_table
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 
 # What reads one kind of file is imported where it reads it: inspecting should not wait for the others.
@@ -74,7 +76,7 @@ def _inspected(path: Path) -> Inspection:
         return Inspection(tuple(_picture(path)))
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-    from lutforge.luts.sequence import FORMATS
+    from lutforge.luts.formats import FORMATS
 
     read_by_ocio = {f".{each.lower()}" for _, each in OCIO.FileTransform.getFormats()}
     if suffix in CONFIGS:
@@ -200,8 +202,6 @@ OCIO_RELEASES = {
 
 def _config_lines(path: Path) -> list[str]:
     """What a config of any origin holds, whether it is complete, and which versions of OpenColorIO read it."""
-    from lutforge.child_processes import OverrunError, guarded
-
     try:
         return guarded(_config_report, path, True)
     except OverrunError:
@@ -213,7 +213,6 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
     """The lines of `check` for a config; with_transforms: pixels go through each of its transforms."""
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-    from lutforge.errors import one_line
     from lutforge.ocio.check import check_config, file_names, load_config
 
     OCIO.ClearAllCaches()  # else a file that went since the last call is still there

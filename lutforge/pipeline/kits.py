@@ -26,6 +26,7 @@ from lutforge.kits.places import KEPT, Machine, place_of
 from lutforge.kits.programs import KITS
 from lutforge.luts.description import LICENCE
 from lutforge.model.camera_profile import CameraProfile, as_profile
+from lutforge.model.provenance import Pictures
 from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import extract
@@ -261,7 +262,8 @@ def _names(manifest: Mapping[str, object], key: str) -> list[str]:
 def _readme(kit: Kit, looks: Sequence[Look], written: Sequence[KitFiles], files: Sequence[str]) -> str:
     """One page: what it is, what to do, what it was tried with."""
     look = looks[0]
-    made = f"pictures that {look.profile.developer} developed" if look.profile.developer else "RAW files"
+    provenance = look.profile.provenance
+    made = f"pictures that {provenance} developed" if isinstance(provenance, Pictures) else "RAW files"
     styles = ", ".join(each.style for each in looks)
     lines = [
         f"# {look.profile.camera}, {'styles' if len(looks) > 1 else 'style'} {styles}: for {kit.title}",
@@ -288,14 +290,14 @@ def _readme(kit: Kit, looks: Sequence[Look], written: Sequence[KitFiles], files:
 
 def _require_source(kit: Kit, look: Look) -> None:
     """Raise SettingsError, with the command that helps, where a profile's pairs are not what a kit can be made from."""
-    if kit.source == "raw" and look.profile.raw_space != "raw":
+    if kit.source == "raw" and isinstance(look.profile.provenance, Pictures):
         raise SettingsError(
-            f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.profile.developer}: "
+            f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.profile.provenance}: "
             "lutforge calibrate SHOT… -o camera.npz"
         )
-    if look.profile.raw_space != "raw" and look.white_balance.lower() not in look.profile.white_balances:
+    if isinstance(look.profile.provenance, Pictures) and look.white_balance.lower() not in look.profile.white_balances:
         known = ", ".join(f"{look.style}/{name}" for name in look.profile.white_balances)
         raise SettingsError(
-            f"the profile is of {look.profile.developer}, whose white balance is in it already: instead of "
+            f"the profile is of {look.profile.provenance}, whose white balance is in it already: instead of "
             f"{look.white_balance} name one of its own, {known}"
         )

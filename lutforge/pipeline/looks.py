@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from lutforge.grading.profile_recipe import BakedGrades, SettingChange, baked_steps
+from lutforge.grading.baked_grades import BakedGrades, SettingChange, baked_steps
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.transform import Transform

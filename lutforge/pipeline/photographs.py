@@ -11,7 +11,7 @@ from PIL import Image
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import scratch_folder
 from lutforge.errors import ImageError, SettingsError
-from lutforge.grading.profile_recipe import choose_camera, source_selector
+from lutforge.grading.picture_settings import choose_camera, source_selector
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
 from lutforge.images.orientation import upright

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from lutforge.kits.kit import setting_of
 from lutforge.model.camera_profile import CameraProfile, as_profile
+from lutforge.model.provenance import Pictures
 from lutforge.pipeline.outputs import Paths, check_output
-from lutforge.pipeline.sampling import SampledShots, gather_samples, require_same_origin
+from lutforge.pipeline.sampling import SampledShots, gather_samples, require_same_provenance
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.reports.report import Report, build_comparison, build_report, write_page
 from lutforge.samples.sample_set import SampleSet, with_setting_names
@@ -42,13 +43,13 @@ def report(
         sampled = gather_samples(sampled, progress)
     camera = as_profile(profile)
     if sampled is not None:
-        require_same_origin(camera, sampled.samples)
+        require_same_provenance(camera, sampled.samples)
     share = 0.3 if sampled is None else 0.7
     with telling_of_compilation(progress) as telling:
         if sampled is None:
             page = build_report(camera, progress=part(telling, 0.0, share))
         else:
-            files = {} if camera.developer else sampled.files  # the maps show camera RAW
+            files = {} if isinstance(camera.provenance, Pictures) else sampled.files  # the maps show camera RAW
             named = with_setting_names(sampled.samples)
             page = build_report(camera, named, sampled.shots, files, part(telling, 0.0, share))
     if output is not None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import CalibrationError, LutForgeError, SampleError, SettingsError, ShotError, in_common
+from lutforge.model.provenance import Developed, OwnRaw, Pictures
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet, concatenate
@@ -229,29 +230,27 @@ def as_samples(samples: SampleSet | Paths) -> SampleSet:
 # --- What samples are of: RAW, or pictures in its place --------------------------------------------------------------
 
 
-CHART = "chart "
-"""What the developer of samples begins with whose RAW is the known colours of a chart."""
+def provenance_of(samples: SampleSet) -> OwnRaw | Developed:
+    """What the linear values of samples are: RAW, of whichever camera, or those of developed pictures.
 
-
-def origin_of(samples: SampleSet) -> dict[str, str]:
-    """Name the space and the program of pictures that stand in the place of RAW; empty for RAW."""
+    Raises CalibrationError where they are of several kinds.
+    """
     pairs = sorted(set(zip(samples.raw_space.tolist(), samples.developer.tolist(), strict=True)))
     if len(pairs) > 1:
         kinds = ", ".join(f"{developer} ({space})" if space else "RAW" for space, developer in pairs[:4])
         raise CalibrationError(f"the samples are of several kinds: {kinds}; calibrate each by itself")
     space, developer = pairs[0] if pairs else ("", "")
-    return {"raw_space": space, "developer": developer} if space else {}
+    return Developed(developer, space) if space else OwnRaw()
 
 
-def require_same_origin(profile: CameraProfile, samples: SampleSet) -> None:
+def require_same_provenance(profile: CameraProfile, samples: SampleSet) -> None:
     """Raise CalibrationError, with what helps, where samples are not of what a profile was calibrated on."""
-    given = origin_of(samples)
-    if (profile.options.get("raw_space") or "raw") != given.get("raw_space", "raw"):
-        option = "--developed DIR --developed-space SPACE " if profile.developer else ""
+    given = provenance_of(samples)
+    if profile.provenance.space != given.space:
+        option = "--developed DIR --developed-space SPACE " if isinstance(profile.provenance, Pictures) else ""
         raise CalibrationError(
-            f"the profile is of {profile.developer or 'RAW files'}, the samples are of "
-            f"{given.get('developer', 'RAW files')}: sample what the profile is of, lutforge sample SHOT… {option}"
-            "-o samples.csv"
+            f"the profile is of {profile.provenance}, the samples are of {given}: sample what the profile is of, "
+            f"lutforge sample SHOT… {option}-o samples.csv"
         )
 
 

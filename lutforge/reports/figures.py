@@ -13,7 +13,7 @@ from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode, srgb_
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import Direction, PictureStyle
+from lutforge.model.profile import Direction, PictureStyle
 from lutforge.model.response import mean_response
 
 CHANNELS = (("Red", "#d0432f", "solid"), ("Green", "#2f9e63", "dashed"), ("Blue", "#4f83e0", "dotted"))

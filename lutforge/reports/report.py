@@ -16,6 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
+from lutforge import __version__
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.calibration.brightness_transfer import judge, transfer_functions
@@ -30,11 +31,12 @@ from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, MODEL, compa
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.evaluation.predictions import Predictions, with_compared
 from lutforge.images.orientation import upright
-from lutforge.model.camera_profile import CameraProfile, is_response_alone, through_camera
+from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.coverage import linearizing_error
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.inverse_gamut_map import SolvedInverse
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile import PictureStyle
+from lutforge.model.provenance import ResponseOnly
 from lutforge.model.vignetting import Vignetting, vignetting_of
 from lutforge.progress import Progress, part, silent
 from lutforge.reports import figures
@@ -188,7 +190,7 @@ def answers(
         if "render_mean" in style.errors:
             seen, back = style.errors.get("render_de00_mean"), style.errors.get("linearize_mean")
             errors[name] = style.errors["render_mean"], seen, back, True
-    whole = [row for row in (evaluation.rows if evaluation else ()) if row.method == own and row.shot == "all"]
+    whole = [row for row in (evaluation.rows if evaluation else ()) if row.method == own and row.all_shots]
     backward = {row.style: row.figures.mean for row in whole if row.direction == "linearize"}
     for row in whole:
         if row.direction == "render":
@@ -198,7 +200,7 @@ def answers(
         *map(str, profile.diagnoses),
         *(f"The samples are of {name}, not of {profile.camera}: so are the errors." for name in strangers),
         *(_how_good(name, *known) for name, known in errors.items()),
-        *(profile.notes if is_response_alone(profile) else ()),
+        *(profile.notes if isinstance(profile.provenance, ResponseOnly) else ()),
     )
     best_and_worst = [
         f"{name}: {sentence}"
@@ -322,12 +324,12 @@ MAPS_TEXT = (
 def error_tables(own: str, evaluation: Evaluation) -> Iterator[Table]:
     """Tabulate the errors of both directions, of RAW, of refinishing, and of exposure pairs."""
     for direction, title in TITLES.items():
-        rows = [row for row in evaluation.rows if row.direction == direction and row.shot.startswith("all")]
+        rows = [row for row in evaluation.rows if row.direction == direction and row.all_shots]
         if rows:
             held = "held out by shot" if all(row.held_out for row in rows) else "NOT all held out"
             yield error_table(f"{title}, all shots, {held}", rows, own)
     rendered = [row for row in evaluation.rows if row.direction == "render" and row.method == own]
-    if shots := [row for row in rendered if not row.shot.startswith("all")]:
+    if shots := [row for row in rendered if not row.all_shots]:
         yield error_table("RAW → JPEG by shot", shots)
     yield from more_tables(evaluation, own)
 
@@ -620,8 +622,6 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
 
 def write_page(report: Report, path: str | Path, progress: Progress = silent) -> None:
     """One self-contained HTML file: no script, nothing from a network; names are escaped."""
-    from lutforge import __version__
-
     loader = PackageLoader("lutforge.reports")
     jinja = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     for index, picture in enumerate(report.pictures):

@@ -183,6 +183,7 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres:
         "lens": metadata.lens,
         "raw_space": "" if shot.development is None else shot.development.space,
         "developer": "" if shot.development is None else shot.development.developer,
+        "dng_camera": metadata.dng_camera,
         "focal_mm": metadata.focal_mm,
         "aperture": metadata.aperture,
         "d65_r": d65[0],

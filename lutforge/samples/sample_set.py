@@ -1,7 +1,6 @@
-"""The sample table, its columns and their ranges: RAW and JPEG colours of the same surfaces under known settings."""
+"""The record of samples: RAW and JPEG colours of the same surfaces under known settings."""
 
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -11,112 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import SampleError
+from lutforge.samples.columns import (
+    COLUMNS_OF,
+    NUMBER_COLUMNS,
+    OPTIONAL_COLUMNS,
+    REQUIRED_COLUMNS,
+    SHOT_COLUMNS,
+    problem_in,
+)
+from lutforge.samples.table_file import Columns, write_columns
 from lutforge.settings import setting_name
-
-TEXT_COLUMNS = ("camera", "style", "white_balance", "shot", "patch")
-RAW_COLUMNS = ("raw_r", "raw_g", "raw_b")
-SRGB_COLUMNS = ("srgb_r", "srgb_g", "srgb_b")
-WB_COLUMNS = ("wb_r", "wb_g", "wb_b")
-REQUIRED_COLUMNS = (*TEXT_COLUMNS, "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS)
-POSITION_COLUMNS = ("x", "y")
-SHOT_COLUMNS = ("focal_mm", "aperture", "d65_r", "d65_b")
-OPTIONAL_COLUMNS = (
-    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, "raw_camera", "lens", "raw_space", "developer",
-)  # fmt: skip
-NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS)
-COLUMNS_OF = {"raw": RAW_COLUMNS, "srgb": SRGB_COLUMNS, "wb": WB_COLUMNS, "position": POSITION_COLUMNS}
-"""The columns of a table that one array of a SampleSet holds; the others are arrays of their own."""
-
-ROUNDING = 1e-6
-"""How far a colour may lie outside its range through rounding; it is set to the end of the range."""
-RAW_RANGE = (-0.05, 1.0)
-"""RAW after black subtraction: noise of dark surfaces falls a little below 0 and is kept."""
-MULTIPLIER_RANGE = (1e-3, 1e3)
-"""White-balance multipliers relative to green that any camera could have."""
-MAX_ROWS = 50_000_000
-MAX_TEXT = 200
-"""Characters in a cell."""
-
-
-def wanted_columns(path: Path, names: list[str]) -> list[str]:
-    """The known columns among these. Raises SampleError on missing, doubled or too many columns."""
-    if len(names) > 1000:
-        raise SampleError(f"{path}: {len(names)} columns; a sample table has at most 1000")
-    doubled = sorted({name for name in names if name and names.count(name) > 1})
-    if doubled:
-        raise SampleError(f"{path}: column {doubled[0]!r} occurs twice; keep one of them")
-    missing = [name for name in REQUIRED_COLUMNS if name not in names]
-    for group in (WB_COLUMNS, POSITION_COLUMNS):
-        if any(name in names for name in group):
-            missing += [name for name in group if name not in names]
-    if missing:
-        raise SampleError(
-            f"{path}: missing column{'s' * (len(missing) > 1)} {', '.join(missing)};"
-            " the first line of a sample table names its columns"
-        )
-    return [name for name in names if name in REQUIRED_COLUMNS or name in OPTIONAL_COLUMNS]
-
-
-def problem_in(
-    columns: Mapping[str, NDArray[Any]], shown: Callable[[str, int], str] | None = None
-) -> tuple[int, str] | None:
-    """The first row of columns (n,) that no table may hold, and what is wrong with it; None where all may be.
-
-    shown: column and row → the cell as it is written, without which it is the number.
-    """
-    cell = shown or (lambda name, row: f"{columns[name][row]:.10g}" if name in NUMBER_COLUMNS else "")
-    problems: list[tuple[int, str]] = []
-    for name, values in columns.items():
-        if name in NUMBER_COLUMNS:
-            low, high = _limits(name)
-            may_be_unknown = name == "exposure_s" or name in OPTIONAL_COLUMNS
-            wrong = ~((values >= low) & (values <= high) | np.isnan(values) & may_be_unknown)
-        else:
-            wrong = (values == "") & (name in TEXT_COLUMNS and name != "patch")
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            problems.append((row, _cell_problem(name, cell(name, row))))
-    if "wb_g" in columns:
-        wb = np.stack([columns[name] for name in WB_COLUMNS], axis=1)
-        with np.errstate(all="ignore"):
-            ratio = wb / wb[:, 1:2]
-        plausible = (ratio >= MULTIPLIER_RANGE[0]) & (ratio <= MULTIPLIER_RANGE[1])
-        wrong = ~(np.isnan(wb).all(axis=1) | plausible.all(axis=1))
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            partly = "give all three, or leave all three empty"
-            what = partly if np.isnan(wb[row]).any() else "no camera has such multipliers"
-            problems.append((row, f"wb_r,wb_g,wb_b is {','.join(cell(name, row) for name in WB_COLUMNS)!r}; {what}"))
-    return min(problems, key=lambda problem: problem[0], default=None)
-
-
-def _limits(name: str) -> tuple[float, float]:
-    if name in RAW_COLUMNS:
-        return RAW_RANGE[0] - ROUNDING, RAW_RANGE[1] + ROUNDING
-    if name in SRGB_COLUMNS:
-        return -ROUNDING, 1 + ROUNDING
-    if name in POSITION_COLUMNS:
-        return -1.0, 1.0
-    return math.ulp(0.0), math.nextafter(math.inf, 0.0)
-
-
-def _cell_problem(name: str, cell: str) -> str:
-    """What is wrong with a cell that is none of its column's, in words."""
-    if not cell:
-        wanted = "a number" if name in NUMBER_COLUMNS else f"the {name.replace('_', ' ')} of the sample"
-        return f"{name} is empty; write {wanted}"
-    shown = f"{name} is {cell[:40]}"
-    if not math.isfinite(float(cell)):
-        return f"{shown}; write a finite number"
-    if name in RAW_COLUMNS:
-        return f"{shown}; RAW lies in [0, 1]: subtract the black level and divide by (white - black)"
-    if name in SRGB_COLUMNS:
-        return f"{shown}; sRGB lies in [0, 1]: divide 8-bit JPEG values by 255"
-    if name in POSITION_COLUMNS:
-        return f"{shown}; positions lie in [-1, 1]: half the picture's diagonal is 1"
-    meaning = {"exposure_s": "exposure time in seconds", "focal_mm": "focal length in mm", "aperture": "f-number"}
-    return f"{shown}; the {meaning.get(name, 'multiplier')} is positive, or the cell empty where it is unknown"
-
 
 Text = NDArray[np.str_]
 
@@ -127,13 +30,14 @@ class SampleSet:
 
     raw: linear camera RGB before white balance, 0 = black level, 1 = saturation. srgb: the JPEG value / 255.
     wb: the white-balance multipliers with green = 1; NaN where unknown. exposure_s: NaN where unknown.
-    raw_camera: the camera that the RAW is of; equal to `camera` unless a reference camera's RAW stands in.
+    raw_camera: the camera that the RAW is of; equal to `camera` unless a reference camera's RAW replaces it.
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. d65_r,
     d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
-    raw_space, developer: where a program's pictures stand in the place of the RAW, the RGB space in which these were
-    encoded, and the program; "" for RAW. The columns from `position` on may be left out; they are unknown then.
-    `from_arrays` fills in more. Raises SampleError where the columns differ in length.
+    raw_space, developer: where a program's pictures replace the RAW, the RGB space in which these were encoded, and the
+    program; "" for RAW. dng_camera: the UniqueCameraModel of DNG files, "" of others. The columns from `position` on
+    may be left out; they are unknown then. `from_arrays` fills in more. Raises SampleError where the
+    columns differ in length.
     """
 
     camera: Text
@@ -154,10 +58,11 @@ class SampleSet:
     d65_b: Array = field(default_factory=lambda: np.zeros(0))
     raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    dng_camera: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
     def __post_init__(self) -> None:
         count = len(self.camera)
-        for name in ("position", "lens", "focal_mm", "aperture", "d65_r", "d65_b", "raw_space", "developer"):
+        for name in ("position", *SHOT_COLUMNS, "lens", "raw_space", "developer", "dng_camera"):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
                 unknown = np.nan if column.dtype.kind == "f" else ""
@@ -224,10 +129,30 @@ class SampleSet:
         return len(self.camera)
 
     def save(self, path: str | Path) -> None:
-        """Write the samples to a table (.csv or .npz), atomically; `lutforge.read_samples` reads it."""
-        from lutforge.samples.table import write_samples
+        """Write the samples to a table, atomically; `lutforge.read_samples` reads it.
 
-        write_samples(path, self)
+        .csv: UTF-8, 10 decimals; .npz: float64, one array a column. Raises SampleError on another suffix or an empty
+        set, LutForgeError where the folder cannot be written to.
+        """
+        write_columns(Path(path), self._stored_columns())
+
+    def _stored_columns(self) -> Columns:
+        """The columns of a table, in order, without the optional ones of which nothing is known.
+
+        `raw_camera` is left out, too, where no reference camera's RAW replaces the camera's.
+        """
+        columns: Columns = {name: values for name, values in vars(self).items() if name not in COLUMNS_OF}
+        for name, group in COLUMNS_OF.items():
+            columns |= {column: np.ascontiguousarray(getattr(self, name)[:, i]) for i, column in enumerate(group)}
+
+        unknown = {
+            name
+            for name in OPTIONAL_COLUMNS
+            if not (np.isfinite(columns[name]).any() if name in NUMBER_COLUMNS else np.any(columns[name] != ""))
+        }
+        if np.all(self.raw_camera == self.camera):
+            unknown.add("raw_camera")
+        return {name: columns[name] for name in (*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS) if name not in unknown}
 
     @property
     def settings(self) -> Text:
@@ -236,7 +161,7 @@ class SampleSet:
 
     @property
     def is_own_raw(self) -> bool:
-        """True where nothing stands in the place of the camera's own RAW."""
+        """True where nothing replaces the camera's own RAW."""
         return bool(np.all(self.raw_camera == self.camera) and np.all(self.developer == ""))
 
     def select(self, rows: Mask | NDArray[np.intp]) -> "SampleSet":

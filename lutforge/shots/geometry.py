@@ -10,11 +10,11 @@ from lutforge.compiled import compiled
 
 @dataclass(frozen=True)
 class Distortion:
-    """What the lens drew bent and the JPEG shows straight (Brown 1971, "Close-range camera calibration").
+    """Radial distortion of a lens, which the JPEG shows corrected (Brown 1971, "Close-range camera calibration").
 
-    A place q of the straight picture is drawn at c + (q − c)(1 + k1 r² + k2 r⁴), r = |q − c| / radius. x, y: the centre
-    c; radius: half the diagonal of the RAW's visible area; all in full-resolution RAW pixels. red, blue: by what share
-    these channels are drawn larger than green (lateral chromatic aberration), where the JPEG shows them of one size.
+    A place q of the straight picture lies at c + (q − c)(1 + k1 r² + k2 r⁴) on the RAW, r = |q − c| / radius. x, y: the
+    centre c; radius: half the diagonal of the RAW's visible area; all in full-resolution RAW pixels. red, blue: by what
+    share these channels are larger than green (lateral chromatic aberration), where the JPEG shows them of one size.
     """
 
     x: float
@@ -25,8 +25,8 @@ class Distortion:
     red: float = 0.0
     blue: float = 0.0
 
-    def drawn(self, straight: Array) -> Array:
-        """Places (n, 2) of the RAW at which green is drawn of these places of the straight picture."""
+    def distorted(self, straight: Array) -> Array:
+        """Places (n, 2) of the RAW's green for these places of the straight picture."""
         away = straight - (self.x, self.y)
         square = np.square(away).sum(axis=-1, keepdims=True) / self.radius**2
         return np.asarray((self.x, self.y) + away * (1 + square * (self.k1 + square * self.k2)))
@@ -38,8 +38,8 @@ class Registration:
 
     Both count from the picture's top left corner: pixel i covers [i, i + 1], its centre is i + 0.5. RAW
     coordinates are full-resolution pixels of the visible area, whatever the size of the decoded array.
-    correlation: of the two pictures' local structure, after registration, in [−1, 1]. warp: JPEG pixels by which parts
-    of the picture lie beside their place as no lens moves them, in the mean; 0 where that may be chance.
+    correlation: of the two pictures' local structure, after registration, in [−1, 1]. non_rigid: JPEG pixels by which
+    parts of the picture deviate from their place as no lens moves them, in the mean; 0 where that may be chance.
     """
 
     scale: float
@@ -47,7 +47,7 @@ class Registration:
     offset_y: float
     correlation: float
     distortion: Distortion | None = None
-    warp: float = 0.0
+    non_rigid: float = 0.0
 
     def reduced(self, factor: float) -> "Registration":
         """Convert to coordinates of the JPEG reduced by `factor`; 1 / factor goes the other way."""
@@ -66,9 +66,9 @@ class Registration:
         return rows, columns
 
     def on_raw(self, places: Array) -> Array:
-        """Places (n, 2) of the JPEG as places of the RAW, as the lens drew it."""
+        """Places (n, 2) of the JPEG as places of the RAW, as the lens distorted it."""
         straight = self.straight(places)
-        return straight if self.distortion is None else self.distortion.drawn(straight)
+        return straight if self.distortion is None else self.distortion.distorted(straight)
 
     def moved(self, step: Array) -> "Registration":
         """Add a step to scale and offset (3,), to k1 and k2 (5,), and to the distortion's centre (7,)."""

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.settings import StyleName
 from lutforge.shots.tags import MAKE, MAKER_NOTE, SOFTWARE, TOOLS, Tags, Value, key_of, maker_table
-
-ADOBE_RGB = "adobe rgb"
-"""What the name of a style ends in where the JPEG is in Adobe RGB."""
 
 _NO_STYLE = ("", "none", "n/a", "unknown", "unset", "auto ", "off", "color", "normal ")
 _EDITORS = re.compile(
@@ -27,8 +25,8 @@ _NAMING_MAKES = ("canon", "nikon", "fuji", "olympus", "om digital", "panasonic",
 """Their own tags name the style, on all cameras but the oldest. (Sony's telephones have none.)"""
 
 
-def style_of(tags: Tags) -> str | None:
-    """Picture style, adjustments, colour space but sRGB: "vivid contrast+1 adobe rgb"; None where no tag tells it."""
+def style_of(tags: Tags) -> StyleName | None:
+    """Picture style, adjustments and colour space; None where no tag states it."""
     name = _named_style(tags)
     adjusted = dict(_adjustments(tags, name is not None))
     if name is None:
@@ -43,8 +41,7 @@ def style_of(tags: Tags) -> str | None:
         name = "standard"
     if name in ("standard", "custom") and str(tags.get(("Nikon", 0x008D), "")).lower().startswith("mode3"):
         name += " mode 3"  # the colour mode of the D70's time, for greens
-    space = [ADOBE_RGB] if in_adobe_rgb(tags) else []
-    return " ".join([name, *(f"{what}{steps:+g}" for what, steps in adjusted.items()), *space])
+    return StyleName(name, tuple(adjusted.items()), "adobe rgb" if in_adobe_rgb(tags) else "srgb")
 
 
 def white_balance_of(tags: Tags) -> str | None:

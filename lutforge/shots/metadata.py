@@ -10,7 +10,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.boundary import require_file
-from lutforge.errors import ImageError, SettingsError
+from lutforge.errors import ImageError, SettingsError, one_line
 from lutforge.images.heif import is_heif
 from lutforge.images.raw import RawImage, read_multipliers
 from lutforge.images.read import ImageReader
@@ -22,6 +22,7 @@ from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Tags, tags, tags_of
 UNKNOWN, LUTFORGE = "unknown", "LutForge"
 
 _LENS = ("Photo", 0xA434)
+_UNIQUE_CAMERA_MODEL = ("Image", 0xC614)
 _BRANDS = (
     "Canon", "Nikon", "Sony", "Olympus", "Pentax", "Panasonic", "Fujifilm", "Samsung", "Leica", "Kodak",
     "Minolta", "Ricoh", "Sigma", "Casio", "Hasselblad", "Epson", "Apple", "Google", "DJI", "Mamiya", "Leaf",
@@ -38,6 +39,7 @@ class ShotMetadata:
     "vivid", …; "auto", "daylight", …; "unknown"); the white balance of a picture may be a temperature ("5200k").
     multipliers: (3,) with green = 1, None where unknown. exposure_s, iso, focal_mm, aperture (f-number): NaN where
     unknown. notes: what the user should know, a line each. lens: its name, "" where unknown. d65: as of `RawImage`.
+    dng_camera: the UniqueCameraModel of a DNG, by which raw developers match camera profiles; "" of other files.
     """
 
     camera: str
@@ -51,6 +53,7 @@ class ShotMetadata:
     focal_mm: float = math.nan
     aperture: float = math.nan
     d65: Array | None = None
+    dng_camera: str = ""
 
     @property
     def exposure(self) -> float:
@@ -88,12 +91,13 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     )
     notes = [*notes_of(found), *(note for holds, note in doubts if holds)]
     return ShotMetadata(
-        camera=tidy_camera(make or UNKNOWN, model or "camera"), style=style or "standard",
+        camera=tidy_camera(make or UNKNOWN, model or "camera"), style=str(style or "standard"),
         white_balance=white_balance_of(found) or UNKNOWN, multipliers=raw.multipliers,
         exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else time_s or math.nan,
         iso=raw.iso if math.isfinite(raw.iso) and raw.iso != 65535 else iso or raw.iso,
         notes=tuple(notes), lens=raw.lens or str(found.get(_LENS, "")).strip(),
         focal_mm=raw.focal_mm, aperture=raw.aperture, d65=raw.d65,
+        dng_camera=one_line(str(found.get(_UNIQUE_CAMERA_MODEL, "")), 120),
     )  # fmt: skip
 
 
@@ -161,7 +165,7 @@ def read_picture_settings(path: Path) -> ShotMetadata:
         except ImageError:
             multipliers = None  # then the RAW file is of no help; the picture itself may be fine
     return ShotMetadata(
-        camera=camera, style=setting_name(style_of(found) or UNKNOWN),
+        camera=camera, style=setting_name(str(style_of(found) or UNKNOWN)),
         white_balance=setting_name(white_balance_of(found) or UNKNOWN), multipliers=multipliers, exposure_s=time_s,
         iso=iso, notes=(*notes_of(found), *edited_notes(found)), aperture=aperture,
     )  # fmt: skip

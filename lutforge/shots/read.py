@@ -19,12 +19,12 @@ from lutforge.images.jpeg import decode, read_header
 from lutforge.images.orientation import MIRRORED, QUARTER_TURNS, inverse, orientation_between, upright
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import Development, read_image
-from lutforge.shots.align import IS_WARPED, register_rotated
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.maker_settings import edited_notes, in_adobe_rgb
 from lutforge.shots.metadata import ShotMetadata, camera_of, read_metadata, read_picture_settings
+from lutforge.shots.registration.register import NON_RIGID_MESSAGE, register_rotated
 from lutforge.shots.tags import tags, tags_of
 
 
@@ -34,8 +34,9 @@ class Shot:
 
     name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the file beside it.
     development: the picture that stands in the RAW's place. raw_camera: the other camera that the RAW is of, or "".
-    fine: the same picture, 0 … 65535, where its file has more than 8 bits. drawn: where the JPEG lies on the RAW as the
-    lens drew it, where the camera straightened the JPEG: raw is then straightened, and the registration on that.
+    fine: the same picture, 0 … 65535, where its file has more than 8 bits. distorted: where the JPEG lies on the RAW
+    as the lens distorted it, where the camera straightened the JPEG: raw is then straightened, and the registration on
+    that.
     """
 
     name: str
@@ -48,13 +49,13 @@ class Shot:
     development: Development | None = None
     raw_camera: str = ""
     fine: NDArray[np.uint16] | None = None
-    drawn: Placement | None = None
+    distorted: Placement | None = None
 
     @property
     def placement(self) -> Placement:
-        """The place of the JPEG on the RAW as the lens drew it, at which other shots can be sought first."""
-        if self.drawn is not None:
-            return self.drawn
+        """The place of the JPEG on the RAW as the lens distorted it, at which other shots can be sought first."""
+        if self.distorted is not None:
+            return self.distorted
         height, width = self.raw.pixels.shape[:2]
         return Placement((height, width, self.raw.pixel_size), self.jpeg.shape[:2], self.registration)
 
@@ -67,13 +68,13 @@ class Shot:
         height, width = self.jpeg.shape[:2]
         corners = np.array([[0, 0], [width, 0], [0, height], [width, height]])
         at_corners = self.placement.registration.straight(corners)
-        drawn = np.linalg.norm(lens.drawn(at_corners) - (lens.x, lens.y), axis=1)
+        drawn = np.linalg.norm(lens.distorted(at_corners) - (lens.x, lens.y), axis=1)
         share = float(np.mean(drawn / np.linalg.norm(at_corners - (lens.x, lens.y), axis=1))) - 1
         mustache = lens.k1 * lens.k2 < 0 and abs(share) < abs(lens.k1) / 4
         shape = "mustache" if mustache else ("barrel", "pincushion")[share > 0]
         parts = [f"{shape} distortion of {100 * share:+.1f} % in the corners"] if lens.k1 or lens.k2 else []
         if lens.red or lens.blue:
-            parts.append(f"red {100 * lens.red:+.2f} % and blue {100 * lens.blue:+.2f} % beside green")
+            parts.append(f"red {100 * lens.red:+.2f} % and blue {100 * lens.blue:+.2f} % compared with green")
         return "corrected in the JPEG, and followed: " + ", ".join(parts)
 
     def raw_cells(self, cell: int) -> CellStatistics:
@@ -92,7 +93,7 @@ class Shot:
         if self.registration.distortion is None:
             return self
         pixels, place = self.registration.straightened(self.raw.pixels, self.raw.pixel_size, self.jpeg.shape)
-        return replace(self, raw=replace(self.raw, pixels=pixels), registration=place, drawn=self.placement)
+        return replace(self, raw=replace(self.raw, pixels=pixels), registration=place, distorted=self.placement)
 
 
 EMBEDDED = "embedded preview"
@@ -110,9 +111,9 @@ def read_shot(
     The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; one that another program
     wrote (a converter's DNG holds that converter's rendering) comes last. metadata.notes says so, and which was passed
     over and why. development: a picture that a program made of the RAW, which takes the RAW's place: balanced, so that
-    its multipliers are 1; its tones may let a JPEG seem warped, which then is no reason to refuse it. expected: called
-    once the RAW is decoded, for where another shot of the camera lies; the place is looked at first. source: the JPEG
-    to take and no other, as `Shot.jpeg_source` names it. Raises ImageError or ShotError.
+    its multipliers are 1; its tones may let a JPEG seem distorted as no lens does, which then is no reason to refuse
+    it. expected: called once the RAW is decoded, for where another shot of the camera lies; the place is looked at
+    first. source: the JPEG to take and no other, as `Shot.jpeg_source` names it. Raises ImageError or ShotError.
     """
     path = Path(path)
     if path.suffix.lower() in JPEG_SUFFIXES or is_heif(path):
@@ -135,8 +136,8 @@ def read_shot(
     for index, (name, edited) in enumerate(candidates):
         try:
             jpeg, fine, registration, converted = _registered(raw, path, name, expected())
-            if registration.warp and development is None:
-                raise ShotError(f"{name}: {IS_WARPED.format(registration.warp)}")
+            if registration.non_rigid and development is None:
+                raise ShotError(f"{name}: {NON_RIGID_MESSAGE.format(registration.non_rigid)}")
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue

@@ -15,14 +15,14 @@ from lutforge.calibration.options import LatticeOptions
 from lutforge.colour.rgb_spaces import SPACES
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import export_published
-from lutforge.pipeline.baking import TransformRequest, bake_files
+from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.configs import write_config
 from lutforge.pipeline.kits import kits_of, write_kit
 from lutforge.pipeline.looks import ChosenLook
 from lutforge.pipeline.reports import report
+from lutforge.pipeline.transforms import TransformRequest
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import write_samples
 from lutforge.studio import ui
 from lutforge.studio.model_page import held_out_error
 from lutforge.studio.session import Session, Written
@@ -135,7 +135,7 @@ class ExportPage:
         samples = given if isinstance(given, SampleSet) else None
         profile, output, *table = self._with_profile(suffix, *(["_samples.npz"] if samples is not None else []))
         if samples is not None:
-            write_samples(table[0], samples)
+            samples.save(table[0])
         words = command((kind, profile, *more, *table), options, output)
         written = partial(self._tell, what, output, words=words)
         self.session.work.start(f"lutforge {kind}", written, export, kind, profile, output, given)
@@ -165,7 +165,7 @@ class ExportPage:
             return
         path, table = self._paths(".npz", "_samples.npz")
         profile.save(path)
-        write_samples(table, workspace.samples.select(task.rows))
+        workspace.samples.select(task.rows).save(table)
         error = held_out_error(profile)
         known = "no shot could be left out" if error is None else f"mean error on shots left out {error:.4f}"
         words = calibration_command(task, table, path)

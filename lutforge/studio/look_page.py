@@ -17,10 +17,12 @@ import param
 from panel.custom import JSComponent
 
 from lutforge.errors import LutError, SettingsError
-from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range, lattice_ops
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import confidence
+from lutforge.model.provenance import ReferenceRaw
 from lutforge.model.transform import Transform
 from lutforge.model.white_balance import temperature_range
 from lutforge.pipeline.looks import ChosenLook, add_baked, bake_steps, look_lut, slow_steps, usual_setting
@@ -63,11 +65,12 @@ class SettingControl:
         """Offer the settings of a profile; what is chosen stays where it has that, else it is the usual setting."""
         self.profile = profile
         kelvins = None
+        through_reference = isinstance(profile.provenance, ReferenceRaw)
         with suppress(SettingsError):
-            kelvins = None if profile.raw_camera else temperature_range(profile.white_balances)
+            kelvins = None if through_reference else temperature_range(profile.white_balances)
         self.tint.disabled = self.kelvin.disabled = kelvins is None
-        self.multipliers.disabled = bool(profile.raw_camera)
-        others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
+        self.multipliers.disabled = through_reference
+        others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if through_reference else [BY_MULTIPLIERS])]
         styles = sorted(profile.styles, key=lambda name: name.lower() != "standard")
         usual = usual_setting(profile)
         offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}

@@ -14,7 +14,7 @@ from lutforge.pipeline.response import Bracket, bracket_samples
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress
 from lutforge.samples.extract import ShotSamples
-from lutforge.samples.table import is_table
+from lutforge.samples.table_file import is_table
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, discover, raw_beside
 from lutforge.shots.metadata import read_picture_settings
 from lutforge.studio.workspace import SUFFIX, Workspace, find_pairs, open_workspace, with_profile

@@ -28,7 +28,7 @@ from lutforge.pipeline.calibration import calibrate, calibrate_base
 from lutforge.pipeline.evaluation import Predicted, predict
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet, with_setting_names
-from lutforge.samples.table import read_samples, write_samples
+from lutforge.samples.table import read_samples
 from lutforge.thesis.options import Options, ThesisOptions, stated_options
 
 MODELS = {"matrix": "Response, matrix and white balance", "lattice": "Lattice"}
@@ -308,7 +308,7 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
     marks = np.stack([workspace.hand, *(mask.astype(np.int8) for mask in masks)], axis=1)
     with scratch_folder() as folder, atomic_path(path) as temporary:
         (folder / DOCUMENT).write_text(json.dumps(document, indent=1, ensure_ascii=False), encoding="utf-8")
-        write_samples(folder / SAMPLES, workspace.samples)
+        workspace.samples.save(folder / SAMPLES)
         np.save(folder / MARKS, marks, allow_pickle=False)
         for name, model in workspace.models.items():
             model.profile.save(folder / f"{name}.npz")

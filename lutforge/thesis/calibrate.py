@@ -7,8 +7,8 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.calibrate import assembled, matrix_of
-from lutforge.calibration.coverage_notes import thin_colours, thin_settings
-from lutforge.calibration.lattice.fit import node_coverage
+from lutforge.calibration.coverage_notes import thin_settings
+from lutforge.calibration.each_style import fit_styles, notes_on_fits
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
 from lutforge.calibration.steps import (
     State,
@@ -22,9 +22,8 @@ from lutforge.calibration.steps import (
 from lutforge.calibration.style import StyleData, style_data
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import Both, CameraModel, PictureStyle
+from lutforge.model.profile import ByDirection, CameraModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
@@ -72,26 +71,15 @@ def calibrate(
     for name, style in data.items():
         data[name] = replace(style, given=state.given_base(name))
 
-    def fit_style(name: str) -> PictureStyle:
-        style = data[name]
-        lattices = fit_lattices(style, options)
-        coverage = {direction: node_coverage(one, style.both[direction][0]) for direction, one in lattices.items()}
-        own = (models[name],) if name in models else ()
-        return PictureStyle(lattices.render, lattices.linearize, own, coverage=coverage)
+    def models_of(name: str) -> tuple[CameraModel, ...]:
+        return (models[name],) if name in models else ()
 
-    styles = {}
-    for name, fitted_style in zip(data, each(fit_style, list(data)), strict=True):
-        styles[name] = fitted_style
-        progress(f"{name}: fitted", len(styles) / len(data))
-    progress("done", 1.0)
+    styles = fit_styles(data, models_of, lambda style: fit_lattices(style, options), progress)
 
     matrix = matrix_of(data) if matrix is None else matrix
     if given is None:
         matrix = matrix / matrix.sum(axis=1, keepdims=True)
-    if clipped:
-        notes.append(f"{clipped} of {len(state.samples)} samples are clipped and take no part in the fit")
-    for name, style in data.items():
-        notes += thin_colours(style.encoded, name, monochrome=style.monochrome)
+    notes += notes_on_fits(data, clipped, len(state.samples))
     return assembled(state, matrix, styles, options.as_json(), notes), data
 
 
@@ -107,9 +95,8 @@ def calibrate_base(
     progress("done", 1.0)
 
     balances = tuple(str(name) for name in np.unique(state.samples.white_balance))
-    unchanged = identity_gamut_map()
     styles = {
-        name: PictureStyle(models=(CameraModel(balances, stages.matrix, response, unchanged, unchanged),))
+        name: PictureStyle(models=(CameraModel.without_gamut_map(balances, stages.matrix, response),))
         for name, response in stages.responses.items()
     }
     matrix = stages.matrix / stages.matrix.sum(axis=1, keepdims=True)
@@ -125,7 +112,7 @@ def prepared(samples: SampleSet, options: ThesisOptions, given: CameraProfile | 
     return state
 
 
-def fit_lattices(data: StyleData, options: ThesisOptions) -> Both[Lattice]:
+def fit_lattices(data: StyleData, options: ThesisOptions) -> ByDirection[Lattice]:
     """The lattices of both directions of a style. Raises CalibrationError.
 
     A black-and-white style is linearized by the inverse of the greys of its rendering.
@@ -133,9 +120,9 @@ def fit_lattices(data: StyleData, options: ThesisOptions) -> Both[Lattice]:
     balanced, encoded = data.balanced, data.encoded
     if data.monochrome:
         render = fit_thesis(balanced, encoded, options, clips=True)
-        return Both(render, inverse_of_greys(render, options))
+        return ByDirection(render, inverse_of_greys(render, options))
     directions = ((balanced, encoded, True), (encoded, balanced, False))
-    return Both(*each(lambda sides: fit_thesis(sides[0], sides[1], options, clips=sides[2]), directions))
+    return ByDirection(*each(lambda sides: fit_thesis(sides[0], sides[1], options, clips=sides[2]), directions))
 
 
 def fit_camera_model(data: StyleData, options: ThesisOptions) -> CameraModel:

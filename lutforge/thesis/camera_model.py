@@ -20,7 +20,7 @@ from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.matrix_and_response import LEAST_HUE_SPREAD, hue_spread, plainly_unsaturated
 from lutforge.calibration.response_from_exposures import fit_response_by_least_squares
 from lutforge.errors import CalibrationError
-from lutforge.model.profile_data import CameraModel
+from lutforge.model.profile import CameraModel
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 from lutforge.thesis.gamut_map import fit_gamut_map

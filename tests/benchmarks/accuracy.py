@@ -41,14 +41,16 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.evaluation.methods import fit_baselines
 from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.bake import bake_forms, bake_steps, grading_steps
+from lutforge.luts.bake import bake_steps, bake_to
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.programs import target_of
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import evaluate
+from lutforge.luts.refinish import steps_of
 from lutforge.model.camera_profile import match, raw_to_balanced
 from lutforge.model.transform import through_stages
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, palette
 from lutforge.thesis.options import Options, ThesisOptions
 from tests.benchmarks import common, lattices
@@ -167,7 +169,7 @@ def bakes(data: Path) -> Figures:
         with tempfile.TemporaryDirectory() as work:
             paths = [Path(work, file) for file in ("a.clf", "a.resolve.cube", "a.csp")]
             for size, method in product((17, 33), INTERPOLATIONS):
-                luts = bake_forms(transform, [target_of(path, None, size, method) for path in paths])
+                luts = [bake_to(transform, target_of(path, None, size, method)) for path in paths]
                 for path, lut in zip(paths, luts, strict=True):
                     key = f"{path.suffix} {size}"
                     best[key] = min(best.get(key, (np.inf, np.inf)), error(lut.write(path), method, wanted))
@@ -242,9 +244,9 @@ def refinishes(keep: Path) -> Figures:
     for source, target in permutations(settings, 2):
         selectors = profile.selector("/".join(source)), profile.selector("/".join(target))
         exposed = raw_to_balanced(profile, selectors[0], profile, selectors[1])
-        _, _, highlights, render = grading_steps(profile.refinish(*selectors))
+        steps = steps_of(profile.refinish(*selectors))
         both = usable[source] & usable[target]
-        made = render(highlights(through_stages(exposed, raw[source][both])))
+        made = steps.render(steps.highlights(through_stages(exposed, raw[source][both])))
         off = [made - encoded[target][both], camera.render(true_raw[source][both], *target) - encoded[target][both]]
         errors.append([[np.sqrt(np.mean(each**2)) for each in (one.mean(axis=1), one)] for one in off])
     for side, compared in (("", True), (", floor", False)):

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 import lutforge as lf
 from lutforge.arrays import Array, Mask
 from lutforge.colour.spectra import chart_reflectances, light, linear_srgb_under
-from lutforge.model.profile_data import CameraModel
+from lutforge.model.profile import CameraModel
 from lutforge.model.published_model import read_published_model
 from lutforge.samples.sample_set import concatenate
 from tests.cases.real_data import sensors, spectral_data

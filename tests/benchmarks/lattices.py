@@ -22,9 +22,10 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
-from lutforge.luts.ops import lattice_ops
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import Lut, evaluate
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.thesis.calibrate import fit_lattices as fit_thesis
 from lutforge.thesis.options import Options, ThesisOptions
 from tests.benchmarks.common import heading, row

@@ -29,13 +29,14 @@ from lutforge.arrays import Pixels
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
-from lutforge.luts.bake import bake_forms
+from lutforge.luts.bake import bake_to
 from lutforge.luts.programs import target_of
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import read_samples, write_samples
+from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from lutforge.thesis.gamut_map import fit_gamut_map
 from tests.benchmarks import common
@@ -179,7 +180,9 @@ def bake_task(size: int, _: int) -> Callable[[], object]:
     transform = common.nikon_d40(data).refinish("standard/tungsten", "standard/daylight")
     paths = [folder / "a.clf", folder / "a.resolve.cube"]
     targets = [target_of(path, None, size) for path in paths]
-    return lambda: [lut.write(path) for lut, path in zip(bake_forms(transform, targets), paths, strict=True)]
+    return lambda: [
+        lut.write(path) for lut, path in zip([bake_to(transform, target) for target in targets], paths, strict=True)
+    ]
 
 
 TASKS = {"lattice": lattice_task, "gamut map": gamut_map_task, "bake": bake_task}
@@ -380,7 +383,7 @@ def samples_of_the_d40(count: int) -> SampleSet:
 def parts(folder: Path) -> Parts:
     """The parts of the table, by the words that ask for them."""
     lut, table, profile = write_cube(folder / "look.cube"), folder / "samples.csv", folder / "camera.npz"
-    write_samples(table, samples_of_the_d40(5000))
+    samples_of_the_d40(5000).save(table)
     calibrate(read_samples(table))[0].save(profile)
     return {
         "start": lambda: start_lines(folder, lut, profile),

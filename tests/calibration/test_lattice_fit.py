@@ -65,6 +65,21 @@ def test_there_and_back() -> None:
     assert error.mean() < without.mean() / 4 and np.quantile(error, 0.95) < np.quantile(without, 0.95) / 4
 
 
+def test_small_lattices_are_near_the_camera() -> None:
+    """9³ nodes each way: a quarter of what matrix and response alone are off."""
+    style = style_of(*colours_in_gamut(800, 6))
+    unseen, encoded = colours_in_gamut(2000, 7)
+    small = fit_lattices(style, CalibrationOptions(size=9))
+    assert small.render.size == small.linearize.size == (9, 9, 9)
+
+    shown, shown_by_base = (np.clip(way(unseen), 0.0, 1.0) for way in (small.render, style.base.render))
+    assert delta_e_2000(shown, encoded).mean() < delta_e_2000(shown_by_base, encoded).mean() / 4
+    error, error_of_base = (
+        np.linalg.norm(way(encoded) - unseen, axis=1) for way in (small.linearize, style.base.linearize)
+    )
+    assert error.mean() < error_of_base.mean() / 4
+
+
 def test_ends_and_grey_axis() -> None:
     x, y = colours_in_gamut(3000, 5)
     x[:300] = np.random.default_rng(0).uniform(0.005, 0.9, (300, 1))

@@ -16,8 +16,9 @@ from lutforge.colour.srgb import srgb_to_lab
 from lutforge.errors import CalibrationError, ProfileError
 from lutforge.evaluation.evaluation import evaluate
 from lutforge.evaluation.methods import MODEL
-from lutforge.model.camera_profile import match, profile_of_response
+from lutforge.model.camera_profile import match
 from lutforge.model.raw_transfer import RawTransfer
+from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate, unclipped_colours
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill

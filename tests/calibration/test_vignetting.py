@@ -24,7 +24,9 @@ from lutforge.samples.extract import extract
 from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import BORDER, CameraSettings, Photograph, photograph
+from lutforge.simulate.develop import BORDER
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import Photograph, photograph
 from lutforge.simulate.scene import chart_scene
 from tests.cases.samples import (
     chart_140,

@@ -25,8 +25,9 @@ from lutforge.images.raw import read_raw
 from lutforge.kits.dcp import DngProfile, write_dcp
 from lutforge.kits.icc import IccProfile, write_icc
 from lutforge.luts.check import check_lut, report_lines
+from lutforge.luts.formats import FORMATS
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.sequence import FORMATS, Lut
+from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.ocio.config import write_config
@@ -35,7 +36,8 @@ from lutforge.pipeline.inspection import check, inspect
 from lutforge.samples.table import read_samples
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from tests.cases.lut_texts import SOUND
 from tests.cases.pictures import lut_of_nodes

@@ -9,11 +9,11 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array
-from lutforge.grading.image import grade_floats
+from lutforge.grading.pixels import grade_floats
 from lutforge.interpolation import Interpolation, Levels
-from lutforge.luts.bake import joined
-from lutforge.luts.ops import SHAPER_SIZE, Cube, Matrix, Range, is_even, shaper
+from lutforge.luts.ops import Cube, Matrix, Range, joined
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import SHAPER_SIZE, is_even, shaper
 
 Pixels = NDArray[np.float32]
 

@@ -7,7 +7,7 @@ import numpy as np
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.profile_data import DIRECTIONS, CameraModel, PictureStyle
+from lutforge.model.profile import DIRECTIONS, CameraModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 

@@ -20,9 +20,8 @@ from lutforge.cli.main import main
 from lutforge.kits.programs import KITS
 from lutforge.luts.programs import PROGRAMS
 from lutforge.pipeline.calibration import calibrate
-from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import write_dng
+from lutforge.simulate.dng import write_dng
 from tests.cases.pictures import write_picture
 from tests.cases.samples import chart_140, made_samples, photograph_patches, spread_over_picture, with_gamma
 from tests.conftest import CommandLine, Refused
@@ -50,7 +49,7 @@ def test_a_raw_without_preview_and_one_whose_jpeg_is_of_something_else(refused: 
 
 def small_table(path: Path) -> None:
     """60 samples of two shots."""
-    write_samples(path, made_samples(60, shots=("a", "b")))
+    made_samples(60, shots=("a", "b")).save(path)
 
 
 @pytest.fixture
@@ -201,12 +200,12 @@ def test_inspect_shows_what_a_camera_did_to_shots(lutforge: CommandLine, tmp_pat
     calibrate(samples, CalibrationOptions(size=7)).save(tmp_path / "camera.npz")
     name = str(samples.shot[0])
     again = replace(with_gamma(samples, [name], 0.85), shot=np.char.add(samples.shot, " again"))
-    write_samples(tmp_path / "again.csv", again)
+    again.save(tmp_path / "again.csv")
     shown = lutforge("inspect", "--scene", "camera.npz", "again.csv", cwd=tmp_path)
     lines = {line.split(" again")[0].strip(): line for line in shown.stdout.splitlines() if " again" in line}
     assert len(lines) == 15
     assert [shot for shot, line in lines.items() if "±" in line] == [name]
-    write_samples(tmp_path / "other.csv", replace(again, style=np.full(len(again), "sepia")))
+    replace(again, style=np.full(len(again), "sepia")).save(tmp_path / "other.csv")
     refusal = lutforge("inspect", "--scene", "camera.npz", "other.csv", cwd=tmp_path, status=2)
     assert "not in the profile" in refusal.stderr
 

@@ -15,11 +15,10 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.srgb import srgb_encode
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.progress import part, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import write_samples
 from tests.cases.pictures import write_cube, write_picture
 
 SLOW = {
@@ -69,7 +68,7 @@ def test_grading_with_a_lut_loads_what_reads_grades_and_writes(tmp_path: Path, s
 
 @pytest.mark.slow
 def test_commands_of_the_journey_load_nothing_of_reports_and_charts(tmp_path: Path, s40_samples: SampleSet) -> None:
-    write_samples(tmp_path / "samples.csv", s40_samples)
+    s40_samples.save(tmp_path / "samples.csv")
     write_picture(tmp_path / "a.jpg")
     tables = {"colour", "pandas", "polars", "matplotlib", "jinja2", "pydantic", "panel", "bokeh", "distributed", "cv2"}
     pictures = {"rawpy", "OpenImageIO", "PIL", "simplejpeg"}

@@ -13,12 +13,13 @@ import pytest
 from lutforge.errors import ImageError
 from lutforge.grading.batch import apply_batch, plan_jobs
 from lutforge.grading.grade import Grade, LutRecipe
-from lutforge.grading.image import BLOCK, apply_image
+from lutforge.grading.image import apply_image
 from lutforge.grading.inputs import JOURNAL
+from lutforge.grading.pixels import BLOCK
 from lutforge.images.read import is_premultiplied, read_image
-from lutforge.luts.ops import SHAPER_SIZE
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels
 from tests.cases.pictures import Pixels, apply_to_pixels, lut_of_nodes, write_cube, write_picture
 

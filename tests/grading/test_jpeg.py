@@ -16,7 +16,8 @@ from PIL import ImageCms
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.grading.batch import apply_batch
 from lutforge.grading.grade import Grade, LutRecipe
-from lutforge.grading.image import apply_image, grade_codes
+from lutforge.grading.image import apply_image
+from lutforge.grading.pixels import grade_codes
 from lutforge.images.jpeg import JpegHeader, Segment, exif_places, read_header
 from lutforge.images.read import read_image
 from lutforge.images.write import IN_ANOTHER_SPACE

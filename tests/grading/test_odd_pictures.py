@@ -1,6 +1,8 @@
 """Batches as they come: pictures that are no plain RGB, layers, links, names, and what earlier runs left behind."""
 
 import json
+import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -19,11 +21,13 @@ from lutforge.colour.rgb_spaces import NAME, adobe_rgb_profile
 from lutforge.errors import ConfigError, ImageError
 from lutforge.grading.batch import apply_batch
 from lutforge.grading.grade import ConfigRecipe, LutRecipe
+from lutforge.grading.image import apply_image
 from lutforge.grading.inputs import find_inputs
 from lutforge.images.read import ImageReader, is_premultiplied, read_image
+from lutforge.luts.input_and_output import input_and_output_of, read_input_and_output
 from lutforge.luts.ops import Cube
 from lutforge.luts.reading import read_lut
-from lutforge.luts.sequence import Lut, input_and_output_of, read_input_and_output
+from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.ocio.config import write_config
 from lutforge.shots.tags import tags
@@ -303,6 +307,31 @@ def test_a_config_that_names_an_endless_lut_is_refused(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("test_one_standard_linearize.clf", "endless.csp"))
     with pytest.raises(ConfigError, match=r"config\.ocio: .*seconds"):
         ConfigRecipe(path, "Test One JPEG standard daylight", "ACEScg").check()
+
+
+def test_an_exr_whose_first_part_is_depth_names_the_part_to_grade(tmp_path: Path, cube: LutRecipe) -> None:
+    """And the command that is named takes that part out."""
+    path = tmp_path / "a render.exr"
+    parts = [oiio.ImageSpec(16, 8, len(names), oiio.HALF) for names in ("Z", "XYZ", "RGB")]
+    for name, part in zip(("Z", "XYZ", "RGB"), parts, strict=True):
+        part.channelnames = tuple(name)
+        part.attribute("oiio:subimagename", name)
+    target = oiio.ImageOutput.create(str(path))
+    assert target is not None
+    target.open(str(path), tuple(parts))
+    for index, part in enumerate(parts):
+        if index:
+            target.open(str(path), part, "AppendSubimage")
+        target.write_image(np.full((8, 16, part.nchannels), 0.5, np.float32))
+    target.close()
+    with pytest.raises(ImageError, match=r"its first part holds Z alone; grade the part with colours: ") as refusal:
+        apply_image(cube.grade(path), path, tmp_path / "b.exr")
+    command = shlex.split(str(refusal.value).rpartition(": ")[2])
+    assert command[:4] == ["oiiotool", str(path), "--subimage", "2"]
+    if shutil.which("oiiotool") is not None:
+        subprocess.run(command, check=True, cwd=tmp_path)
+        done = apply_image(cube.grade(tmp_path / "colours.exr"), tmp_path / "colours.exr", tmp_path / "b.exr")
+        assert read_image(done.target).pixels.shape == (8, 16, 3)
 
 
 def test_an_exr_whose_attributes_are_no_text_is_one_line(tmp_path: Path) -> None:

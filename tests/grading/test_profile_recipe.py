@@ -19,20 +19,23 @@ from lutforge.calibration.raw_transfer import fit_raw_transfer
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import ProfileError, SettingsError, in_common
+from lutforge.grading.baked_grades import SettingChange
 from lutforge.grading.batch import apply_batch
-from lutforge.grading.profile_recipe import ProfileRecipe, SettingChange, source_selector
+from lutforge.grading.picture_settings import source_selector
+from lutforge.grading.profile_recipe import ProfileRecipe
 from lutforge.images.jpeg import read_header
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube
-from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.grading import Grading, apply
 from lutforge.settings import parse_selector
 from lutforge.shots.metadata import ShotMetadata, read_picture_settings
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES, palette, still_life
 from tests.cases.profiles import small_profile
 from tests.cases.samples import SETTINGS, STYLES, samples_of_settings

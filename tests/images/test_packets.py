@@ -14,6 +14,7 @@ from PIL import Image, ImageCms
 from lutforge.grading.grade import LutRecipe
 from lutforge.grading.image import apply_image
 from lutforge.images.packets import declares_film, read_packets, without_further_pictures
+from lutforge.images.read import ImageReader
 from lutforge.shots.maker_settings import edited_notes
 from lutforge.shots.tags import tags
 from tests.cases.pictures import write_cube
@@ -56,23 +57,96 @@ def kinds_in(path: Path) -> set[str]:
     return kinds | ({"ICC profile"} if any(name.startswith("ICC_Profile:") for name in found) else set())
 
 
+def kinds_in_exr(path: Path) -> set[str]:
+    """The kinds of metadata among the attributes of an OpenEXR file, whose names exiftool does not group."""
+    with ImageReader(path) as reader:
+        spec = reader.spec
+    packet = spec.get_string_attribute("xmp")
+    latitude = spec.getattribute("GPS:Latitude") or (0.0, 0.0, 0.0)
+    kinds = {
+        "EXIF": spec.get_float_attribute("Exif:FocalLength") == 35,
+        "GPS": latitude[0] + latitude[1] / 60 == 52.5,
+        "XMP": all(word in packet for word in (">4<", ">sea<", ">a shore<")),
+        "IPTC": spec.get_string_attribute("IPTC:City") == "Berlin",
+        "ICC profile": spec.getattribute("ICCProfile") is not None,
+    }
+    return {kind for kind, there in kinds.items() if there}
+
+
 @needs_exiftool
 @pytest.mark.parametrize("source", ["jpg", "tif", "png", "webp", "jp2"])
 @pytest.mark.parametrize("target", ["jpg", "tif", "png", "webp", "jp2", "exr", "bmp", "tga", "dpx", "ppm", "hdr"])
 def test_every_kind_is_kept_or_named(tmp_path: Path, source: str, target: str) -> None:
     path = picture(tmp_path / f"a.{source}")
-    words = [word for kind, tags in TAGS.items() for word in tags if not (kind == "IPTC" and source in ("png", "webp"))]
+    words = [word for kind, tags in TAGS.items() for word in tags if not (kind == "IPTC" and source == "webp")]
     subprocess.run(["exiftool", "-q", "-overwrite_original", *words, str(path)], check=True)
     before = kinds_in(path)
     assert {"EXIF", "GPS", "XMP"} <= before
     done = apply_image(LutRecipe(write_cube(tmp_path / "a.cube")).grade(path), path, tmp_path / f"b.{target}")
     named = {kind for kind in before for note in done.notes if "were left out: " in note and kind in note}
-    if target == "exr":  # its attributes have names that exiftool does not group
-        return
-    assert kinds_in(done.target) | named >= before
-    assert not kinds_in(done.target) & named
+    kept = kinds_in_exr(done.target) if target == "exr" else kinds_in(done.target)
+    assert kept | named >= before
+    assert not kept & named
     with Image.open(done.target) if target not in ("exr", "dpx", "hdr") else Image.new("RGB", (49, 33)) as image:
         assert image.convert("RGB").size == (49, 33)
+
+
+LONG_PACKET = (
+    b'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
+    b'<rdf:Description xmlns:xmp="http://ns.adobe.com/xap/1.0/" xmp:Rating="4" xmp:Label="' + b"a" * 70_000 + b'"/>'
+    b"</rdf:RDF></x:xmpmeta>"
+)
+
+
+@pytest.mark.parametrize(("target", "held"), [("jpg", False), ("png", True), ("tif", True), ("exr", True)])
+def test_xmp_beyond_64_kb_is_kept_or_named(tmp_path: Path, target: str, held: bool) -> None:
+    path = picture(tmp_path / "a.webp")
+    Image.open(path).save(tmp_path / "b.webp", xmp=LONG_PACKET, lossless=True)
+    grade = LutRecipe(write_cube(tmp_path / "a.cube")).grade(tmp_path / "b.webp")
+    done = apply_image(grade, tmp_path / "b.webp", tmp_path / f"c.{target}")
+    lost = [note for note in done.notes if "left out: XMP of 70," in note]
+    assert len(lost) == (0 if held else 1)
+    if target in ("png", "tif"):
+        assert read_packets(done.target).xmp == LONG_PACKET
+    if target == "exr":  # and from there on
+        again = apply_image(LutRecipe(tmp_path / "a.cube").grade(done.target), done.target, tmp_path / "d.png")
+        assert read_packets(again.target).xmp == LONG_PACKET
+
+
+@pytest.mark.parametrize(("target", "held"), [("jpg", True), ("png", False)])
+def test_an_extension_of_xmp_is_kept_or_named(tmp_path: Path, target: str, held: bool) -> None:
+    """XMP of a JPEG beyond 64 kB stands in segments of its own."""
+    path = picture(tmp_path / "a.jpg")
+    body = b"http://ns.adobe.com/xmp/extension/\0" + bytes(40) + b"<x:xmpmeta/>"
+    data = path.read_bytes()
+    path.write_bytes(data[:2] + b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body + data[2:])
+    grade = LutRecipe(write_cube(tmp_path / "a.cube")).grade(path)
+    done = apply_image(grade, path, tmp_path / f"b.{target}")
+    assert any("beyond 64 kB" in note for note in done.notes) != held
+    assert (body in done.target.read_bytes()) == held
+
+
+@pytest.mark.parametrize("target", ["jpg", "png", "tif", "webp", "jp2", "bmp"])
+def test_xmp_of_heif_is_kept_or_named(tmp_path: Path, target: str) -> None:
+    heif = pytest.importorskip("pillow_heif", reason="needs pillow-heif")
+    packet = b'<x:xmpmeta xmlns:x="adobe:ns:meta/"/>'
+    heif.from_pillow(Image.open(picture(tmp_path / "a.png"))).save(tmp_path / "a.heic", quality=-1, xmp=packet)
+    grade = LutRecipe(write_cube(tmp_path / "a.cube")).grade(tmp_path / "a.heic")
+    done = apply_image(grade, tmp_path / "a.heic", tmp_path / f"b.{target}")
+    if target == "bmp":
+        assert any("left out: XMP" in note for note in done.notes)
+    else:
+        assert read_packets(done.target).xmp == packet
+
+
+@pytest.mark.parametrize(
+    "resources", [b"8BIM", b"8BIM\4\4", b"8BIM\4\4\0\0\xff\xff\xff\xff", b"8BIM\4\4\xff" + bytes(9), b"other"]
+)
+def test_damaged_resources_hold_no_iptc(tmp_path: Path, resources: bytes) -> None:
+    path = picture(tmp_path / "a.jpg")
+    body, data = b"Photoshop 3.0\0" + resources, path.read_bytes()
+    path.write_bytes(data[:2] + b"\xff\xed" + struct.pack(">H", len(body) + 2) + body + data[2:])
+    assert read_packets(path).iptc == b""
 
 
 def test_lossless_webp_stays_so(tmp_path: Path) -> None:

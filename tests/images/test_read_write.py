@@ -17,7 +17,7 @@ from lutforge.images.raw import read_raw, saturation_spike
 from lutforge.images.read import Image, is_premultiplied, read_image
 from lutforge.images.tiff import TiffWriter, byte_field, long_field, rational_field, short_field, text_field
 from lutforge.images.write import write_image
-from lutforge.simulate.photograph import write_dng
+from lutforge.simulate.dng import write_dng
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 

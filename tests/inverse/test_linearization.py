@@ -10,8 +10,9 @@ from lutforge.interpolation import Interpolation
 from lutforge.inverse import linearization
 from lutforge.inverse.linearization import BakedRender, Linearization, inverse_of, preimages
 from lutforge.inverse.round_trip import MAX_GOAL, RoundTrip, as_8_bit, measure, raw_colours, rounded_up
-from lutforge.luts.ops import Cube, Curve, Matrix, shaper
+from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import shaper
 from lutforge.model.lattice import grid, uniform_levels
 
 MIXED = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.4, 1.4]])

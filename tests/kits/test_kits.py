@@ -17,6 +17,7 @@ from matplotlib.colors import hsv_to_rgb, rgb_to_hsv
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 from scipy.ndimage import map_coordinates
 
+from lutforge import __version__
 from lutforge.arrays import Array
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
@@ -25,14 +26,15 @@ from lutforge.colour.srgb import delta_e_2000, srgb_decode, srgb_encode, srgb_to
 from lutforge.errors import LutForgeError, SettingsError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
-from lutforge.kits.dcp import fit_dng_profile, read_dcp
+from lutforge.kits.dcp import fit_dng_profile, read_dcp, write_dcp
 from lutforge.kits.icc import VARIANTS, fit_icc_profile, icc_lines, read_icc, scene_linear, write_icc
 from lutforge.kits.kit import look_of
 from lutforge.kits.programs import KITS
 from lutforge.luts.reading import read_lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, match
-from lutforge.pipeline.baking import TransformRequest, choose_transform
+from lutforge.model.provenance import Developed
 from lutforge.pipeline.kits import KitCheck, check_kit, compare_with_jpeg, write_kit
+from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_picture
 from tests.conftest import CommandLine
@@ -48,8 +50,7 @@ def developed_profile(s40_samples: SampleSet) -> CameraProfile:
     developed = np.clip(balanced @ (matrix_between("linear-srgb", "linear-rec2020") @ matrix).T, 0.0, 1.0)
     samples = replace(s40_samples, raw=developed, wb=np.ones_like(s40_samples.wb))
     profile = calibrate(samples, CalibrationOptions(size=17))[0]
-    left = {"raw_space": "linear-rec2020", "developer": "darktable 4.2.1"}
-    return replace(profile, options={**profile.options, **left})
+    return replace(profile, provenance=Developed("darktable 4.2.1", "linear-rec2020"))
 
 
 def colours_of_photographs(samples: SampleSet) -> np.ndarray:
@@ -65,6 +66,37 @@ def test_a_dng_profile_shows_the_look(profile: CameraProfile, s40_samples: Sampl
     difference = delta_e_2000(developed_by_dcp(tags, x), np.clip(look_of(profile, SETTING).render(x), 0.0, 1.0))
     assert difference.mean() < 0.4
     assert difference.max() < 3.0
+
+
+@pytest.mark.parametrize(
+    ("camera", "dng_camera", "stated"),
+    [("DJI FC300S", "FC300S", "FC300S"), ("Leica Q2", "", "LEICA Q2"), ("Sigma fp", "SIGMA fp", "SIGMA fp")],
+)
+def test_a_dng_profile_names_the_camera_as_its_raw_files_do(
+    profile: CameraProfile, tmp_path: Path, camera: str, dng_camera: str, stated: str
+) -> None:
+    replace(profile, camera=camera, dng_camera=dng_camera).save(tmp_path / "camera.npz")
+    look = look_of(load_profile(tmp_path / "camera.npz"), SETTING)
+    write_dcp(fit_dng_profile(look), tmp_path / "look.dcp")
+    assert dcp_tags(tmp_path / "look.dcp")[50708] == stated
+
+
+def test_camera_profiles_state_what_they_take_and_give(
+    profile: CameraProfile, tmp_path: Path, lutforge: CommandLine
+) -> None:
+    look = look_of(profile, SETTING)
+    write_dcp(fit_dng_profile(look), tmp_path / "look.dcp")
+    write_icc(fit_icc_profile(look), tmp_path / "look.icc")
+    for name in ("look.dcp", "look.icc"):
+        shown = lutforge("check", name, cwd=tmp_path).stdout
+        for line in (
+            f"LutForge {__version__}",
+            "input: linear camera RAW behind its white balance",
+            "output: ",
+            "camera and settings: Canon PowerShot S40, standard/auto",
+            "licence: CC0 1.0",
+        ):
+            assert f"comment   {line}" in shown, name
 
 
 def test_white_stays_white_in_a_dng_profile(profile: CameraProfile) -> None:

@@ -12,11 +12,12 @@ from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.errors import SettingsError
 from lutforge.kits.kit import look_of
 from lutforge.kits.lumix import card_name
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile, through_camera
-from lutforge.pipeline.baking import TransformRequest, bake_files
+from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.kits import write_kit
+from lutforge.pipeline.transforms import TransformRequest
 from tests.conftest import CommandLine
 
 SETTING = "standard/auto"

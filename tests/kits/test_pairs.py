@@ -11,13 +11,13 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import LutForgeError, SettingsError, ShotError
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import load_profile
+from lutforge.model.provenance import Developed
 from lutforge.pipeline.calibration import calibrate as calibrate_profile
 from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import write_samples
 from tests.cases.pictures import write_picture
 from tests.conftest import CommandLine
 
@@ -64,9 +64,9 @@ def test_raw_is_not_taken_for_what_a_program_developed(
 ) -> None:
     """A profile of developed pictures, and RAW or its samples: each step says so."""
     profile = calibrate(s40_samples, CalibrationOptions(size=9))[0]
-    origin = {"raw_space": "linear-prophoto", "developer": "pictures in prophoto"}
-    replace(profile, options={**profile.options, **origin}).save(tmp_path / "developed.npz")
-    write_samples(tmp_path / "samples.csv", s40_samples)
+    developed = Developed("pictures in prophoto", "linear-prophoto")
+    replace(profile, provenance=developed).save(tmp_path / "developed.npz")
+    s40_samples.save(tmp_path / "samples.csv")
     raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
     for words in (
         ("evaluate", "developed.npz", "samples.csv"),

@@ -13,10 +13,11 @@ from lutforge.colour.spectra import surface_reflectances
 from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.errors import SettingsError
 from lutforge.luts.check import check_lut
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import evaluate
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.baking import TransformRequest, bake, bake_files, transform
+from lutforge.pipeline.baking import bake, bake_files
+from lutforge.pipeline.transforms import TransformRequest, transform
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.samples import chart_140, photograph_patches
 

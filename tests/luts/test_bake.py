@@ -1,5 +1,6 @@
 """Baking: a fit, never a sampling; exact where the model is a lattice; curves where the model has them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,22 +9,27 @@ import pytest
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
+from lutforge.calibration.calibrate import calibrate
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.bake import bake_forms, bake_steps
+from lutforge.luts.bake import bake_steps, bake_to
 from lutforge.luts.check import verify
-from lutforge.luts.ops import SHAPER_SIZE, Cube, Curve, Matrix
+from lutforge.luts.forms import FORMS, Form
+from lutforge.luts.ocio_transforms import evaluate
+from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.programs import Target
 from lutforge.luts.reading import file_processor
-from lutforge.luts.sequence import FORMS, Form, evaluate
+from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.response import Response
-from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Stage, Transform
+from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Purpose, Stage, Transform
 from lutforge.pipeline.baking import bake
+from tests.cases.samples import made_samples
 
 MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.5, 1.5]])
 GAIN = np.array([2.0, 1.0, 1.5])
@@ -193,13 +199,26 @@ def test_each_form_is_a_fit_of_its_own(tmp_path: Path, name: str) -> None:
 def test_a_white_balance_in_the_shaper_is_fitted_with_it(tmp_path: Path, gain: tuple[float, float, float]) -> None:
     """The file is the model that was fitted, and no worse than with the gain apart."""
     transform = render(np.array(gain))
-    full, shaped = bake_forms(transform, [Target("full", 17), Target("shaper", 17)])
+    full, shaped = (bake_to(transform, Target(form, 17)) for form in ("full", "shaper"))
     path = shaped.write(tmp_path / "a.cube")
     assert verify(path, shaped, shaped, display_referred=False).max < 2e-6
     behind = bake(lambda x: transform(np.asarray(x) / transform.gain), size=17, form="shaper")
     x = points()
     errors = [np.linalg.norm(y - transform(x), axis=1).mean() for y in (full(x), shaped(x), behind(x * transform.gain))]
     assert errors[0] < errors[1] < 1.3 * errors[2]
+
+
+def test_a_plain_cube_of_a_calibrated_camera(tmp_path: Path) -> None:
+    """A refinish to another white balance, as OpenColorIO reads it, is within one code of the camera's own JPEG."""
+    profile = calibrate(made_samples(), CalibrationOptions(size=9))[0]
+    red, blue = 2.0, 1.3
+    lut = bake(profile.refinish("standard/daylight", f"standard/{red},1,{blue}"), tmp_path / "a.cube", size=9)
+    assert lut.summary == "Cube 9³"
+    jpeg = np.random.default_rng(0).uniform(0.1, 0.9, (2000, 3))
+    ratio = np.array([red, 1.0, blue]) / profile.multipliers("standard/daylight")
+    camera = np.clip(jpeg ** (1 / 0.45) * ratio, 0.0, 1.0) ** 0.45
+    read = evaluate(file_processor(tmp_path / "a.cube"), jpeg)
+    assert np.abs(read - camera).mean() < 1 / 255
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
@@ -243,8 +262,9 @@ def test_a_tolerance_that_no_size_can_reach_is_given_up_at_once() -> None:
 
 def test_a_tolerance_picks_the_size() -> None:
     assert bake(look, tolerance=1.0).size <= bake(look, tolerance=0.2).size
+    linear = replace(linearize(), purpose=Purpose(kind="linearize"))
     with pytest.raises(LutError, match="tolerance"):
-        bake_forms(look, [Target()], tolerance=0.2, display_referred=False)
+        bake(linear, tolerance=0.2)
     with pytest.raises(LutError, match="not both"):
         bake(look, size=17, tolerance=0.2)
 

@@ -12,11 +12,14 @@ import pytest
 from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.luts.check import check_lut, report_lines
+from lutforge.luts.input_and_output import input_and_output_of
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import Lut, evaluate, input_and_output_of
+from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.pipeline.baking import TransformRequest, bake_files
+from lutforge.pipeline.baking import bake_files
+from lutforge.pipeline.transforms import TransformRequest
 from tests.cases.pictures import lut_of_nodes
 from tests.cases.profiles import small_profile
 

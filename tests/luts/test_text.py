@@ -11,8 +11,8 @@ import pytest
 from lutforge.errors import LutError
 from lutforge.grading.grade import LutRecipe
 from lutforge.luts.check import check_lut
+from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import read_lut
-from lutforge.luts.sequence import evaluate
 from tests.cases.lut_texts import PRELUTS, SOUND, table
 from tests.conftest import CommandLine
 

@@ -12,10 +12,13 @@ from lutforge.arrays import Array
 from lutforge.errors import ImageError, LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.check import verify
-from lutforge.luts.ops import SHAPER_SIZE, Cube, Curve, Matrix, Op, Range, lattice_ops, shaper
+from lutforge.luts.formats import FORMATS
+from lutforge.luts.ocio_transforms import evaluate
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.programs import PROGRAMS, files_for, target_of
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import FORMATS, Lut, evaluate
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, shaper
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.pipeline.baking import bake

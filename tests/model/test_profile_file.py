@@ -7,14 +7,15 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
-from lutforge.errors import ProfileError
+from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.model.profile_data import Diagnosis, PictureStyle
+from lutforge.model.profile import Diagnosis, PictureStyle
+from lutforge.model.provenance import Chart, Developed, OwnRaw, Provenance, ReferenceRaw, ResponseOnly
 from lutforge.model.published_model import PublishedModel, export_published, import_published, read_published_model
 from lutforge.model.vignetting import Vignetting
 from lutforge.thesis.gamut_map import fit_gamut_map
@@ -33,7 +34,7 @@ def _profile() -> CameraProfile:
     vignettings = (Vignetting((0.1, 0.0, 0.3), (0.01, 0.0), "A lens", 24.0, 2.8), Vignetting((0.1, 0.2, 0.3)))
     return replace(
         profile, styles={**profile.styles, "standard": standard}, vignettings=vignettings,
-        diagnoses=(Diagnosis("a cause", "its evidence", "advice"),), raw_camera="Other", raw_transfer=0.9 * np.eye(3),
+        diagnoses=(Diagnosis("a cause", "its evidence", "advice"),), provenance=ReferenceRaw("Other", 0.9 * np.eye(3)),
     )  # fmt: skip
 
 
@@ -84,10 +85,9 @@ def _refused(path: Path) -> str:
 
 def test_everything_comes_back(saved: Path) -> None:
     first, second = _profile(), load_profile(saved)
-    for name in ("camera", "shots", "notes", "options", "white_balances", "raw_camera", "vignettings", "diagnoses"):
+    for name in ("camera", "shots", "notes", "options", "white_balances", "provenance", "vignettings", "diagnoses"):
         assert repr(getattr(second, name)) == repr(getattr(first, name)), name  # NaN equals nothing
-    for name in ("matrix", "raw_transfer"):
-        np.testing.assert_array_equal(getattr(second, name), getattr(first, name))
+    np.testing.assert_array_equal(second.matrix, first.matrix)
     x = np.random.default_rng(0).uniform(size=(50, 3))
     for name, style in first.styles.items():
         again = second.styles[name]
@@ -100,6 +100,67 @@ def test_everything_comes_back(saved: Path) -> None:
             np.testing.assert_array_equal(other.render(x), one.render(x))
             np.testing.assert_array_equal(other.linearize(x), one.linearize(x))
             assert other.white_balances == one.white_balances
+
+
+PROVENANCES = [
+    OwnRaw(),
+    ReferenceRaw("Other", np.array([[0.9, 0.1, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]])),
+    Developed("darktable 4.2.1", "linear-rec2020"),
+    Developed("chart makers' own program", "srgb"),
+    Chart("classic", "D50", "linear-prophoto"),
+    ResponseOnly(),
+]
+
+
+@pytest.mark.parametrize("provenance", PROVENANCES, ids=lambda provenance: type(provenance).__name__)
+def test_every_provenance_comes_back(provenance: Provenance, tmp_path: Path) -> None:
+    replace(small_profile(), provenance=provenance).save(tmp_path / "camera.npz")
+    again = load_profile(tmp_path / "camera.npz").provenance
+    assert type(again) is type(provenance)
+    assert again == provenance
+
+
+def test_every_provenance_is_tested() -> None:
+    assert {type(provenance) for provenance in PROVENANCES} == set(get_args(Provenance))
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        {"kind": "made up"},
+        {"kind": ["own raw"]},
+        {},
+        "own raw",
+        None,
+        {"kind": "developed", "program": "a", "space": "no such space"},
+        {"kind": "developed", "program": "a" * 201, "space": "srgb"},
+        {"kind": "developed", "program": "two\nlines", "space": "srgb"},
+        {"kind": "developed", "program": "a", "space": "raw"},
+        {"kind": "developed", "program": "a", "space": "s" * 100_000},
+        {"kind": "chart", "name": "classic", "space": "srgb"},
+        {"kind": "chart", "name": "classic", "light": "D\x00", "space": "srgb"},
+        {"kind": "reference raw", "camera": "A"},
+        {"kind": "reference raw", "camera": "A", "transfer": [[1.0]]},
+        {"kind": "reference raw", "camera": "A", "transfer": [[0.0] * 3] * 3},
+        {"kind": "reference raw", "camera": "A", "transfer": "a" * 9},
+        {"kind": "reference raw", "camera": "a" * 201, "transfer": np.eye(3).tolist()},
+    ],
+)
+def test_a_provenance_that_none_has_is_refused(saved: Path, stated: Any) -> None:
+    _edit(saved, provenance=stated)
+    assert len(_refused(saved)) < 400
+
+
+def test_a_missing_style_names_the_known_ones(saved: Path) -> None:
+    with pytest.raises(SettingsError, match=r"picture style 'neutral' is not in the profile; known: standard, vivid"):
+        load_profile(saved).styles["neutral"]
+
+
+def test_records_show_as_one_line(saved: Path) -> None:
+    profile = load_profile(saved)
+    for record in (profile, profile.styles["standard"], profile.styles["vivid"], profile.provenance):
+        assert len(repr(record)) < 300
+        assert "\n" not in repr(record)
 
 
 def test_the_same_profile_gives_the_same_bytes(saved: Path, tmp_path: Path) -> None:
@@ -305,7 +366,7 @@ def test_what_the_files_cannot_hold_is_refused(profile: CameraProfile, tmp_path:
     with pytest.raises(ProfileError, match="no camera model"):
         export_published(replace(profile, styles={"standard": PictureStyle()}), "standard", tmp_path)
     with pytest.raises(ProfileError, match="no matrix from that of Reference"):
-        export_published(replace(profile, raw_camera="Reference", raw_transfer=np.eye(3)), "standard", tmp_path)
+        export_published(replace(profile, provenance=ReferenceRaw("Reference", np.eye(3))), "standard", tmp_path)
 
 
 def test_settings_are_as_printed(paths: list[Path], models: list[PublishedModel], profile: CameraProfile) -> None:

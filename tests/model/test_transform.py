@@ -11,7 +11,8 @@ from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, ModelName, match
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import CameraModel, PictureStyle
+from lutforge.model.profile import CameraModel, PictureStyle
+from lutforge.model.provenance import OwnRaw, ReferenceRaw
 from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Encode
 from lutforge.model.white_balance import WhiteBalance
@@ -27,8 +28,10 @@ def _physical_profile(
 ) -> CameraProfile:
     physical = CameraModel(("daylight",), matrix, gamma_response(), identity_map(), identity_map())
     balances = {"daylight": WhiteBalance(daylight, 5200.0), "tungsten": WhiteBalance(tungsten, 3200.0)}
-    styles, reference = {"standard": PictureStyle(models=(physical,))}, "" if raw_transfer is None else "Reference"
-    return CameraProfile(camera, matrix, balances, styles, raw_camera=reference, raw_transfer=raw_transfer)
+    provenance = OwnRaw() if raw_transfer is None else ReferenceRaw("Reference", raw_transfer)
+    return CameraProfile(
+        camera, matrix, balances, {"standard": PictureStyle(models=(physical,))}, provenance=provenance
+    )
 
 
 PROFILE = _physical_profile("One", MATRIX, (2.0, 1.0, 1.5))

@@ -25,7 +25,7 @@ from lutforge.colour.spectra import WAVELENGTHS, light, surface_reflectances
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile import PictureStyle
 from lutforge.model.white_balance import WhiteBalance, resolve, temperature_range
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate

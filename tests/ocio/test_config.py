@@ -19,13 +19,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from lutforge.calibration.curve_basis import gamma_response
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
 from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile import PictureStyle
+from lutforge.model.provenance import ReferenceRaw
+from lutforge.model.response_profile import profile_of_response
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.ocio import config as written_config
 from lutforge.ocio.cameras import file_stem, name_cameras, part_name
@@ -350,10 +353,20 @@ def test_a_folder_in_use_is_not_written_into(tmp_path: Path) -> None:
         write_config([plain_profile("A")], tmp_path / "notes.txt")
 
 
+def test_two_responses_of_one_camera_are_two_profiles() -> None:
+    """Profiles of a response alone have no held-out errors, and no matrix of their own, to tell them apart by."""
+    first, second = (
+        profile_of_response(gamma_response(gamma), "A camera", "standard", "daylight") for gamma in (2.0, 2.2)
+    )
+    assert [camera.name for camera in name_cameras([first, second])] == ["A camera", "A camera 2"]
+    with pytest.raises(ConfigError, match="given twice"):
+        name_cameras([first, replace(first, notes=("a note",))])
+
+
 def test_spaces_of_a_camera_without_raw_are_of_the_light_of_its_jpegs() -> None:
     """A camera that was calibrated through another camera's RAW: no space claims to be RAW."""
     own = small_profile()
-    profile = replace(own, raw_camera="Reference", raw_transfer=np.diag([0.9, 1.0, 1.1]))
+    profile = replace(own, provenance=ReferenceRaw("Reference", np.diag([0.9, 1.0, 1.1])))
     config = build_config([profile])
     names = [space.getName() for space in config.getColorSpaces()]
     assert not any("RAW" in name for name in names if own.camera in name)

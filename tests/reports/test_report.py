@@ -14,6 +14,9 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import style_data
 from lutforge.cli.profiles import compare as compare_command
 from lutforge.errors import SettingsError
+from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
+from lutforge.evaluation.figures import error_figures
+from lutforge.evaluation.methods import LATTICE
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, as_profile, load_profile
 from lutforge.model.gamut_map import GamutMap
@@ -26,6 +29,7 @@ from lutforge.reports.report import (
     Report,
     build_comparison,
     build_report,
+    error_tables,
     exposure_blocks,
     write_page,
 )
@@ -166,6 +170,19 @@ WORDS_ACROSS_LINES = """() => [...document.querySelectorAll("td, th, p, li")].fi
   return false;
 }).map(cell => cell.textContent)"""
 """The cells and paragraphs of a page in which a word is broken."""
+
+
+def test_a_shot_may_have_any_name() -> None:
+    """One named "all day", or "all", is a shot, and not all of them."""
+    colours = np.random.default_rng(0).random((9, 3))
+    figures = error_figures(colours, colours, display=True)
+    names = (("all", True), ("all day", False), ("all", False))
+    rows = tuple(
+        EvaluationRow("render", "standard", shot, all_shots, LATTICE, True, figures) for shot, all_shots in names
+    )
+    whole, by_shot = error_tables(LATTICE, Evaluation("A camera", tuple(rows), ()))
+    assert len(whole.rows) == 1
+    assert len(by_shot.rows) == 2
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")

@@ -14,10 +14,12 @@ from hypothesis.extra import numpy as hnp
 
 from lutforge.errors import SampleError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
-from lutforge.samples.sample_set import NUMBER_COLUMNS, SampleSet
-from lutforge.samples.table import is_table, read_samples, write_samples
+from lutforge.samples.columns import NUMBER_COLUMNS
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples
+from lutforge.samples.table_file import is_table
 
 HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b,wb_r,wb_g,wb_b"
 ROW = "Canon S40,standard,daylight,a,p1,0.25,0.1,0.2,0.3,0.4,0.5,0.6,2,1,1.5"
@@ -68,10 +70,10 @@ def assert_same(a: SampleSet, b: SampleSet, tolerance: float) -> None:
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_round_trip(samples: SampleSet, suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"samples{suffix}"
-    write_samples(path, samples)
+    samples.save(path)
     assert_same(read_samples(path), samples, 1e-9 if suffix == ".csv" else 0)
     first = path.read_bytes()
-    write_samples(path, read_samples(path))
+    read_samples(path).save(path)
     assert suffix == ".npz" or path.read_bytes() == first
 
 
@@ -292,9 +294,9 @@ def test_nothing_to_write(tmp_path: Path) -> None:
     path.write_text(f"{HEADER}\n{ROW}\n")
     samples = read_samples(path)
     with pytest.raises(SampleError, match="no samples"):
-        write_samples(path, samples.select(np.zeros(1, dtype=np.bool_)))
+        samples.select(np.zeros(1, dtype=np.bool_)).save(path)
     with pytest.raises(SampleError, match=r"\.csv or \.npz"):
-        write_samples(tmp_path / "a.txt", samples)
+        samples.save(tmp_path / "a.txt")
     assert len(read_samples(path)) == 1
 
 

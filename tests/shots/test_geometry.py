@@ -22,7 +22,8 @@ from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Distortion, Registration
 from lutforge.shots.read import EMBEDDED, Shot, read_shot
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES, Scene
 
 SHAPE = (404, 608)
@@ -60,14 +61,14 @@ def error(shot: Shot) -> float:
 )  # fmt: skip
 def test_samples_of_straightened_pictures_are_as_good(drawn: Distortion, tmp_path: Path) -> None:
     plain, bent = shot_of(tmp_path, None), shot_of(tmp_path, drawn)
-    assert plain.drawn is None
+    assert plain.distorted is None
     assert not plain.lens_note
     found = bent.placement.registration.distortion
     assert found is not None
     # Where the lens draws a place of the straight picture, up to a zoom, within half a RAW pixel: a quarter of a JPEG's
     # at half size; red and blue within a quarter of what they are off.
     grid = np.stack(np.meshgrid(np.linspace(60, 548, 9), np.linspace(40, 364, 7)), axis=-1).reshape(-1, 2)
-    true, got = (each.drawn(grid) - (each.x, each.y) for each in (drawn, found))
+    true, got = (each.distorted(grid) - (each.x, each.y) for each in (drawn, found))
     centres = np.column_stack([np.ones(len(grid)), grid])
     off = got - true
     assert np.abs(off - centres @ np.linalg.lstsq(centres, off, rcond=None)[0]).max() < 0.5
@@ -168,8 +169,8 @@ def test_a_straightened_perspective_is_named(share: float, tmp_path: Path) -> No
     shot = read_shot(tmp_path / "shot.dng")
     assert shot.jpeg_source == EMBEDDED
     reason = next(note for note in shot.metadata.notes if note.startswith("passed over"))
-    assert "warped as no lens does" in reason
-    # What a program developed has tones of its own, by which a JPEG may seem warped: it is compared all the same.
+    assert "distorted as no lens does" in reason
+    # What a program developed has tones of its own, by which a JPEG may seem distorted: it is compared all the same.
     assert compare_with_jpeg(tmp_path / "shot.dng", developed).tiles > 100
 
 

@@ -25,7 +25,9 @@ from lutforge.shots.discover import discover, jpeg_beside
 from lutforge.shots.metadata import read_picture_settings
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph, rendered
+from lutforge.simulate.develop import rendered
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from tests.cases.pictures import apply_to_pixels, write_cube
 

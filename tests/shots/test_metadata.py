@@ -2,25 +2,44 @@
 
 import struct
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 
+from lutforge.calibration.calibrate import assembled
+from lutforge.calibration.steps import State
 from lutforge.errors import ImageError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import Image
 from lutforge.images.write import write_image
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.inspection import inspect
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples
+from lutforge.settings import StyleName
 from lutforge.shots.maker_settings import kelvin_of, multipliers_of, notes_of, style_of, white_balance_of
 from lutforge.shots.metadata import read_metadata, read_picture_settings, software_tag, tidy_camera
 from lutforge.shots.tags import Tags, key_of, maker_table, tags_of
 from lutforge.shots.tags import tags as file_tags
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.dng import write_dng
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES
 from tests.cases.damaged import damaged
+from tests.cases.profiles import small_profile
+from tests.cases.samples import made_samples
+
+
+def style_text(tags: Tags) -> str | None:
+    """The style as tables and selectors write it."""
+    style = style_of(tags)
+    if style is not None:
+        assert StyleName.parse(str(style)) == style
+    return None if style is None else str(style)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +128,7 @@ def test_a_brand_is_named_once_and_by_the_model() -> None:
     ],
 )
 def test_styles(tags: Tags, style: str | None) -> None:
-    assert style_of(tags) == style
+    assert style_text(tags) == style
 
 
 @pytest.mark.parametrize(
@@ -208,7 +227,7 @@ def test_each_version_of_nikons_picture_controls(version: bytes, name: int, cont
     control[:4], control[name : name + 20], control[contrast] = version, b"VIVID".ljust(20, b"\0"), 0x82
     note = b"Nikon\0\2\x10\0\0MM\0*\0\0\0\x08" + struct.pack(">HHHIII", 1, 0x0023, 7, len(control), 26, 0)
     tags = tags_of(tiff_with_note(note + bytes(control)))
-    assert style_of(tags) == style
+    assert style_text(tags) == style
     assert list(notes_of(tags)) == []
     control[contrast] = 0
     assert "automatic contrast" in next(notes_of(tags_of(tiff_with_note(note + bytes(control)))))
@@ -218,7 +237,7 @@ def test_each_version_of_nikons_picture_controls(version: bytes, name: int, cont
 def test_a_note_in_the_other_byte_order_than_it_states(order: str) -> None:
     """As of a Pentax *ist DL, after a program that rewrote the file."""
     note = b"AOC\0MM" + struct.pack(order + "HHHIHHI", 1, 0x004F, 3, 1, 1, 0, 0)
-    assert style_of(tags_of(tiff_with_note(note, b"PENTAX\0", ">"))) == "bright"
+    assert style_text(tags_of(tiff_with_note(note, b"PENTAX\0", ">"))) == "bright"
 
 
 PENTAX_DNG = b"PENTAX \0MM" + struct.pack("<HHHII", 1, 0x004F, 3, 1, 3)
@@ -232,7 +251,7 @@ MOVED_NOTE = b"Adobe\0MakN" + struct.pack(">I", 6 + len(NOTE)) + b"II" + struct.
 @pytest.mark.parametrize(("private", "style"), [(PENTAX_DNG, "landscape"), (MOVED_NOTE, "vivid")])
 def test_the_maker_note_in_a_dngs_private_data(private: bytes, style: str) -> None:
     first = struct.pack("<HHHII", 1, 0xC634, 1, len(private), 8 + 2 + 12)
-    assert style_of(tags_of(b"II" + struct.pack("<HI", 42, 8) + first + private)) == style
+    assert style_text(tags_of(b"II" + struct.pack("<HI", 42, 8) + first + private)) == style
 
 
 def ciff(entries: list[tuple[int, bytes]]) -> bytes:
@@ -248,7 +267,7 @@ def test_ciff_records() -> None:
     data = ciff([(0x080A, b"Canon\0Canon EOS X\0"), (0x102D, struct.pack("<16H", 32, *[0] * 13, 1, 0))])
     tags = tags_of(data)
     assert tags["Image", 0x0110] == "Canon EOS X"
-    assert style_of(tags) == "standard saturation+1"
+    assert style_text(tags) == "standard saturation+1"
 
 
 def test_ciff_that_contains_itself_ends() -> None:
@@ -267,7 +286,7 @@ def test_damaged_metadata_never_raises(shared_data: Path) -> None:
         data = whole[:20_000] if file.endswith("JPG") else whole[:1000] + whole[-20_000:]
         for _ in range(100):
             tags = tags_of(damaged(data, rng))
-            words = (style_of(tags), white_balance_of(tags), *notes_of(tags))
+            words = (str(style_of(tags)), white_balance_of(tags), *notes_of(tags))
             assert all(word is None or word.isprintable() for word in words)
 
 
@@ -351,3 +370,20 @@ def test_an_aperture_that_the_file_does_not_state_is_told(tmp_path: Path) -> Non
     shot.dng.rename(tmp_path / "alone.dng")
     completed = read_picture_settings(picture)
     assert not completed.exposure_notes and completed.exposure == pytest.approx(whole.exposure, rel=1e-3)
+
+
+def test_a_dngs_own_name_of_the_camera_goes_into_the_profile(tmp_path: Path) -> None:
+    mosaic = np.full((64, 64), 500, dtype=np.uint16)
+    write_dng(tmp_path / "a.dng", mosaic, make="Leica Camera AG", model="LEICA Q2")
+    metadata = read_metadata(tmp_path / "a.dng", read_raw(tmp_path / "a.dng"), None)
+    assert (metadata.camera, metadata.dng_camera) == ("Leica Q2", "Leica Camera AG LEICA Q2")
+    samples = replace(made_samples(), dng_camera=np.resize(["", metadata.dng_camera], len(made_samples())))
+    samples.save(tmp_path / "samples.csv")
+    assert _profile_of(read_samples(tmp_path / "samples.csv")).dng_camera == metadata.dng_camera
+    assert _profile_of(replace(samples, dng_camera=np.resize(["Q2", "Q3"], len(samples)))).dng_camera == ""
+
+
+def _profile_of(samples: SampleSet) -> CameraProfile:
+    """A profile as a calibration assembles it from samples, with the styles of another."""
+    state = State(samples, samples.wb, beta=0.3, curves=15)
+    return assembled(state, np.eye(3), small_profile().styles, {})

@@ -11,7 +11,8 @@ from lutforge.errors import ShotError
 from lutforge.pipeline.sampling import sample_by_reference
 from lutforge.shots.read import read_other_view
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import SCENES, Scene
 from tests.conftest import CommandLine
 

@@ -16,7 +16,8 @@ from lutforge.pipeline.sampling import file_notes, gather_samples
 from lutforge.shots.discover import discover
 from lutforge.shots.read import EMBEDDED, read_shot
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import paint_wall, still_life
 from tests.conftest import CommandLine
 

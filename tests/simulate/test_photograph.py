@@ -12,15 +12,10 @@ from numpy.typing import NDArray
 from lutforge.cli.demo_shots import SHOTS, demo_shots
 from lutforge.colour.spectra import WAVELENGTHS, chart_reflectances, light, linear_srgb_under, surface_reflectances
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.photograph import (
-    BORDER,
-    CameraSettings,
-    develop,
-    develop_again,
-    photograph,
-    write_dng,
-    write_jpeg,
-)
+from lutforge.simulate.develop import BORDER, develop
+from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.dng import write_dng
+from lutforge.simulate.photograph import develop_again, photograph, write_jpeg
 from lutforge.simulate.scene import SCENES, Scene, chart_scene
 
 HEIGHT, WIDTH = 248, 376

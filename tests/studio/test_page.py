@@ -36,7 +36,7 @@ from lutforge.colour.spectra import chart_reflectances
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.chart import chart_kind
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import read_samples, write_samples
+from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.studio.page import STEPS
 from lutforge.studio.workspace import Workspace
@@ -56,12 +56,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the studio may open: samples, a photograph, and files that do harm."""
     folder = tmp_path_factory.mktemp("studio")
     samples = chart_samples(patches=60 if SCREENSHOTS else 45)
-    write_samples(folder / "samples.csv", samples)
+    samples.save(folder / "samples.csv")
     if SCREENSHOTS:
         photograph(folder / "picture.jpg", 1155, 1732)
     else:
         photograph(folder / "picture.jpg", 240, 360)
-    write_samples(folder / "hostile.csv", chart_samples(patches=9, names=(HOSTILE, HOSTILE)))
+    chart_samples(patches=9, names=(HOSTILE, HOSTILE)).save(folder / "hostile.csv")
     header, first = (folder / "samples.csv").read_text().splitlines()[:2]
     (folder / "wide.csv").write_text(header + ",x" * 1_000_000 + "\n" + first + ",1" * 1_000_000 + "\n")
     (folder / "nan.csv").write_text(

@@ -24,7 +24,6 @@ from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.pipeline.inspection import inspect
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.table import write_samples
 from tests.cases.damaged import LUTS, READERS, damaged, fault, whole_files
 from tests.cases.pictures import write_picture
 from tests.cases.profiles import small_profile
@@ -205,7 +204,7 @@ def test_tables_and_luts_on_a_full_disk(tmp_path: Path) -> None:
     try:
         for name in ("samples.npz", "samples.csv", "look.tif", "look.png"):
             with pytest.raises(LutForgeError, match=name) as told:
-                write_samples(tmp_path / name, samples) if "samples" in name else cube.write(tmp_path / name)
+                samples.save(tmp_path / name) if "samples" in name else cube.write(tmp_path / name)
             assert "disk full" in str(told.value) or "too large" in str(told.value)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

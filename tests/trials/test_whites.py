@@ -12,7 +12,7 @@ import pytest
 import lutforge as lf
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.grading.profile_recipe import BakedGrades, SettingChange
+from lutforge.grading.baked_grades import BakedGrades, SettingChange
 from lutforge.luts.bake import bake_steps
 from lutforge.luts.programs import target_of
 from lutforge.luts.sequence import Lut

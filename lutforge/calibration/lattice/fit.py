@@ -20,7 +20,7 @@ from lutforge.interpolation import Interpolation, Levels, apply_curve, interpola
 from lutforge.model.gamut_map import OFFSET, from_even
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice, grid, resized_levels, snapped, uniform_levels
-from lutforge.model.profile_data import CameraModel
+from lutforge.model.profile import CameraModel
 from lutforge.solvers.lattice_regression import Prior, fit_lattice
 from lutforge.solvers.normal_equations import normal_equations
 

@@ -11,10 +11,10 @@ from scipy import ndimage
 from lutforge.arrays import Array
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
-from lutforge.shots import align
-from lutforge.shots.align import register_rotated
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.read import read_shot
+from lutforge.shots.registration import register as registration_as_a_whole
+from lutforge.shots.registration.register import register_rotated
 
 
 def register(raw: RawImage, jpeg: NDArray[np.uint8]) -> Registration:
@@ -137,7 +137,7 @@ def test_refuses_what_fits_nearly_as_well_upside_down(told: bool) -> None:
 def test_searches_nothing_where_another_shot_tells_the_place(turns: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = rectangles(seed=3)
     jpeg = developed(scene, 2.37, (11.3, 7.7), (245, 330))
-    monkeypatch.setattr(align, "search", None)
+    monkeypatch.setattr(registration_as_a_whole, "search", None)
     near = placed(2.371, (11.0, 8.2), jpeg)
     turned, found = register_rotated(sensor(scene), np.rot90(jpeg, -turns), expected=near)
     np.testing.assert_array_equal(turned, jpeg)

@@ -1,0 +1,105 @@
+"""The cache of baked grades: LUTs of refinishes and renders, whose slow steps are baked once for all pictures."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge.luts.bake import bake
+from lutforge.luts.ops import Cube, Matrix, Range
+from lutforge.luts.refinish import refinish_lut, steps_of
+from lutforge.luts.sequence import Lut
+from lutforge.model.camera_profile import CameraProfile, match, raw_to_balanced
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.raw_transfer import RawTransfer
+from lutforge.model.transform import Transform, through_stages
+from lutforge.progress import Progress, silent
+from lutforge.settings import Selector
+
+
+@dataclass(frozen=True)
+class SettingChange:
+    """What a refinish changes: `given` settings of a camera to those wanted of `look`, the same or another camera.
+
+    ev: exposure change in stops. transfer: RAW → RAW between the two cameras, where one was measured.
+    """
+
+    camera: CameraProfile
+    given: Selector
+    look: CameraProfile
+    wanted: Selector
+    ev: float = 0.0
+    transfer: RawTransfer | None = None
+
+    @property
+    def transform(self) -> Transform:
+        """The refinish (6.1), exact to the model."""
+        return match(self.camera, self.given, self.look, self.wanted, self.ev, transfer=self.transfer)
+
+    @property
+    def is_none(self) -> bool:
+        """True where both settings render alike."""
+        if self.look is not self.camera or self.ev or self.given.style != self.wanted.style:
+            return False
+        before, after = self.camera.multipliers(self.given), self.camera.multipliers(self.wanted)
+        return bool(np.allclose(before, after, rtol=1e-4))
+
+    def history(self, source: str) -> str:
+        """What was done, in one line for an image's history. source: what the picture was, settings or RAW."""
+        exposure = f", {self.ev:+g} EV" if self.ev else ""
+        return f"{self.camera.camera}: {source} -> {self.look.camera}: {self.wanted}{exposure}"
+
+
+class BakedGrades:
+    """LUTs of refinishes and renders, each linearize and render step baked once for all white balances."""
+
+    def __init__(self) -> None:
+        self._luts: dict[object, Lut] = {}
+        # Only the last ones are kept: pictures on automatic white balance each have a grade of their own.
+        self.refinish: Callable[[SettingChange], Lut] = lru_cache(16)(
+            lambda change: refinish_lut(change.transform, self.baked)
+        )
+        self.processor: Callable[..., OCIO.CPUProcessor] = lru_cache(32)(Lut.processor)
+
+    def develop(self, change: SettingChange) -> OCIO.CPUProcessor:
+        """The processor that renders RAW; highlights, clipped before less exposure darkens them, stay neutral."""
+        camera, given, look, wanted, transfer = change.camera, change.given, change.look, change.wanted, change.transfer
+        before = camera.multipliers(given if look is not camera else wanted)
+        k = 2.0**change.ev
+        stages = raw_to_balanced(camera, given, look, wanted, transfer=transfer)
+        balanced = through_stages(stages, grid(uniform_levels(2)) / before)
+        gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
+        exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
+        return Lut((*exposed, *self.baked(look.render_balanced(wanted)).ops)).processor()
+
+    def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
+        """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""
+        steps = () if refinish.is_identity else (steps_of(refinish).linearize, steps_of(refinish).render)
+        return tuple(step for step in steps if isinstance(_core(step), GamutMap) and _core(step) not in self._luts)
+
+    def add(self, step: Transform, lut: Lut) -> None:
+        """Take over a step that was baked elsewhere."""
+        self._luts[_core(step)] = lut
+
+    def baked(self, step: Transform) -> Lut:
+        """Return the LUT of a step that is the same under all white balances."""
+        core = _core(step)
+        if core not in self._luts:
+            (self._luts[core],) = baked_steps([step])
+        return self._luts[core]
+
+
+def baked_steps(steps: Sequence[Transform], progress: Progress = silent) -> tuple[Lut, ...]:
+    """Bake steps of a look that are the same under all white balances."""
+    baked = []
+    for number, step in enumerate(steps):
+        progress("baking", number / len(steps))
+        baked.append(bake(step))
+    return tuple(baked)
+
+
+def _core(step: Transform) -> Lattice | GamutMap:
+    return next(stage for stage in step.stages if isinstance(stage, Lattice | GamutMap))

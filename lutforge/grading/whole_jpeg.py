@@ -1,0 +1,55 @@
+"""A JPEG file to a JPEG file: graded as 8-bit codes, with the source's quality and all of its metadata."""
+
+from concurrent.futures import Executor
+from dataclasses import replace
+from io import FileIO
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.atomic_write import atomic_path
+from lutforge.grading.grade import Grade
+from lutforge.grading.pixels import grade_codes
+from lutforge.images.jpeg import APP1, APP2, JpegHeader, decode, encode, stored_metadata, with_colours
+from lutforge.images.packets import XMP_SEGMENT, without_further_pictures
+from lutforge.images.write import IN_ANOTHER_SPACE, SOFTWARE
+
+
+def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:
+    """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
+
+    The thumbnail is of the old colours and left out; where the colours get another space, ICC profile and ColorSpace
+    change.
+    """
+    segments, attributes = header.segments, grade.attributes
+    if "ICCProfile" in attributes:
+        new = attributes["ICCProfile"]
+        adobe_rgb = attributes.get("Exif:ColorSpace") == IN_ANOTHER_SPACE
+        segments = with_colours(segments, new if isinstance(new, bytes) else None, adobe_rgb)
+    comment = f"{attributes.get('Software', SOFTWARE)}\n{' '.join(grade.history.split())}"
+    # What follows the picture, a gain map or a film, is left out, and XMP does not declare it.
+    kept = []
+    for segment in segments:
+        if segment.holds((APP1, XMP_SEGMENT)):
+            body = XMP_SEGMENT + without_further_pictures(segment.body[len(XMP_SEGMENT) :])
+            segment = replace(segment, body=body)
+        if not segment.holds((APP2, b"urn:iso:std:iso:ts:21496:-1")):
+            kept.append(segment)
+    return stored_metadata(kept, header.plain, comment)
+
+
+def grade_whole(
+    source: Path,
+    header: JpegHeader,
+    grade: Grade,
+    target: Path,
+    threads: Executor | None,
+) -> None:
+    """Grade a picture whole."""
+    assert grade.codes is not None
+    start = jpeg_metadata(header, grade)
+    canvas = np.empty((header.height, header.width, 4), np.uint8)
+    decode(source, source.read_bytes(), canvas)
+    grade_codes(grade.codes, canvas, threads)
+    with atomic_path(target) as temporary, FileIO(temporary, "r+") as file:
+        encode(file, canvas, start, header)

@@ -1,0 +1,60 @@
+"""What goes into a LUT and what comes out.
+
+A LUT on the wrong pixels is the usual mistake, and no format has a word for it. The files that LutForge writes state it
+in their comments.
+"""
+
+from __future__ import annotations  # so that help() shows the names of types
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from lutforge.colour.rgb_spaces import rgb_space
+
+ENCODED = "the camera's JPEG, encoded, 0 to 1"
+ADOBE_RGB = "the camera's JPEG in Adobe RGB, encoded, 0 to 1"
+RAW = "linear camera RAW, black 0, saturation 1, before white balance"
+
+
+@dataclass(frozen=True)
+class InputAndOutput:
+    """Input and output of a LUT: ENCODED, ADOBE_RGB, RAW, or scene-linear or scene-referred and the space's name."""
+
+    input: str
+    output: str
+
+    @property
+    def takes_raw(self) -> bool:
+        """True where the input is camera RAW before white balance."""
+        return self.input.startswith(RAW)
+
+    @property
+    def are_linear(self) -> tuple[bool, bool]:
+        """Whether input and output are linear light."""
+        takes, gives = (end == RAW or end.startswith("scene-linear") for end in (self.input, self.output))
+        return takes, gives
+
+    @property
+    def comments(self) -> tuple[str, ...]:
+        """The comment lines of a file: one record a line for `read_input_and_output`, and advice for people."""
+        takes_linear, gives_linear = self.are_linear
+        advice = ["not for JPEGs"] if takes_linear else []
+        if gives_linear:
+            advice.append("keep its output in half or float files, 8 bits would show bands")
+        return f"input: {self.input}", f"output: {self.output}", *([f"use: {'; '.join(advice)}"] if advice else [])
+
+
+def input_and_output_of(kind: str, space: str, encoded: str = ENCODED) -> InputAndOutput:
+    """The input and the output of a transform. kind: "render", "linearize", or any from JPEG to JPEG.
+
+    space: of the scene's side, "raw" or a name; encoded: what the JPEG that goes in is, ENCODED or ADOBE_RGB.
+    """
+    linear = space == "raw" or rgb_space(space).is_linear
+    scene = RAW if space == "raw" else f"scene-{'linear' if linear else 'referred'} {space}"
+    return InputAndOutput(scene if kind == "render" else encoded, scene if kind == "linearize" else ENCODED)
+
+
+def read_input_and_output(comments: Iterable[str]) -> InputAndOutput | None:
+    """What the comments of a LUT file say; None where they do not."""
+    stated = dict(comment.split(": ", 1) for comment in comments if ": " in comment)
+    return InputAndOutput(stated["input"], stated["output"]) if {"input", "output"} <= stated.keys() else None

@@ -1,0 +1,72 @@
+"""The LUT of a refinish for photographs, from the baked steps of its two styles: white stays neutral."""
+
+from __future__ import annotations  # so that help() shows the names of types
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lutforge.errors import LutError
+from lutforge.luts.highlights import raised
+from lutforge.luts.ops import Cube, Range
+from lutforge.luts.sequence import Lut
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.highlights import NeutralHighlights
+from lutforge.model.inverse_gamut_map import SolvedInverse
+from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.transform import Stage, Transform, through_stages
+
+
+@dataclass(frozen=True, eq=False)
+class RefinishSteps:
+    """The steps of a refinish.
+
+    linearize: JPEG → linear; between: from there to white-balanced RAW; highlights: kept neutral there; render:
+    white-balanced RAW → JPEG. The first and the last are the same under all white balances.
+    """
+
+    linearize: Transform
+    between: tuple[Stage, ...]
+    highlights: NeutralHighlights
+    render: Transform
+
+
+def keeps_neutrals(transform: Transform) -> bool:
+    """True for a refinish that keeps clipped neutrals neutral."""
+    return any(isinstance(stage, NeutralHighlights) for stage in transform.stages)
+
+
+def steps_of(transform: Transform) -> RefinishSteps:
+    """Return the steps of a refinish. Raises LutError on a transform that keeps no neutrals."""
+    stages = transform.stages
+    at = next((at for at, stage in enumerate(stages) if isinstance(stage, NeutralHighlights)), None)
+    highlights = None if at is None else stages[at]
+    if at is None or not isinstance(highlights, NeutralHighlights):
+        raise LutError("LUT: photographs are graded by a refinish that keeps clipped neutrals")
+    cut = 1 + next(at for at, stage in enumerate(stages) if isinstance(stage, Lattice | GamutMap | SolvedInverse))
+    return RefinishSteps(Transform(stages[:cut]), stages[cut:at], highlights, Transform(stages[at + 1 :]))
+
+
+def refinish_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
+    """Return the LUT of a refinish.
+
+    baked: returns the LUT of a step that is the same under all white balances. Only what is between the two is computed
+    anew, so that a picture with a white balance of its own costs milliseconds. Raises LutError on a transform that
+    keeps no neutrals.
+    """
+    if transform.is_identity:
+        return Lut((Range(),))
+    steps = steps_of(transform)
+
+    linearize = baked(steps.linearize)
+    cube = linearize.cube
+    if cube is None:
+        raise LutError(f"LUT: a cube is needed, not {linearize.summary}")
+    at = linearize.ops.index(cube)
+
+    # The cube holds what is between, too, since that is linear.
+    behind = Lut(linearize.ops[at:])
+    values = through_stages(steps.between, behind(grid(uniform_levels(cube.size))))
+    neutral = raised(steps.highlights, np.ones(3), float((values / steps.highlights.white).max()))
+    return Lut((*linearize.ops[:at], Cube(values, cube.interpolation), *neutral, *baked(steps.render).ops))

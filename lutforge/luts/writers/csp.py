@@ -1,0 +1,41 @@
+"""The .csp format (Rising Sun Research cineSpace): a prelut with free knots per channel, and a cube.
+
+ffmpeg's lut3d draws straight lines between the knots; OpenColorIO lays a spline through them, hence many.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lutforge.luts.shaper import node_levels
+from lutforge.luts.writers.text import plain, rows, rows_of_cube, write_text
+
+if TYPE_CHECKING:
+    from lutforge.luts.sequence import Lut  # which is written by these functions
+
+
+def write_csp(lut: Lut, path: Path) -> None:
+    """Write a cube with a shaper, or none; red varies fastest.
+
+    The prelut holds the knots of a curve, or some of its even steps, the nodes and their neighbours: with these
+    OpenColorIO's spline stays within 1e-5 of straight lines.
+    """
+    curve, cube = lut.shaper_and_cube()
+    notes = [line for line in (plain(text) for text in (lut.title, *lut.comments)) if line]
+    lines = ["CSPLUTV100", "3D", "", "BEGIN METADATA", *notes, "END METADATA", ""]
+    for channel in range(3):
+        x = y = np.array([0.0, 1.0])
+        if curve is not None and curve.inputs is not None:
+            x, y = curve.inputs[:, channel], curve.outputs[:, channel]
+        elif curve is not None:
+            span, last = curve.high - curve.low, len(curve.outputs) - 1
+            node = np.rint((node_levels(curve, cube)[channel] - curve.low) / span * last).astype(np.int64)
+            even = np.linspace(0, last, min(16384, last + 1)).astype(np.int64)
+            index = np.unique(np.clip(np.concatenate([even, node, node - 1, node + 1]), 0, last))
+            x, y = curve.low + index / last * span, curve.outputs[index, channel]
+        lines += [str(len(x)), " ".join(f"{v:.9f}" for v in x), " ".join(f"{v:.9f}" for v in y)]
+    lines += ["", f"{cube.size} {cube.size} {cube.size}"]
+    write_text(path, "\n".join(lines) + "\n" + rows(rows_of_cube(cube.values)))

@@ -1,0 +1,43 @@
+"""The .cube format: a 3D table (Adobe Cube LUT Specification 1.0, Iridas), a 1D table, or a shaper before a 3D table.
+
+The last is what DaVinci Resolve writes and OpenColorIO reads. Comments come before its header, and there is no TITLE
+and no DOMAIN line: OpenColorIO (FileFormatResolveCube) refuses the file otherwise. The input ranges, whose default is
+0 to 1, are written out: a reader that knows the 3D form only, such as ffmpeg's lut3d, then refuses the file instead of
+rendering garbage.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lutforge.luts.writers.photo_style import photo_style
+from lutforge.luts.writers.text import SHAPER_DIGITS, comment_lines, plain, rows, rows_of_cube, write_text
+
+if TYPE_CHECKING:
+    from lutforge.luts.sequence import Lut  # which is written by these functions
+
+
+def write_cube(lut: Lut, path: Path) -> None:
+    """Write a cube as the plain 3D form, one with a shaper as Resolve's, a curve as the 1D form; red varies fastest."""
+    curve, cube = lut.shaper_and_cube()
+    table = rows(rows_of_cube(cube.values))
+    if curve is None:
+        header = [
+            f'TITLE "{plain(lut.title) or "LutForge"}"',
+            *photo_style(lut),
+            *comment_lines("", lut.comments),
+            f"LUT_3D_SIZE {cube.size}",
+            "DOMAIN_MIN 0.0 0.0 0.0",
+            "DOMAIN_MAX 1.0 1.0 1.0",
+        ]
+    else:
+        header = [
+            *comment_lines(lut.title, lut.comments),
+            f"LUT_1D_SIZE {len(curve.outputs)}",
+            f"LUT_1D_INPUT_RANGE {curve.low!r} {curve.high!r}",
+        ]
+        if lut.cube is not None:
+            header += [f"LUT_3D_SIZE {cube.size}", "LUT_3D_INPUT_RANGE 0.0 1.0"]
+        table = rows(curve.outputs, SHAPER_DIGITS) + (table if lut.cube is not None else "")
+    write_text(path, "\n".join(header) + "\n" + table)
