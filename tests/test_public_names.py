@@ -197,11 +197,11 @@ def test_a_folder_beside_its_own_table_counts_once(tmp_path: Path) -> None:
         settings = CameraSettings("standard", "daylight", seconds)
         photograph(camera, SCENES["wall"](404, 608, 3), settings, tmp_path, name)
     sampled = sample_shots([tmp_path]).samples
-    write_samples(tmp_path / "both.csv", sampled)
-    write_samples(tmp_path / "one.csv", sampled.select(sampled.shot == "first"))
+    sampled.save(tmp_path / "both.csv")
+    sampled.select(sampled.shot == "first").save(tmp_path / "one.csv")
     edited = sampled.select(np.flatnonzero(sampled.shot == "first")[:-1])
     other = replace(edited, srgb=edited.srgb[:, ::-1])  # of the same name, and another photograph
-    write_samples(tmp_path / "other.csv", other)
+    other.save(tmp_path / "other.csv")
     for tables, more in ((["both.csv"], 0), (["one.csv", "both.csv"], 0), (["other.csv"], len(other))):
         paths = [tmp_path / table for table in tables]
         assert len(gather_samples([*paths, tmp_path]).samples) == len(sampled) + more
