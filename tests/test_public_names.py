@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -187,6 +188,24 @@ def test_a_table_that_is_named_twice_counts_once(tmp_path: Path) -> None:
     (tmp_path / "again.csv").symlink_to(tmp_path / "a.csv")
     found = gather_samples([tmp_path / "a.csv", tmp_path / "." / "a.csv", tmp_path / "again.csv"])
     assert len(found.samples) == len(samples)
+
+
+def test_a_folder_beside_its_own_table_counts_once(tmp_path: Path) -> None:
+    camera = nikon_d5100()
+    for name in ("first", "second"):
+        seconds = camera.nominal_exposure_s / (1 if name == "first" else 2)
+        settings = CameraSettings("standard", "daylight", seconds)
+        photograph(camera, SCENES["wall"](404, 608, 3), settings, tmp_path, name)
+    sampled = sample_shots([tmp_path]).samples
+    sampled.save(tmp_path / "both.csv")
+    sampled.select(sampled.shot == "first").save(tmp_path / "one.csv")
+    edited = sampled.select(np.flatnonzero(sampled.shot == "first")[:-1])
+    other = replace(edited, srgb=edited.srgb[:, ::-1])  # of the same name, and another photograph
+    other.save(tmp_path / "other.csv")
+    for tables, more in ((["both.csv"], 0), (["one.csv", "both.csv"], 0), (["other.csv"], len(other))):
+        paths = [tmp_path / table for table in tables]
+        assert len(gather_samples([*paths, tmp_path]).samples) == len(sampled) + more
+        assert len(gather_samples([*paths, tmp_path / "both.csv"]).samples) == len(sampled) + more
 
 
 def test_nothing_given() -> None:

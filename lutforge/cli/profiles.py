@@ -361,7 +361,7 @@ def studio(
     if find_spec("panel") is None:
         raise LutForgeError("the studio needs Panel: pip install 'lutforge[studio]'")
     from lutforge.studio.opening import Folders
-    from lutforge.studio.page import serve
+    from lutforge.studio.server import serve
 
     given = tuple(path.resolve() for path in sources or [])
     for path in given:

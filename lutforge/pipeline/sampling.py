@@ -194,9 +194,29 @@ def gather_samples(paths: Paths, progress: Progress = silent, substitute: RawSub
     parts = [read_samples(path) for path in given if path.suffix.lower() in TABLE_SUFFIXES]
     others = [path for path in given if path.suffix.lower() not in TABLE_SUFFIXES]
     if not others:
-        return SampledShots(concatenate(parts))
+        return SampledShots(concatenate(_each_shot_once(parts)))
     sampled = sample_shots(others, progress, substitute)
-    return replace(sampled, samples=concatenate([*parts, sampled.samples]))
+    return replace(sampled, samples=concatenate(_each_shot_once([*parts, sampled.samples])))
+
+
+def _each_shot_once(parts: Sequence[SampleSet]) -> list[SampleSet]:
+    """The sample sets without the shots that a later one holds, too, as a table does of the folder beside it.
+
+    It is one shot where camera, name and more than half of the JPEG colours, to a thousandth, are the same.
+    """
+    distinct, later = list[SampleSet](), dict[tuple[str, str], set[tuple[float, ...]]]()
+    for part in reversed(parts):
+        shots, doubled = list(part.by_shot()), list[str]()
+        for name, samples in shots:
+            colours = [tuple(colour) for colour in np.rint(1e3 * samples.srgb).tolist()]
+            key = str(samples.camera[0]), name
+            if sum(colour in later.get(key, ()) for colour in colours) > len(colours) / 2:
+                doubled.append(name)
+            else:
+                later[key] = later.get(key, set()).union(colours)
+        if len(doubled) < len(shots):
+            distinct.append(part.select(~np.isin(part.shot, doubled)) if doubled else part)
+    return distinct[::-1]
 
 
 def as_samples(samples: SampleSet | Paths) -> SampleSet:

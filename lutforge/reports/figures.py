@@ -11,6 +11,7 @@ from lutforge.calibration.bracket import BracketFit
 from lutforge.calibration.brightness_transfer import TransferFunction
 from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode, srgb_encode, srgb_to_lab
 from lutforge.model.gamut_map import GamutMap
+from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile import Direction, PictureStyle
 from lutforge.model.response import mean_response
@@ -251,12 +252,14 @@ def slice_grid(luminance: float, rings: int = 17, points: int = 16) -> Array:
     return luminance + np.linspace(0.0, 1.0, rings)[:, None, None] * (outline - luminance)
 
 
-def centres_near(gamut_map: GamutMap, luminance: float) -> Array:
-    """The control points (m, 3) of h that lie near this luminance."""
+def centres_near(gamut_map: GamutMap | SolvedInverse, luminance: float) -> Array:
+    """The control points (m, 3) of a gamut map that lie near this luminance; an inverse that is solved has none."""
+    if isinstance(gamut_map, SolvedInverse):
+        return np.zeros((0, 3))
     return np.asarray(gamut_map.centres[np.abs(gamut_map.centres @ LUMINANCE - luminance) < 0.04])
 
 
-def gamut_figure(maps: Mapping[str, GamutMap], levels: Sequence[float] = (0.08, 0.25, 0.5)) -> Drawing:
+def gamut_figure(maps: Mapping[str, GamutMap | SolvedInverse], levels: Sequence[float] = (0.08, 0.25, 0.5)) -> Drawing:
     """h as slices of constant luminance: arrows from the colour before it to the one after (Fig. 4.4), a row a map.
 
     They are drawn over R − Y and B − Y in linear sRGB, coloured by how far h moves the colour.

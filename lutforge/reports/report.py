@@ -34,6 +34,7 @@ from lutforge.images.orientation import upright
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.coverage import linearizing_error
 from lutforge.model.gamut_map import GamutMap
+from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.profile import PictureStyle
 from lutforge.model.provenance import ResponseOnly
 from lutforge.model.vignetting import Vignetting, vignetting_of
@@ -527,10 +528,9 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
     """Draw the models of a style."""
     what = "the tone response" if style.models else "the grey axis of the lattice"
     yield Picture(f"response_{name}", figures.response_figure(style), f"{name}: {what}, per channel.")
-    maps = {f"{name}, rendering": model.gamut_map for model in style.models[:1]}
+    maps: dict[str, GamutMap | SolvedInverse] = {f"{name}, rendering": model.gamut_map for model in style.models[:1]}
     if maps:
-        back = style.models[0].inverse_gamut_map
-        maps |= {f"{name}, linearizing": back} if isinstance(back, GamutMap) else {}
+        maps[f"{name}, linearizing"] = style.models[0].inverse_gamut_map
         text = (
             "The gamut map at constant luminance Y in linear sRGB: arrows lead from the colour before it to the colour "
             "after; dots are control points."

@@ -18,6 +18,7 @@ from lutforge.model.published_model import export_published
 from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.configs import write_config
 from lutforge.pipeline.kits import kits_of, write_kit
+from lutforge.pipeline.looks import ChosenLook
 from lutforge.pipeline.reports import report
 from lutforge.pipeline.transforms import TransformRequest
 from lutforge.progress import Progress
@@ -32,7 +33,7 @@ LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vl
 
 
 class ExportPage:
-    """The last step."""
+    """The page of the last step: what can be written, and what was."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -45,6 +46,7 @@ class ExportPage:
         self._cards: dict[tuple[Written, bool], pmui.Paper] = {}
         self._offered: object = None
         self.asked: list[Path] = []
+        self.warned_of: ChosenLook | None = None
         self.look = ui.text()
         self.main = pn.Column(**ui.SCROLLED)
         self.actions: dict[str, Callable[[], None]] = {
@@ -53,7 +55,7 @@ class ExportPage:
             "Save parameters as text": self._parameters, "Save workspace": self._workspace,
         }  # fmt: skip
         profile, kit, bake, *others = (
-            session.button(label, action, variant="contained" if place < 3 else "outlined", **ui.WIDE)
+            session.page.button(label, action, variant="contained" if place < 3 else "outlined", **ui.WIDE)
             for place, (label, action) in enumerate(self.actions.items())
         )
         folder = ui.html("<p>Files go to <b>{}</b>; the commands are of that folder.</p>", session.folders.roots[0])
@@ -67,7 +69,7 @@ class ExportPage:
         ]
 
     def refresh(self) -> None:
-        """What was written, and whether it is of the model and look as they are; the programs that a kit can be for."""
+        """Draw what was written, stale where model or look have changed since, and offer programs for a kit."""
         session = self.session
         if session.profile is not None:
             ui.offer(self.program, kits_of(session.profile, session.look.target))
@@ -83,7 +85,7 @@ class ExportPage:
             self.main[:] = list(self._cards.values()) or [ui.text(ui.paragraphs(nothing))]
 
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
-        """What was written: lines that tell of it, and its command."""
+        """A card of what was written: what there is to know of it, and its command."""
         title = f"{made.what}: {self.session.folders.name(made.path)}{' (stale)' if stale else ''}"
         shown = ui.text(ui.html("<h2>{}</h2>{}", title, ui.paragraphs(*made.lines)))
         command = ui.html("<code>{}</code>", made.command) if made.command else ui.Html("")
@@ -107,7 +109,8 @@ class ExportPage:
 
     def _with_profile(self, *suffixes: str) -> list[Path]:
         """Return the profile's file, which is saved unless it was opened and is there, and where others go."""
-        profile, opened = self.session.require_profile(), self.session.opened
+        profile = self.session.require_profile()
+        opened = self.session.opened
         if profile is opened.profile and opened.profile_source is not None and opened.profile_source.is_file():
             return [opened.profile_source, *self._paths(*suffixes)]
         paths = self._paths(".npz", *suffixes)
@@ -119,8 +122,8 @@ class ExportPage:
         words = words.replace(f"{session.folders.roots[0]}/", "")  # as one types it there
         session.written.pop(what, None)
         session.written[what] = Written(what, path, lines[:20], words, (session.profile, session.look))
-        session.say(f"{what}: written, {path.name}")
-        session.on_change()
+        session.page.say(f"{what}: written, {path.name}")
+        session.page.on_change()
 
     def _run(
         self, what: str, kind: str, suffix: str, given: Any = None, more: tuple[Any, ...] = (), **options: Any
@@ -135,7 +138,7 @@ class ExportPage:
             samples.save(table[0])
         words = command((kind, profile, *more, *table), options, output)
         written = partial(self._tell, what, output, words=words)
-        self.session.start(f"lutforge {kind}", written, export, kind, profile, output, given)
+        self.session.work.start(f"lutforge {kind}", written, export, kind, profile, output, given)
 
     def _workspace(self) -> None:
         workspace = self.session.require_workspace()
@@ -145,14 +148,17 @@ class ExportPage:
 
     def _save_profile(self) -> None:
         """The profile, and the samples that it was fitted to, so that the command line makes the same."""
-        profile, workspace, response = self.session.require_profile(), self.session.workspace, self.session.response
+        profile = self.session.require_profile()
+        workspace = self.session.workspace
+        response = self.session.response
         task = None if workspace is None or workspace.fitted is None else workspace.fitted.task
         if workspace is None or task is None:
             (path,) = self._paths(".npz")
             profile.save(path)
             words = ""
             if response is not None and response[1].profile is profile:
-                names, request = ("times", "chart", "light", "corners", "all_colours"), response[0]
+                names = ("times", "chart", "light", "corners", "all_colours")
+                request = response[0]
                 options = {name: getattr(request, name) for name in names}
                 words = command(("response", *request.files), options, path)
             self._tell("profile", path, (f"profile of {profile.camera}", *profile.notes), words)
@@ -169,13 +175,17 @@ class ExportPage:
         self._tell("profile", path, tuple(lines), words)
 
     def _bake(self) -> None:
-        profile, look, kind = self.session.require_profile(), self.session.look, self.kind.value
-        source, space = look.source, "raw" if kind == "refinish" else self.space.value
+        profile = self.session.require_profile()
+        look = self.session.look
+        kind = self.kind.value
+        source = look.source
+        space = "raw" if kind == "refinish" else self.space.value
         if not source and len(profile.styles) == len(profile.white_balances) == 1:
             source = f"{next(iter(profile.styles))}/{next(iter(profile.white_balances))}"
         if kind != "render" and not source:
             raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
-        given, target = source if kind != "render" else None, look.target if kind != "linearize" else None
+        given = source if kind != "render" else None
+        target = look.target if kind != "linearize" else None
         exposed = kind == "refinish" or (kind == "render" and space != "raw")
         wanted = TransformRequest(kind, given, target, look.ev if exposed else 0.0, space)
         options = {"from": given, "to": target, "ev": f"{wanted.ev:g}" if wanted.ev else None}
@@ -183,7 +193,14 @@ class ExportPage:
         self._run(f"LUT, {kind}", "bake", f"_{kind}{self.suffix.value}", wanted, (kind,), **options)
 
     def _kit(self) -> None:
-        target, program = self.session.look.target, self.program.value
+        target = self.session.look.target
+        program = self.program.value
+        if self.session.is_unseen and self.warned_of != self.session.look:
+            self.warned_of = self.session.look
+            raise WorkspaceError(
+                f"{target} was never on screen: choose under Look, “Taken as”, how the photograph was taken, or press "
+                "again to write the kit unseen"
+            )
         if not program:
             raise WorkspaceError("a kit needs a camera with RAW: compute a model, or open a profile")
         self._run(f"kit for {program}", "kit", f"_{program}_kit", (target, program), **{"to": target, "for": program})

@@ -26,6 +26,23 @@ function waveform(canvas, pixels, width) {
   for (const share of [0, 0.25, 0.5, 0.75, 1]) context.fillRect(0, Math.round(share * (SCOPE - 1)), width, 1);
 }
 
+// How often each code occurs: red, green and blue over each other, the ends, which may hold most pixels, cut off.
+function histogram(canvas, pixels) {
+  const width = 256, height = 96, counts = [0, 1, 2].map(() => new Uint32Array(width));
+  for (let n = 0; n < pixels.length; n++) if (n % 4 < 3) counts[n % 4][pixels[n]] += 1;
+  const most = Math.max(1, ...counts.flatMap(channel => [...channel.subarray(1, width - 1)]));
+  Object.assign(canvas, { width, height });
+  const context = canvas.getContext("2d");
+  context.globalCompositeOperation = "lighter";
+  ["#d04a3a", "#3fa34d", "#4a6fe0"].forEach((colour, c) => {
+    context.fillStyle = colour;
+    counts[c].forEach((count, code) => {
+      const tall = Math.min(height, Math.ceil(height * Math.sqrt(count / most)));
+      context.fillRect(code, height - tall, 1, tall);
+    });
+  });
+}
+
 // --- The page's part ---------------------------------------------------------------------------------------------------
 
 function make(tag, properties = {}, ...children) {
@@ -39,7 +56,7 @@ function make(tag, properties = {}, ...children) {
 
 const KEYS = "Wheel, + and −: zoom. 0: whole picture, 1: single pixels, or double click. Drag or arrows: move. " +
   "[ and ]: wipe. G, O, W, S: graded, original, wipe, side by side. B: keep as B. C: clipping. U: unsure colours. " +
-  "H: waveform. P: pipette at the middle, arrows move it, Escape lifts it.";
+  "H: waveform and histogram. P: pipette at the middle, arrows move it, Escape lifts it.";
 
 export function render({ model, el }) {
   // Elements
@@ -49,12 +66,16 @@ export function render({ model, el }) {
     "aria-valuemax": 100 }, make("span", { "aria-hidden": "true" }));
   const left = make("div", { className: "side left" }), right = make("div", { className: "side right" });
   const cross = make("div", { className: "cross", hidden: true });
-  const empty = make("p", { className: "empty" }, "No picture yet.");
-  const stage = make("div", { className: "stage" }, canvas, left, right, line, cross, empty);
+  const empty = make("p", { className: "empty" }, "No picture yet: choose a photograph, or drop one here.");
+  const words = make("span", {}), help = make("button", { type: "button" }, "Begin with the usual ones");
+  const notice = make("div", { className: "notice", role: "alert", hidden: true }, words, help);
+  help.addEventListener("click", () => model.send_msg("help"));
+  const stage = make("div", { className: "stage" }, canvas, left, right, line, cross, empty, notice);
   const values = make("output", { className: "values", "aria-live": "off", "aria-label": "Pipette" });
   const news = make("span", { className: "news", role: "status" });
   const waves = make("canvas", { role: "img", "aria-label": "Waveform" }), shares = make("p", {});
-  const scopes = make("aside", { className: "scopes", "aria-label": "Waveform" }, waves, shares);
+  const bins = make("canvas", { className: "histogram", role: "img", "aria-label": "Histogram" });
+  const scopes = make("aside", { className: "scopes", "aria-label": "Scopes" }, waves, bins, shares);
   const bar = make("div", { className: "bar", role: "toolbar", "aria-label": "Look" });
   const root = make("div", { className: "look" }, bar, make("div", { className: "middle" }, stage, scopes),
     make("div", { className: "foot" }, values, news), make("p", { id: "keys", className: "hidden" }, KEYS));
@@ -77,7 +98,7 @@ export function render({ model, el }) {
     toggle("beside_b", "Beside B", "On the left B, not the original"));
   group(toggle("clipping", "Clipping", "Stripes over clipped colours: orange white, violet black", "C"),
     toggle("unsure", "Unsure", "Green stripes over colours that no calibration shot has shown", "U"),
-    toggle("scopes", "Waveform", "Codes over the width of the picture", "H"));
+    toggle("scopes", "Scopes", "Waveform: codes over the width of the picture; histogram: how often each occurs", "H"));
   group(button("fit", "Fit", "The whole picture", "0", () => fit()),
     button("one", "100 %", "A pixel of the picture on a pixel of the screen", "1", () => zoomTo(1)));
   const zoomed = make("span", { className: "zoomed" });
@@ -97,7 +118,7 @@ export function render({ model, el }) {
   // What is seen: the centre in pixels of the picture, and how many pixels of the screen one of the picture has.
   const view = { centre: [0, 0], zoom: 1, fitted: true };
   let number = model.number, loaded = false, quality = 1, cost = 0, moved = 0, pending = null, settle, queued = false, again = false;
-  let pinned = null, hovered = null, scoped = 0, frames = 0;
+  let pinned = null, hovered = null, scoped = 0, frames = 0, measured = 0, toll = 0;
   const ratio = () => window.devicePixelRatio || 1;
   let whole = () => [stage.clientWidth * ratio(), stage.clientHeight * ratio()].map(Math.round);
   const seen = () => { const [w, h] = whole(); return model.mode === "side" ? [w / 2, h] : [w, h]; };
@@ -164,6 +185,8 @@ export function render({ model, el }) {
     Object.assign(root.dataset, { drawn: pending.number, ms: (performance.now() - began).toFixed(1), full, frames: ++frames });
     pending = null;
     if (again) { again = false; draw(false); }
+    // While a slider moves the scopes follow, for a fifth of the time at most; at its end they are of the last look.
+    if (began - measured > Math.max(80, 4 * toll)) measure();
     clearTimeout(settle);
     settle = setTimeout(() => { if (!full) draw(false); measure(); }, 160);
   }
@@ -194,8 +217,9 @@ export function render({ model, el }) {
     const ops = opsOf(model.mode === "original" ? other() : "a"), width = SCOPE;
     if (!complete(ops)) return;
     const height = Math.max(1, Math.round(width * grader.size[1] / grader.size[0]));
-    const pixels = grader.read(ops, width, height);
+    const began = performance.now(), pixels = grader.read(ops, width, height);
     waveform(waves, pixels, width);
+    histogram(bins, pixels);
     let white = 0, black = 0;
     for (let n = 0; n < pixels.length; n += 4) {
       const codes = [pixels[n], pixels[n + 1], pixels[n + 2]];
@@ -204,6 +228,9 @@ export function render({ model, el }) {
     const share = count => `${(400 * count / pixels.length).toFixed(1)} %`;
     shares.textContent = `${share(white)} clipped to white, ${share(black)} to black`;
     root.dataset.scoped = ++scoped;
+    root.dataset.measured = number;
+    measured = performance.now();
+    toll = measured - began;
   }
 
   // The pipette
@@ -244,7 +271,7 @@ export function render({ model, el }) {
 
   let drag = null;
   stage.addEventListener("pointerdown", event => {
-    if (event.button > 1) return;
+    if (event.button > 1 || notice.contains(event.target)) return;
     const box = stage.getBoundingClientRect(), x = event.clientX - box.left;
     const near = Math.abs(x - model.wipe * box.width) < 14;
     drag = { x: event.clientX, y: event.clientY, far: 0, wipes: model.mode === "wipe" && event.button === 0 && (near || fits()) };
@@ -352,9 +379,12 @@ export function render({ model, el }) {
     buttons.beside_b.disabled = !model.b.length;
     buttons.unsure.disabled = !model.coverage.length;
     scopes.hidden = !model.scopes;
+    notice.hidden = !model.notice;
+    words.textContent = model.notice;
   }
   model.on("picture", open);
   model.on("msg:custom", arrived);
+  model.on("notice", stand);
   model.on(["a", "b", "coverage"], changed);
   model.on("wipe", () => draw());
   model.on(["mode", "beside_b", "clipping", "unsure", "scopes"], pressed);

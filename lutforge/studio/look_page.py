@@ -3,9 +3,8 @@
 The browser grades the picture: Python sends LUTs, and no pixels while sliders move.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import lru_cache, partial
 from hashlib import blake2b
 from pathlib import Path
@@ -13,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import panel as pn
+import panel_material_ui as pmui
 import param
 from panel.custom import JSComponent
 
 from lutforge.errors import LutError, SettingsError
-from lutforge.grading.baked_grades import BakedGrades, SettingChange, baked_steps
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
@@ -26,15 +25,22 @@ from lutforge.model.coverage import confidence
 from lutforge.model.provenance import ReferenceRaw
 from lutforge.model.transform import Transform
 from lutforge.model.white_balance import temperature_range
+from lutforge.pipeline.looks import ChosenLook, add_baked, bake_steps, look_lut, slow_steps, usual_setting
+from lutforge.pipeline.photographs import IMAGE_SUFFIXES, Photograph, open_photograph
 from lutforge.settings import Selector, Shift
 from lutforge.studio import ui
-from lutforge.studio.opening import IMAGE_SUFFIXES, Photograph, open_photograph
-from lutforge.studio.session import ChosenLook, Session, usual_setting
+from lutforge.studio.session import Session, as_text
 from lutforge.studio.workspace import WorkspaceError
 
-AS_SHOT, BY_TEMPERATURE, BY_MULTIPLIERS = "as shot", "by temperature", "by multipliers"
+AS_SHOT = "as shot"
+BY_TEMPERATURE = "by temperature"
+BY_MULTIPLIERS = "by multipliers"
 UNKNOWN = "not known: choose"
 BAKING = "preparing the look"
+UNSEEN = (
+    "How this photograph was taken is not known, so the picture is shown as it is. Choose its style and white balance "
+    "under “Taken as”, or begin with the camera's usual ones."
+)
 
 
 class SettingControl:
@@ -44,6 +50,7 @@ class SettingControl:
     """
 
     def __init__(self, title: str, asks: bool = False) -> None:
+        self.title = title
         self.profile: CameraProfile
         self.unknown = {UNKNOWN: ""} if asks else {}
         self.style = ui.select(f"{title}: style", self.unknown or ui.NOTHING)
@@ -51,31 +58,36 @@ class SettingControl:
         self.kelvin = ui.slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
         self.tint = ui.slider(f"{title}: tint", 0, -50, 50, 1)
         self.multipliers = ui.entry(f"{title}: multipliers r,g,b", placeholder="2.10,1,1.43")
-        self.widgets = (self.style, self.balance, self.kelvin, self.tint, self.multipliers)
-        self.layout = pn.Column(*self.widgets, **ui.TOGETHER)
+        self.numbers = (self.kelvin, self.tint, self.multipliers)
+        self.widgets = (self.style, self.balance, *self.numbers)
 
     def offer(self, profile: CameraProfile) -> None:
         """Offer the settings of a profile; what is chosen stays where it has that, else it is the usual setting."""
-        self.profile, kelvins = profile, None
+        self.profile = profile
+        kelvins = None
         through_reference = isinstance(profile.provenance, ReferenceRaw)
         with suppress(SettingsError):
             kelvins = None if through_reference else temperature_range(profile.white_balances)
-        self.tint.disabled = kelvins is None
+        self.tint.disabled = self.kelvin.disabled = kelvins is None
+        self.multipliers.disabled = through_reference
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if through_reference else [BY_MULTIPLIERS])]
-        styles, usual = sorted(profile.styles, key=lambda name: name.lower() != "standard"), usual_setting(profile)
+        styles = sorted(profile.styles, key=lambda name: name.lower() != "standard")
+        usual = usual_setting(profile)
         offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
-        for (widget, values), one in zip(offered.items(), usual.split("/"), strict=True):
+        for (widget, values), one in zip(offered.items(), usual.rsplit("/", 1), strict=True):
             chosen = widget.value if widget.value in values else "" if self.unknown else one
-            widget.options, widget.value = {**self.unknown, **{value: value for value in values}}, chosen
+            widget.options = {**self.unknown, **{value: value for value in values}}
+            widget.value = chosen
         if kelvins is not None:
             low, high = round(kelvins[0] + 50, -2), round(kelvins[1] - 50, -2)
             self.kelvin.param.update(start=low, end=high, value=min(max(self.kelvin.value, low), high))
-        self.enable()
+        self.follow()
 
-    def enable(self) -> None:
-        """Enable the controls that set the white balance, and disable the others; the layout stays as it is."""
-        self.kelvin.disabled = self.balance.value != BY_TEMPERATURE
-        self.multipliers.disabled = self.balance.value != BY_MULTIPLIERS
+    def follow(self) -> None:
+        """Let the temperature be that of the chosen white balance, and multipliers begin with the usual ones."""
+        preset = self.profile.white_balances.get(self.balance.value)
+        if preset is not None and preset.kelvin is not None:
+            ui.set_possible(self.kelvin, preset.kelvin)
         if self.balance.value == BY_MULTIPLIERS and not ui.written(self.multipliers):
             gains = self.profile.multipliers(usual_setting(self.profile))
             begin = ",".join(f"{gain:.4g}" for gain in gains / gains[1])
@@ -84,12 +96,14 @@ class SettingControl:
     def set(self, selector: Selector) -> None:
         """Set the settings of a photograph: by its preset, where it has one of those offered, else as it was shot."""
         preset = selector.white_balance in self.balance.options.values()
-        self.style.value, self.tint.value = selector.style, 0
+        self.style.value = selector.style
+        self.tint.value = 0
         self.balance.value = selector.white_balance if preset else AS_SHOT
 
     def text(self, taken: Selector | None) -> str:
         """The selector, STYLE/WB. Raises WorkspaceError where it is not complete, SettingsError."""
-        style, tint = self.style.value, 0.0 if self.tint.disabled else self.tint.value
+        style = self.style.value
+        tint = 0.0 if self.tint.disabled else self.tint.value
         if self.balance.value == AS_SHOT and taken is None:
             raise WorkspaceError("the photograph does not tell its white balance: choose one")
         plain = {
@@ -106,26 +120,38 @@ class SettingControl:
 
 
 class LookPage:
-    """The fourth step."""
+    """The page of the fourth step: a photograph, the settings it was taken with, and those wanted."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.shown: Photograph | None = None
         self._known: tuple[CameraProfile, Selector] | None = None  # what the coverage is of
-        self.listed, self.path = ui.select("Photograph in the folders", ui.NOTHING), ui.entry("or its path")
-        opening = session.button(
-            "Show", lambda: self._open(session.folders.inside(ui.written(self.path) or self.listed.value)),
-            variant="contained", **ui.WIDE,
-        )  # fmt: skip
-        self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as", asks=True)
+        self.listed = ui.select("Photograph in the folders", ui.NOTHING)
+        self.path = ui.entry("or its path")
+        opening = session.page.button("Show", self._open_named, variant="contained", width=80, margin=(8, 8))
+        self.drop = pmui.FileInput(label="Drop a photograph here", sizing_mode="stretch_width", size="small")
+        self.drop.param.watch(session.page.guarded(lambda event: self._open_dropped()), "value")
+        session.page.watch(self._open_written, self.path)
+        session.page.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
+        self.wanted = SettingControl("Wanted")
+        self.source = SettingControl("Taken as", asks=True)
         self.ev = ui.slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
-        wanted = (self.ev, *self.wanted.widgets)
-        session.watch(self._change, *wanted, take=lambda value: setattr(session, "look_chosen", True))
-        session.watch(self._change, *self.source.widgets)
+        self.moved = {widget.label: widget for widget in (self.ev, *self.wanted.widgets, *self.source.widgets)}
+        for name, widget in self.moved.items():
+            session.page.watch(self._change, widget, take=partial(self._take, name))
+        session.end_moves_of(*self.moved.values())
+        if not session.look_controls:
+            session.look_controls = self._controls()
         self.words = ui.text()
         self.main = self.view = LookView()
+        self.view.on_help = session.page.guarded(self._suppose)
+        if session.photograph is not None:
+            self.view.show(session.photograph.picture, session.photograph.path.name)
+        rare = (f"{self.source.title}: temperature, tint, multipliers", pn.Column(*self.source.numbers, **ui.TOGETHER))
         self.controls = [
-            self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
+            self.drop, self.listed, pn.Row(self.path, opening, sizing_mode="stretch_width"),
+            pn.Column(self.source.style, self.source.balance, **ui.TOGETHER), self.words,
+            pn.Column(*self.wanted.widgets, self.ev, **ui.TOGETHER),
+            pmui.Accordion(rare, disable_gutters=True, **{**ui.WIDE, "margin": (4, 4)}),
         ]  # fmt: skip
 
     def refresh(self) -> None:
@@ -135,54 +161,137 @@ class LookPage:
         if self.session.profile is None:
             self.words.object = ui.paragraphs("Compute a model, or open a profile.")
             return
-        for control in (self.wanted, self.source):
-            control.offer(self.session.profile)
+        with self.session.page.setting():
+            for control in (self.wanted, self.source):
+                control.offer(self.session.profile)
+            for name, value in self.session.look_controls.items():
+                ui.set_possible(self.moved[name], value)
+            for control in (self.wanted, self.source):
+                control.follow()
+            self.session.look_controls = self._controls()
         self._grade()
+
+    def _controls(self) -> dict[str, Any]:
+        """The values of the controls, by their labels."""
+        return {name: widget.value for name, widget in self.moved.items()}
+
+    def _take(self, name: str, value: Any) -> None:
+        """Let a change be undone. Moving a temperature, or writing multipliers, chooses that way to set them."""
+        session = self.session
+        widget = self.moved[name]
+        before, was = session.state, session.look_controls.get(name)
+        for control in (self.wanted, self.source):
+            meant = {control.kelvin: BY_TEMPERATURE, control.multipliers: BY_MULTIPLIERS if value else ""}.get(widget)
+            if meant:
+                with session.page.setting():
+                    control.balance.value = meant
+        session.look_controls = self._controls()
+        session.look_chosen = session.look_chosen or widget not in self.source.widgets
+        old, new = as_text(widget, was), as_text(widget, value)
+        session.note(before, f"{name} {new} → {old}", f"{name} {old} → {new}", name if widget in self._sliders else "")
+
+    @property
+    def _sliders(self) -> tuple[Any, ...]:
+        return (
+            self.ev,
+            *(slider for control in (self.wanted, self.source) for slider in (control.kelvin, control.tint)),
+        )
+
+    def _suppose(self) -> None:
+        """Take a photograph of unknown settings for one at the camera's usual ones, as the visitor has agreed to."""
+        style, balance = usual_setting(self.session.require_profile()).rsplit("/", 1)
+        before = self.session.state
+        with self.session.page.setting():
+            self.source.style.value = self.source.style.value or style
+            self.source.balance.value = self.source.balance.value or balance
+        self.session.look_controls = self._controls()
+        self.session.note(before, f"Taken as {style}/{balance}")
+        self._change()
+
+    def _open_named(self) -> None:
+        named = ui.written(self.path) or self.listed.value
+        self._open(self.session.folders.inside(named))
+
+    def _open_written(self) -> None:
+        """Open the path in the line once it is finished with the enter key."""
+        if self.path.value:
+            with self.session.page.setting():
+                self.listed.value = ""
+            self._open_named()
+
+    def _open_dropped(self) -> None:
+        """Open a photograph that was dropped, its RAW file where there are several of one."""
+        if not self.drop.value or not self.drop.filename:
+            return
+        paths = self.session.keep_dropped("photographs", self.drop.filename, self.drop.value)
+        known = [path for path in paths if path.suffix.lower() in IMAGE_SUFFIXES]
+        if not known:
+            raise WorkspaceError(f"{paths[0].name}: not a photograph that Look can show")
+        with self.session.page.setting():
+            self.listed.value = ""
+            self.path.param.update(value="", value_input="")
+        self._open(known[-1])
 
     def _open(self, path: Path) -> None:
         profile = self.session.require_profile()
-        self.session.start(f"opening {path.name}", self._show, open_photograph, path, profile, short=True)
+        self.session.work.start(f"opening {path.name}", self._show, open_photograph, path, profile, short=True)
 
     def _show(self, photograph: Photograph) -> None:
-        path, given = photograph.path, photograph.selector
-        self.shown = replace(photograph, picture=b"")
+        path = photograph.path
+        given = photograph.selector
+        self.session.photograph = photograph
         self.view.show(photograph.picture, path.name)
-        news = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
-        with self.session.setting():
+        news = f"{path.name} does not tell how it was taken: choose that under “Taken as”"
+        with self.session.page.setting():
             if given is not None:
-                self.source.style.value, self.source.balance.value = given.style, AS_SHOT
+                self.source.style.value = given.style
+                self.source.balance.value = AS_SHOT
                 news = f"{path.name}: taken as {given}, as its metadata say"
                 if not self.session.look_chosen:
                     self.wanted.set(given)
             else:
-                self.source.style.value, self.source.balance.value, self.source.tint.value = photograph.style, "", 0
-        self.session.say("; ".join([news, *photograph.notes]))
+                self.source.style.value = photograph.style
+                self.source.balance.value = ""
+                self.source.tint.value = 0
+            self.session.look_controls = self._controls()
+        self.session.page.say("; ".join([news, *photograph.notes]))
         self._change()
 
     def _change(self) -> None:
-        for control in (self.wanted, self.source):
-            control.enable()
+        with self.session.page.setting():
+            for control in (self.wanted, self.source):
+                control.follow()
+        self.session.look_controls = self._controls()
         self._grade()
 
     def _tell(self) -> None:
         """The words of the look."""
         look = self.session.look
-        unknown = "" if self.shown is None else "From what it was taken as, which is to be chosen below, to "
+        unknown = "" if self.session.photograph is None else "From what it was taken as, which is to be chosen, to "
         taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
         self.words.object = ui.paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
-        self.session.on_look()
+        self.session.page.on_look()
 
     def _grade(self) -> None:
         """The photograph as the controls say."""
-        profile, taken = self.session.profile, None if self.shown is None else self.shown.selector
+        profile = self.session.profile
+        taken = None if self.session.photograph is None else self.session.photograph.selector
         if profile is None:
             return
         known = bool(self.source.style.value and self.source.balance.value)
+        self.session.is_unseen = self.session.photograph is not None and not known
+        self.view.notice = UNSEEN if self.session.is_unseen else ""
         try:
-            look = ChosenLook(self.source.text(taken) if known else "", self.wanted.text(taken), float(self.ev.value))
+            source = self.source.text(taken) if known else ""
+            if taken is None and known:
+                taken = profile.selector(source)
+            if taken is None and self.wanted.balance.value == AS_SHOT:
+                self._tell()
+                return
+            look = ChosenLook(source, self.wanted.text(taken), float(self.ev.value))
             slow = slow_steps(profile, look) if known else ()
-            if slow and not self.session.is_busy:
-                self.session.start(BAKING, partial(self._baked, profile, slow), baked_steps, slow, short=True)
+            if slow and not self.session.work.is_busy:
+                self.session.work.start(BAKING, partial(self._baked, profile, slow), bake_steps, slow, short=True)
             if slow:
                 return
             lut = look_lut(profile, look) if known else None
@@ -197,32 +306,8 @@ class LookPage:
         self._tell()
 
     def _baked(self, profile: CameraProfile, steps: Sequence[Transform], luts: Sequence[Lut]) -> None:
-        for step, lut in zip(steps, luts, strict=True):
-            grades_of(profile).add(step, lut)
+        add_baked(profile, steps, luts)
         self._grade()
-
-
-@lru_cache(4)
-def grades_of(profile: CameraProfile) -> BakedGrades:
-    """The baked steps of a profile, kept between changes of the look."""
-    return BakedGrades()
-
-
-def change_of(profile: CameraProfile, look: ChosenLook) -> SettingChange:
-    """What a look changes. Raises SettingsError."""
-    return SettingChange(profile, profile.selector(look.source), profile, profile.selector(look.target), look.ev)
-
-
-def slow_steps(profile: CameraProfile, look: ChosenLook) -> tuple[Transform, ...]:
-    """The steps of a look that take seconds to bake, and are not baked yet. Raises SettingsError."""
-    return grades_of(profile).slow_steps(change_of(profile, look).transform)
-
-
-def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
-    """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
-    change = change_of(profile, look)
-    same = not look.ev and str(change.given) == str(change.wanted)
-    return None if same else grades_of(profile).refinish(change)
 
 
 def packed(lut: Lut) -> tuple[list[dict[str, Any]], dict[str, dict[str, Any]]]:
@@ -239,12 +324,15 @@ def _packed(op: Op) -> tuple[dict[str, Any], dict[str, Any]]:
         case Range():
             return {"kind": "range", "low": op.low, "high": op.high}, {}
         case Curve() if op.inputs is None:
-            values, kind = op.outputs, {"kind": "curve", "low": op.low, "high": op.high}
+            values = op.outputs
+            kind = {"kind": "curve", "low": op.low, "high": op.high}
         case Cube():
-            values, kind = op.values, {"kind": op.interpolation}
+            values = op.values
+            kind = {"kind": op.interpolation}
         case _:
             raise LutError("LUT: the page has no curves at free knots; bake the transform anew")
-    table, size = np.ascontiguousarray(values, dtype=np.float32).tobytes(), list(values.shape[:-1])
+    table = np.ascontiguousarray(values, dtype=np.float32).tobytes()
+    size = list(values.shape[:-1])
     key = f"{size} {blake2b(table, digest_size=16).hexdigest()}"
     return {**kind, "size": size, "key": key}, {"key": key, "size": size, "table": table}
 
@@ -274,8 +362,9 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     beside_b = param.Boolean(False, doc="On the left is B; else the original.")
     clipping = param.Boolean(False, doc="Stripes over what clips in the graded picture.")
     unsure = param.Boolean(False, doc="Stripes over what `coverage` says no sample tells of.")
-    scopes = param.Boolean(True, doc="The waveform beside the picture.")
+    scopes = param.Boolean(True, doc="The waveform and the histogram beside the picture.")
     kept = param.Integer(0)
+    notice = param.String(doc="What hinders the look, in words over the picture, with a button that helps; or empty.")
 
     _debounce = 8  # ms; what the page changes is told so late
     _esm = "\n".join((ui.HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
@@ -284,6 +373,7 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"sizing_mode": "stretch_both", "min_height": 320, "margin": 0, **options})
         self._luts: dict[str, Lut | None] = {"a": None, "b": None, "coverage": None}
+        self.on_help: Callable[[], None] = lambda: None
         self._tables: dict[str, dict[str, Any]] = {}  # of those LUTs, by their keys
         self.param.watch(
             lambda event: self._set("b", self._luts["a"], b_name=self.a_name or "kept", beside_b=bool(self.a)), "kept"
@@ -305,13 +395,17 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         """Set a LUT, with other parameters; the page gets the tables that it has not."""
         sides = {name: ([], {}) if one is None else packed(one) for name, one in {**self._luts, side: lut}.items()}
         self._luts[side] = lut
-        sent, self._tables = self._tables, {key: table for _, tables in sides.values() for key, table in tables.items()}
+        sent = self._tables
+        self._tables = {key: table for _, tables in sides.values() for key, table in tables.items()}
         self._handle_msg([key for key in self._tables if key not in sent])
         self.param.update(**more)
         self.param.update(**{side: sides[side][0]})  # at which the page draws
 
     def _handle_msg(self, data: Any) -> None:
-        """Send the tables of these keys, which the page misses."""
+        """Send the tables of these keys, which the page misses; or help, where its button was pressed."""
+        if data == "help":
+            self.on_help()
+            return
         tables = [self._tables[key] for key in data if key in self._tables]
         if tables:
             self._send_msg(tables)

@@ -12,6 +12,7 @@ from lutforge.calibration.options import LARGEST_LATTICE, SMALLEST_LATTICE, Cali
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
+from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.reports import figures
 from lutforge.reports.figures import CHANNELS, Drawing
 from lutforge.reports.tables import TITLES, Table, balance_table, matrix_table
@@ -31,15 +32,16 @@ def with_preset(now: Workspace, preset: type[CalibrationOptions] | type[ThesisOp
 
 
 class ModelPage:
-    """The third step."""
+    """The page of the third step: fits with their options, and views of what they found."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.kind = ui.select("Model", {title: key for key, title in MODELS.items()}, value="lattice")
-        session.watch(self._count, self.kind)
+        session.page.watch(self._count, self.kind)
         self.own_stages = ui.checkbox("Build on the fitted response and matrix", True)
-        self.used, self.takes = ui.select("Model in use", ui.NOTHING), ui.text()
-        compute = session.button("Compute", self._compute, variant="contained", **ui.WIDE)
+        self.used = ui.select("Model in use", ui.NOTHING)
+        self.takes = ui.text()
+        compute = session.page.button("Compute", self._compute, variant="contained", **ui.WIDE)
         self.preset = ui.select("Preset", {"LutForge": CalibrationOptions, "the thesis": ThesisOptions})
         self.options = {  # by their names in the options of the calibration
             "size": ui.slider("Nodes per axis", 33, SMALLEST_LATTICE, LARGEST_LATTICE, 1),
@@ -63,8 +65,8 @@ class ModelPage:
             *(self._bind_option(name, widget) for name, widget in {**self.options, **self.numbers}.items()),
         ]  # fmt: skip
         all_or_none = pn.Row(
-            session.button("Tick all", lambda: self.pairs.param.update(value=list(self.pairs.options.values()))),
-            session.button("None", lambda: self.pairs.param.update(value=[])), **ui.WIDE,
+            session.page.button("Tick all", lambda: self.pairs.param.update(value=list(self.pairs.options.values()))),
+            session.page.button("None", lambda: self.pairs.param.update(value=[])), **ui.WIDE,
         )  # fmt: skip
         folds = {
             "Options": (self.preset, *self.options.values()),
@@ -79,7 +81,7 @@ class ModelPage:
         self.shown = pmui.RadioButtonGroup(
             label="View", options=list(self.views), value=FitView.title, size="small", margin=(2, 8)
         )
-        session.watch(self._show, self.shown)
+        session.page.watch(self._show, self.shown)
         self.body = pn.Column(**ui.FILL)
         self.main = pn.Column(self.shown, self.body, **ui.FILL)
 
@@ -96,11 +98,12 @@ class ModelPage:
         return self.session.bind(widget, given, put)
 
     def refresh(self) -> None:
-        """Everything, from the session's workspace."""
+        """Draw the controls and the view of the session's workspace."""
         workspace = self.session.workspace
         if workspace is not None:
             names = {MODELS[name] + (" (stale)" if workspace.is_stale(name) else ""): name for name in workspace.models}
-            self.used.options, self.pairs.options = names or ui.NOTHING, pairs_listed(workspace)
+            self.used.options = names or ui.NOTHING
+            self.pairs.options = pairs_listed(workspace)
             for show in self.bound:
                 show(workspace)
             self._count()
@@ -113,11 +116,13 @@ class ModelPage:
         view.draw()
 
     def _count(self) -> None:
-        """What a fit would take, in words."""
-        workspace, kind = self.session.workspace, self.kind.value
+        """Show how many samples the chosen fit takes, and what it builds on."""
+        workspace = self.session.workspace
+        kind = self.kind.value
         if workspace is None:
             return
-        rows, count = int(workspace.fitting_rows(kind).sum()), len(workspace.samples)
+        rows = int(workspace.fitting_rows(kind).sum())
+        count = len(workspace.samples)
         left_out = "all outliers" if kind == "matrix" else "outliers, but for saturated colours, which it needs"
         words = f"Fitted to {rows:,} of {count:,} samples: without {left_out}."
         if kind != "matrix" and workspace.task(kind).stages is not None:
@@ -128,14 +133,16 @@ class ModelPage:
 
     def _compute(self) -> None:
         """Fit the chosen model, and before it the stages that it stands on where they are stale."""
-        workspace, kind = self.session.require_workspace(), self.kind.value
+        workspace = self.session.require_workspace()
+        kind = self.kind.value
         stands = kind != "matrix" and workspace.task(kind).stages is not None
         self.session.fit(*(["matrix"] if stands and workspace.is_stale("matrix") else []), kind)
 
 
 def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:
     """The pairs of shots by a label with the exposure ratio and the number of samples."""
-    pairs, listed = workspace.pairs, dict[str, tuple[str, str]]()
+    pairs = workspace.pairs
+    listed = dict[str, tuple[str, str]]()
     if pairs is None:
         return listed
     for place in np.unique(pairs.of_shots):
@@ -152,15 +159,16 @@ class View:
     title = ""
 
     def __init__(self, session: Session, *controls: Any, beside: Any = None) -> None:
-        self.session, self.figures = session, ui.Figures()
-        session.watch(
+        self.session = session
+        self.figures = ui.Figures()
+        session.page.watch(
             self.draw, *(control for control in controls if isinstance(control, pmui.Select | pmui.FloatSlider))
         )
         drawn = self.figures.layout if beside is None else pn.Row(self.figures.layout, beside, **ui.FILL)
         self.layout = pn.Column(pn.Row(*controls, sizing_mode="stretch_width"), drawn, **ui.FILL)
 
     def draw(self) -> None:
-        """Everything, from the session's workspace and profile."""
+        """Draw the session's workspace and profile."""
 
 
 class FitView(View):
@@ -173,10 +181,11 @@ class FitView(View):
         super().__init__(session, beside=self.numbers)
 
     def draw(self) -> None:
-        """Everything, from the session's workspace and profile."""
+        """Draw the session's workspace and profile."""
         response = None
         words = ui.paragraphs("The matrix and the white balances stand here after a fit.")
-        profile, workspace = self.session.profile, self.session.workspace
+        profile = self.session.profile
+        workspace = self.session.workspace
         if profile is not None:
             curves = figures.response_figure(next(iter(profile.styles.values()))).panels
             response = Drawing((curves[:1],))
@@ -192,7 +201,9 @@ class FitView(View):
 
 def residuals(workspace: Workspace) -> Table:
     """Tabulate RGB distances of what models render, on the samples in the fit."""
-    rows, srgb, cells = workspace.fitted_rows, workspace.samples.srgb, []
+    rows = workspace.fitted_rows
+    srgb = workspace.samples.srgb
+    cells = []
     for name, model in workspace.models.items():
         distance = np.linalg.norm(model.predicted.rendered[rows] - srgb[rows], axis=1)
         known = distance[np.isfinite(distance)]
@@ -225,16 +236,17 @@ class GamutView(View):
         super().__init__(session, self.direction, self.luminance, self.style)
 
     def draw(self) -> None:
-        """Everything, from the session's profile, or the last one with a gamut map."""
-        profile, workspace = self.session.profile, self.session.workspace
-        maps, level = dict[str, GamutMap](), self.luminance.value
+        """Draw the gamut map of the session's profile, or of the last one that has any."""
+        profile = self.session.profile
+        workspace = self.session.workspace
+        maps = dict[str, GamutMap | SolvedInverse]()
+        level = self.luminance.value
         if workspace is not None and "lattice" in workspace.models:
             profile = workspace.models["lattice"].profile
         for name, style in () if profile is None else profile.styles.items():
             for model in style.models[:1]:
-                one = model.gamut_map if self.direction.value == "render" else model.inverse_gamut_map
-                if isinstance(one, GamutMap) and len(one.centres) > 1:  # one centre: it changes nothing
-                    maps[name] = one
+                if len(model.gamut_map.centres) > 1:  # one centre: it changes nothing
+                    maps[name] = model.gamut_map if self.direction.value == "render" else model.inverse_gamut_map
         self.layout[1] = self.space.layout if maps else self.figures.layout
         ui.offer(self.style, maps)
         if not maps:
@@ -242,8 +254,10 @@ class GamutView(View):
             return
 
         # Where h takes the slice, its outline, and the control points near it, in the cube of linear sRGB
-        name, order = self.style.value, [0, 2, 1]  # R to the right, B to the back, G up: the slice lies nearly flat
-        before, gamut_map = figures.slice_grid(level), maps[name]
+        name = self.style.value
+        order = [0, 2, 1]  # R to the right, B to the back, G up: the slice lies nearly flat
+        before = figures.slice_grid(level)
+        gamut_map = maps[name]
         after = gamut_map(before)
         x, y, z = (after[..., channel].tolist() for channel in order)
         change = np.linalg.norm(after - before, axis=2)
@@ -257,7 +271,8 @@ class GamutView(View):
             ui.lines_in_space(before[-1:][..., order], "#4f83e0", 5.0),
             ui.dots_in_space(figures.centres_near(gamut_map, level)[:, order], CHANNELS[0][1]),
         ]
-        title = f"{name}, Y = {level:.2f}: where the gamut map takes this slice"
+        drawn = "gamut map" if self.direction.value == "render" else "inverse gamut map"
+        title = f"{name}, Y = {level:.2f}: where the {drawn} takes this slice"
         self.space.show(title, traces, ("R", "B", "G"))
 
 
@@ -275,8 +290,9 @@ class LatticeView(View):
         super().__init__(session, self.direction, self.style, self.channel, self.level)
 
     def draw(self) -> None:
-        """Everything, from the session's workspace and profile."""
-        direction, channel = self.direction.value, int(self.channel.value)
+        """Draw the session's workspace and profile."""
+        direction = self.direction.value
+        channel = int(self.channel.value)
         profile = self.session.profile
         ui.offer(self.style, () if profile is None else profile.styles)
         style = None if profile is None else profile.styles[self.style.value]

@@ -1,22 +1,12 @@
-"""What a visitor opens: paths inside the studio's folders; samples, shots, profiles, brackets; photographs."""
+"""Opening files: paths inside the studio's folders; samples, shots, profiles and brackets."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from io import BytesIO
 from itertools import islice
 from pathlib import Path
 
-import numpy as np
-from PIL import Image
-
-from lutforge.arrays import Pixels
-from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
-from lutforge.grading.picture_settings import choose_camera, source_selector
-from lutforge.images.heif import HEIF_SUFFIXES
-from lutforge.images.icc import foreign_profile, pixels_to_srgb
-from lutforge.images.orientation import upright
-from lutforge.images.read import ImageReader, read_image
+from lutforge.errors import CalibrationError, LutForgeError, ShotError
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
@@ -25,12 +15,10 @@ from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.table_file import is_table
-from lutforge.settings import Selector
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, discover, raw_beside
 from lutforge.shots.metadata import read_picture_settings
 from lutforge.studio.workspace import SUFFIX, Workspace, find_pairs, open_workspace, with_profile
 
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES)
 OPENED_SUFFIXES = (*TABLE_SUFFIXES, SUFFIX)
 
 
@@ -86,69 +74,9 @@ class Folders:
         return str(path.relative_to(self.roots[0])) if path.is_relative_to(self.roots[0]) else str(path)
 
 
-def picture_bytes(path: Path) -> bytes:
-    """A picture in sRGB as a file that browsers read: itself, or PNG of at most 8 million pixels. Raises ImageError."""
-    if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
-        with ImageReader(path) as image:
-            # Browsers turn JPEGs as they say; not all do so with PNG.
-            turned = image.format == "png" and image.spec.get_int_attribute("Orientation", 1) != 1
-            as_it_is = not turned and not foreign_profile(image.spec)
-        if as_it_is:
-            return path.read_bytes()
-    pixels, buffer = read_small(path, 8_000_000), BytesIO()
-    Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
-    return buffer.getvalue()
-
-
-def read_small(path: Path, most: int) -> Pixels:
-    """Read an image upright, RGB in [0, 1], averaged down to at most so many pixels. Raises ImageError.
-
-    A picture of 8 bits in another space than sRGB is converted, as `apply_image` does.
-    """
-    image = read_image(path)
-    pixels = image.pixels
-    if pixels.ndim != 3 or pixels.shape[2] < 3:
-        raise ImageError(f"{path.name}: it needs red, green and blue")
-    if profile := foreign_profile(image.spec):
-        pixels = pixels_to_srgb(pixels, profile)
-    pixels = np.clip(upright(pixels[..., :3], image.spec.get_int_attribute("Orientation", 1)), 0.0, 1.0)
-    height, width = pixels.shape[:2]
-    factor = int(np.ceil(np.sqrt(height * width / most)))
-    if factor > 1:
-        pixels = pixels[: height // factor * factor, : width // factor * factor]
-        pixels = pixels.reshape(height // factor, factor, width // factor, factor, 3).mean(axis=(1, 3))
-    return np.ascontiguousarray(pixels, dtype=np.float32)
-
-
-@dataclass(frozen=True, eq=False)
-class Photograph:
-    """A picture, as a file that browsers read. selector: its settings, None where it does not tell.
-
-    style: told by the metadata, "" where they do not; notes: what the visitor should know.
-    """
-
-    path: Path
-    picture: bytes
-    selector: Selector | None
-    style: str
-    notes: tuple[str, ...]
-
-
-def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> Photograph:
-    """Read a picture, and what it was taken as. Raises ImageError."""
-    progress("reading", 0.1)
-    settings, picture = read_picture_settings(path), picture_bytes(path)
-    notes: tuple[str, ...] = ()
-    selector, style = None, settings.style if settings.style in profile.styles else ""
-    with suppress(SettingsError):
-        choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
-        selector, notes = source_selector(path, settings, profile)
-    return Photograph(path, picture, selector, style, (*settings.notes, *notes))
-
-
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """What was opened.
+    """The contents of files that were opened.
 
     workspace: None where there are no samples; profile_source: the file of the profile; accounts: of shots; left_out:
     why other shots have none; bracket: pictures without RAW, where that is all.
@@ -175,7 +103,8 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
     if len(files) < 2:
         return None
     settings = [read_picture_settings(file) for file in files]
-    times, camera = tuple(each.exposure for each in settings), settings[0].camera
+    times = tuple(each.exposure for each in settings)
+    camera = settings[0].camera
     workspace = None
     with suppress(CalibrationError):  # which Fit response then tells, with what to do
         workspace = Workspace(*bracket_samples(files, times, camera, progress))

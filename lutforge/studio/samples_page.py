@@ -53,11 +53,11 @@ PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7
 
 
 class SamplesPage:
-    """The second step."""
+    """The page of the second step: plots of samples, filters, marks and groups of outliers."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        session.on_select = self.mark
+        session.page.on_select = self.mark
         self._seen: SampleSet | None = None
         plots = {title: key for key, title in PLOTS.items()}
         self.first = ui.select("Left plot", plots, value="srgb_btf")
@@ -68,10 +68,10 @@ class SamplesPage:
         self.space_of = ui.select("In xy and XYZ", ["JPEG colours", "transformed RAW", "both"])
         self.picture_of = ui.select("Picture of the shot", ui.NOTHING)
         views = (self.first, self.second, self.channel, self.by, self.space_of, self.picture_of, self.inliers)
-        session.watch(self.refresh, *views)
+        session.page.watch(self.refresh, *views)
         self.counts = ui.text()
         self.words = ui.entry("Select row, shot or patch")
-        session.watch(
+        session.page.watch(
             lambda: session.select(find_rows(session.require_workspace().samples, self.words.value)), self.words
         )
         self.group = ui.entry("Outlier group", placeholder="name")
@@ -81,25 +81,29 @@ class SamplesPage:
         for name, column in COLUMNS.items():
             reach = {"start": column.reach[0], "end": column.reach[1], "step": column.step}
             limits.append(pmui.RangeSlider(label=column.title, value=column.reach, **reach, size="small", **ui.WIDE))
-            read, put = partial(Workspace.limits_of, name=name), partial(Workspace.with_limits, name=name)
+            read = partial(Workspace.limits_of, name=name)
+            put = partial(Workspace.with_limits, name=name)
             self.bound.append(session.bind(limits[-1], read, put))
         small: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 2}
         actions: tuple[dict[str, Callable[[], None]], ...] = (
             {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)},
             {"Save group": self._save_group, "Delete group": partial(self._save_group, delete=True)},
         )
-        rows = [pn.Row(*(session.button(*each, **small) for each in row.items()), **ui.WIDE) for row in actions]
+        rows = [pn.Row(*(session.page.button(*each, **small) for each in row.items()), **ui.WIDE) for row in actions]
+        pairs = [pn.Row(*pair, sizing_mode="stretch_width") for pair in (views[2:4], views[4:6])]
         self.controls = [
-            pn.Column(*views, **ui.TOGETHER),
+            pn.Column(self.first, self.second, *pairs, self.inliers, **ui.TOGETHER),
+            pn.Column(self.words, rows[0], **ui.TOGETHER),
             pn.Column(*limits, self.counts, **ui.TOGETHER),
-            pn.Column(self.words, rows[0], self.group, rows[1], self.groups, **ui.WIDE),
+            pn.Column(self.group, rows[1], self.groups, **ui.TOGETHER),
         ]
         self.left, self.right = BrushedPlot(session), BrushedPlot(session)
         ranges = {"x_range": Range1d(-0.08, 0.92), "y_range": Range1d(-0.03, 0.87)}
         self.chromaticity = BrushedPlot(session, "CIE xy: inliers ●, outliers ×", **ranges)
         for outline in chromaticity_outlines():
             self.chromaticity.figure.line(*outline.T, color=GREY, width=1.0)
-        self.space, self.picture = ui.Space(), ui.Figures()
+        self.space = ui.Space()
+        self.picture = ui.Figures()
         self.selection = ui.text(styles={"overflow": "auto"}, height=110)
         chosen = pn.Column(self.picture.layout, self.selection, **ui.FILL)
         self.main = pn.Column(
@@ -108,7 +112,7 @@ class SamplesPage:
         )  # fmt: skip
 
     def refresh(self) -> None:
-        """Everything, from the session's workspace."""
+        """Draw the session's workspace."""
         workspace = self.session.workspace
         if workspace is None:
             return
@@ -122,6 +126,7 @@ class SamplesPage:
         accounts = self.session.opened.accounts
         ui.offer(self.picture_of, [account.shot for account in accounts if account.cells is not None])
         self.groups.options = list(workspace.groups)
+        self.groups.visible = bool(workspace.groups)
         for show in self.bound:
             show(workspace)
         outside = "; ".join(f"{COLUMNS[name].title}: {out.sum():,}" for name, out in workspace.filtered.items())
@@ -141,7 +146,8 @@ class SamplesPage:
 
         # In CIE XYZ, within the cube of sRGB
         chosen = thinned(len(row), MOST_DRAWN)
-        xyz, row = tristimulus(linear[chosen]), row[chosen]
+        xyz = tristimulus(linear[chosen])
+        row = row[chosen]
         out = workspace.outliers[row]
         inside = ui.dots_in_space(xyz[~out], ui.hex_colours(workspace.samples.srgb[row[~out]]))
         traces = [ui.lines_in_space(tristimulus(cube_edges())), inside]
@@ -153,7 +159,9 @@ class SamplesPage:
         """The selection, in all plots, in the picture of its shot, and in words."""
         for drawing in (self.left, self.right, self.chromaticity):
             drawing.mark()
-        workspace, selected, chosen = self.session.workspace, self.session.selected, self.picture_of.value
+        workspace = self.session.workspace
+        selected = self.session.selected
+        chosen = self.picture_of.value
         if workspace is None:
             return
         self.selection.object = describe(workspace, np.flatnonzero(selected))
@@ -162,10 +170,11 @@ class SamplesPage:
         if selected.any() and not (selected & (shot == chosen)).any():
             chosen = str(shot[np.flatnonzero(selected)[0]])
             if chosen in self.picture_of.options:
-                with self.session.setting():
+                with self.session.page.setting():
                     self.picture_of.value = chosen
         account = {account.shot: account for account in self.session.opened.accounts}.get(chosen)
-        rows, out = shot == chosen, workspace.outliers
+        rows = shot == chosen
+        out = workspace.outliers
         if account is None or account.cells is None or len(account.places) != rows.sum():
             self.picture.show(None, "Open the folder of the shots to see where samples are.")
             return
@@ -173,11 +182,11 @@ class SamplesPage:
         places = (account.places * [1, -1] + [0, 1]) * picture.shape[1::-1]
         kinds = ((~out & ~selected, "#ffffff", 5.0), (out, "#ff8c00", 7.0), (selected, "#00e5ff", 11.0))
         frames = [Dots(places[which[rows]], colour, marker="square", size=size) for which, colour, size in kinds]
-        title = f"{chosen}: outliers orange, selected blue"
-        self.picture.show(Drawing(((Panel(title, (Raster(picture), *frames), bare=True, equal=True),),)))
+        self.picture.show(Drawing(((Panel(chosen, (Raster(picture), *frames), bare=True, equal=True),),)))
 
     def _mark(self, mark: int) -> None:
-        workspace, rows = self.session.require_workspace(), self.session.selected
+        workspace = self.session.require_workspace()
+        rows = self.session.selected
         if not workspace.has_raw:
             raise WorkspaceError("the colours of a bracket are not chosen by hand: leave pictures out under Shots")
         if not rows.any():
@@ -187,7 +196,8 @@ class SamplesPage:
 
     def _save_group(self, delete: bool = False) -> None:
         """Save the selected samples, or else all outliers, as the named group; or delete that group."""
-        workspace, name = self.session.require_workspace(), ui.written(self.group)
+        workspace = self.session.require_workspace()
+        name = ui.written(self.group)
         if delete:
             self.session.change(workspace.without_group(name), f"outlier group {name} deleted")
             return
@@ -200,7 +210,10 @@ def describe(workspace: Workspace, rows: Rows) -> ui.Html:
     """Selected samples in words."""
     samples = workspace.samples
     if len(rows) == 0:
-        return ui.paragraphs("No sample selected: draw a lasso or a box in a plot, click a point, or name a row.")
+        return ui.paragraphs(
+            "No sample selected: draw a lasso or a box in a plot, click a point, or name a row. In the picture "
+            "outliers have orange frames, selected samples blue ones."
+        )
     out = int(workspace.outliers[rows].sum())
     lines = [ui.html("<h2>{} selected, {} of them outliers</h2>", f"{len(rows):,}", f"{out:,}")]
     for row in rows[:8]:
@@ -219,7 +232,8 @@ def find_rows(samples: SampleSet, words: str) -> Mask:
 
     Without words there is nothing to find, and no row is selected.
     """
-    words, count = words.strip(), len(samples)
+    words = words.strip()
+    count = len(samples)
     rows = np.zeros(count, dtype=np.bool_)
     if re.fullmatch(r"[\d\s,-]{1,2000}", words):
         for first, last in re.findall(r"(\d{1,12})(?:\s*-\s*(\d{1,12}))?", words):
@@ -258,8 +272,10 @@ class Points:
 
 
 def points(workspace: Workspace, plot: str, channel: int) -> Points:
-    """All points of one plot and channel that are known."""
-    samples, pairs, fitted = workspace.samples, workspace.pairs, workspace.fitted
+    """The points of one plot and channel, as far as they are known."""
+    samples = workspace.samples
+    pairs = workspace.pairs
+    fitted = workspace.fitted
     largest = samples.srgb.max(axis=1, keepdims=True).repeat(3, axis=1)
     saturation = workspace.columns["saturation"][:, None].repeat(3, axis=1)
     shown = {
@@ -267,14 +283,17 @@ def points(workspace: Workspace, plot: str, channel: int) -> Points:
         "saturation": (largest, saturation, "largest channel, sRGB", "saturation"),
     }
     row = partner = np.arange(len(samples))
-    number, curves = np.full(len(samples), -1, dtype=np.intp), list[Array]()
+    number = np.full(len(samples), -1, dtype=np.intp)
+    curves = list[Array]()
     if pairs is not None:
         number[pairs.second_row] = number[pairs.first_row] = pairs.of_shots
         pairs = pairs.without(workspace.unticked)
         shown["srgb_btf"] = pairs.first, pairs.second, "sRGB, shorter exposure", "sRGB, longer exposure"
         shown["raw_btf"] = pairs.raw_first, pairs.raw_second, "RAW, shorter exposure", "RAW, longer exposure"
         if plot in OF_PAIRS:
-            row, partner, number = pairs.first_row, pairs.second_row, pairs.of_shots
+            row = pairs.first_row
+            partner = pairs.second_row
+            number = pairs.of_shots
         if plot == "srgb_btf":
             curves = brightness_transfers(workspace, pairs.log_ratio, channel)
     if fitted is not None:
@@ -337,7 +356,8 @@ def tristimulus(linear: Array) -> Array:
 
 def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> list[str]:
     """A colour "#rrggbb" of each chosen point. by: one of COLOURS."""
-    row, pair = all_points.row[chosen], all_points.pair
+    row = all_points.row[chosen]
+    pair = all_points.pair
     if by == "own colour":
         return ui.hex_colours(workspace.samples.srgb[row])
     number = np.where(pair < 0, -1, np.searchsorted(np.unique(pair[pair >= 0]), pair))[chosen]
@@ -364,14 +384,16 @@ class BrushedPlot:
         marks.nonselection_glyph = marks.glyph.clone(fill_alpha=0.18, line_alpha=0.25)
         self.figure.toolbar.active_drag = self.figure.select_one(LassoSelectTool)
         for event in (SelectionGeometry, Tap):
-            self.figure.on_event(event, session.guarded(self._select))
+            self.figure.on_event(event, session.page.guarded(self._select))
 
     def show(self, workspace: Workspace, shown: Points, by: str, inliers: bool, size: float = 5.0) -> None:
         """Show other points, those of inliers alone where that is asked for: at most 4000, and what is selected."""
         out = workspace.outliers[shown.row] | workspace.outliers[shown.partner]
         if inliers:
-            shown, out = shown.select(~out), out[~out]
-        self.points, self.chosen = shown, thinned(len(shown), MOST_DRAWN)
+            shown = shown.select(~out)
+            out = out[~out]
+        self.points = shown
+        self.chosen = thinned(len(shown), MOST_DRAWN)
         if len(shown) > MOST_DRAWN:
             selected = np.flatnonzero(self.session.selected[shown.row])
             self.chosen = np.union1d(self.chosen, selected[thinned(len(selected), MOST_DRAWN)])
@@ -384,7 +406,8 @@ class BrushedPlot:
             "size": np.full(len(self.chosen), size),
         }
         self.lines.data = {"xs": [x for x, _ in shown.curves], "ys": [y for _, y in shown.curves]}
-        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = shown.x_label, shown.y_label
+        self.figure.xaxis.axis_label = shown.x_label
+        self.figure.yaxis.axis_label = shown.y_label
 
     def frame(self, key: object) -> None:
         """Let the ranges follow the points. key: what is drawn; as long as it is the same, the ranges stay."""

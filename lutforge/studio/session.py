@@ -1,39 +1,27 @@
-"""What one visitor has open: a workspace with its history, a look, what was written, and the work under way."""
+"""The session of a visitor: a workspace with its history, a look, files that were written, and work under way.
 
-import logging
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import wraps
-from html import escape
+A session outlives the page that shows it: a page is attached to it, and detached when its tab is closed.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import panel as pn
-import panel_material_ui as pmui
-from bokeh.document import Document
 
 from lutforge.arrays import Mask
-from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.white_balance import NAMED_KELVIN
 from lutforge.pipeline.evaluation import predict
+from lutforge.pipeline.looks import ChosenLook, usual_setting
+from lutforge.pipeline.photographs import Photograph
 from lutforge.pipeline.response import FittedResponse, ResponseRequest
-from lutforge.progress import silent
-from lutforge.studio import ui
-from lutforge.studio.jobs import Job
+from lutforge.studio.background import Background
+from lutforge.studio.history import Change, History, exchanged
 from lutforge.studio.opening import Folders, Opened, open_paths
+from lutforge.studio.page_link import PageLink
 from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
-
-
-@dataclass(frozen=True)
-class ChosenLook:
-    """A look. source, target: STYLE/WB, "" where not chosen; ev: exposure change in stops."""
-
-    source: str = ""
-    target: str = ""
-    ev: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,16 +35,17 @@ class Written:
     of: tuple[CameraProfile | None, ChosenLook]
 
 
-@dataclass(eq=False)
-class _Work:
-    """Work for a job, None while it waits. short: it runs beside what is long; message: what was told of it last."""
+@dataclass(frozen=True, eq=False)
+class State:
+    """The part of a session that can be undone. look_controls: of Look, by name; the others as in `Session`."""
 
-    title: str
-    done: Callable[[Any], None]
-    call: tuple[Any, ...]
-    short: bool
-    job: Job | None = None
-    message: str = "starting"
+    workspace: Workspace | None
+    opened: Opened
+    chosen: ChosenLook | None
+    look_chosen: bool
+    look_controls: Mapping[str, Any]
+    pictures_out: tuple[str, ...]
+    response: tuple[ResponseRequest, FittedResponse] | None
 
 
 class Session:
@@ -65,35 +54,51 @@ class Session:
     opened: where the samples, the bracket and a profile that is not of this visit come from; chosen: the look that is
     shown, None before; look_chosen: whether the visitor chose it; written: by kind of export the last file;
     pictures_out: the names of the pictures of a bracket that take no part; response: what was asked for and fitted to
-    them.
+    them; photograph: the one that Look shows, which outlives its page.
     """
 
     def __init__(self, folders: Folders) -> None:
         self.folders = folders
-        self.past: tuple[Workspace, ...] = ()  # up to the present one
-        self.future: tuple[Workspace, ...] = ()
+        self.workspace: Workspace | None = None
         self.selected: Mask = np.zeros(0, dtype=np.bool_)
         self.opened = Opened()
         self.chosen: ChosenLook | None = None
         self.look_chosen = False
+        self.is_unseen = False  # whether a photograph is shown to which the look cannot be applied yet
+        self.look_controls: Mapping[str, Any] = {}
         self.pictures_out: tuple[str, ...] = ()
         self.response: tuple[ResponseRequest, FittedResponse] | None = None
         self.written: dict[str, Written] = {}
-        self.on_change: Callable[[], None] = lambda: None
-        self.on_look: Callable[[], None] = lambda: None
-        self.on_select: Callable[[], None] = lambda: None
-        self.refreshing = False
-        self._wrong = False
-        self._works: list[_Work] = []  # the first that is long is under way, and the one that is short
-        self._polling: Any = None
-        self.status = ui.text(margin=(2, 12), height=22)
-        self.progress = ui.text(visible=False, sizing_mode="fixed", width=200, height=24, margin=(4, 8))
-        self.cancel = self.button("Cancel", self._cancel, visible=False)
+        self.photograph: Photograph | None = None
+        self.dropped: TemporaryDirectory[str] | None = None
+        self.step = "Shots"
+        self.history = History()
+        self.work = Background()
+        self.attach()
+
+    def attach(self) -> None:
+        """Begin to be shown by another page."""
+        self.page = PageLink()
+        self.work.attach(self.page)
+
+    def detach(self) -> None:
+        """Let go of a page that is closed: long work goes on, and its result waits for the next page."""
+        self.page = PageLink()
+        self.work.detach(self.page)
 
     @property
-    def workspace(self) -> Workspace | None:
-        """The present state; None before samples are open."""
-        return self.past[-1] if self.past else None
+    def is_empty(self) -> bool:
+        """Whether nothing is open, and nothing is under way."""
+        return self.workspace is None and self.profile is None and not self.work.queue.works
+
+    def __str__(self) -> str:
+        parts = []
+        if self.workspace is not None:
+            shots = len(np.unique(self.workspace.samples.shot))
+            parts.append(f"{len(self.workspace.samples):,} samples of {shots} shots")
+        if self.profile is not None:
+            parts.append(f"profile of {self.profile.camera}")
+        return ", ".join([*parts, *(f"{work.title} under way" for work in self.work.queue.works)])
 
     @property
     def profile(self) -> CameraProfile | None:
@@ -128,51 +133,96 @@ class Session:
         """Whether a file is of another profile or look than the present ones, or its model is stale."""
         return self.is_stale or written.of[0] is not self.profile or written.of[1] != self.look
 
+    @property
+    def state(self) -> State:
+        """The part of this session that can be undone, as it is now."""
+        return State(**{field.name: getattr(self, field.name) for field in fields(State)})
+
+    def _restore(self, state: State) -> None:
+        if state.workspace is not self.workspace:
+            self._select_nothing(state.workspace)
+        for field in fields(State):
+            setattr(self, field.name, getattr(state, field.name))
+        self.page.on_change()
+
+    def _select_nothing(self, workspace: Workspace | None) -> None:
+        count = 0 if workspace is None else len(workspace.samples)
+        if len(self.selected) != count:
+            self.selected = np.zeros(count, dtype=np.bool_)
+
     def begin(self, workspace: Workspace | None) -> None:
         """Make this the first state of the workspace."""
-        self.past, self.future = () if workspace is None else (workspace,), ()
+        self.workspace = workspace
+        self.history = History()
         self.selected = np.zeros(0 if workspace is None else len(workspace.samples), dtype=np.bool_)
 
-    def change(self, workspace: Workspace, news: str = "") -> None:
-        """Make this the present state of the workspace, and tell the news, if there are any."""
-        self.put(workspace)
+    def change(self, workspace: Workspace, news: str = "", step: str = "") -> None:
+        """Make this the present state of the workspace, and show the news, if there are any."""
+        self.put(workspace, news or "change", step=step)
         if news:
-            self.say(news)
-        self.on_change()
+            self.page.say(news)
+        self.page.on_change()
 
-    def put(self, workspace: Workspace) -> None:
-        """Make this the present state of the workspace, which the caller has drawn; what was undone is gone."""
-        self.past, self.future = (*self.past[-200:], workspace), ()
+    def put(self, workspace: Workspace, name: str = "change", again: str = "", key: str = "", step: str = "") -> None:
+        """Make this the present state of the workspace, which the caller has drawn.
+
+        name, again: the change as Undo and Redo offer it; key: of a control that is still moving; step: the present
+        one if not given.
+        """
+        before = self.state
+        self.workspace = workspace
+        self.note(before, name, again, key, step)
+
+    def note(self, before: State, name: str, again: str = "", key: str = "", step: str = "") -> None:
+        """Let a change that was made since `before` be undone."""
+        self.history.add(Change(step or self.step, before, self.state, name, again or name, key))
 
     def undo(self) -> None:
-        """One state back, if there is one."""
-        if len(self.past) > 1:
-            self.past, self.future = self.past[:-1], (self.past[-1], *self.future)
-            self.say("undone")
-            self.on_change()
+        """Take back the last change of the step that is seen, if there is one."""
+        change = self.history.last(self.step)
+        if change is not None:
+            self.page.say(f"undone: {change.name}")
+            self._restore(self._exchange(change, self.history.undo, change.after, change.before))
 
     def redo(self) -> None:
-        """One state on, if there is one."""
-        if self.future:
-            self.past, self.future = (*self.past, self.future[0]), self.future[1:]
-            self.say("done again")
-            self.on_change()
+        """Make the change again that was undone last in the step that is seen, if there is one."""
+        change = self.history.next(self.step)
+        if change is not None:
+            self.page.say(f"done again: {change.again}")
+            self._restore(self._exchange(change, self.history.redo, change.before, change.after))
+
+    def _exchange(self, change: Change, move: Callable[[str, State], State], old: State, new: State) -> State:
+        """The state after a move in the history; a workspace changes field by field, and Look control by control."""
+        now = self.state
+        state = move(self.step, now)
+        if change.whole:
+            return state
+
+        moved = {name: value for name, value in new.look_controls.items() if old.look_controls.get(name) != value}
+        state = replace(state, look_controls={**now.look_controls, **moved})
+        if old.workspace is None or new.workspace is None or now.workspace is None:
+            return state
+        return replace(state, workspace=exchanged(now.workspace, old.workspace, new.workspace))
 
     def select(self, rows: Mask) -> None:
         """Select samples, in all plots."""
         self.selected = rows
-        self.on_select()
+        self.page.on_select()
 
     def open(self, paths: tuple[Path, ...]) -> None:
         """Open files or folders, in another process."""
         names = ", ".join(path.name for path in paths)
-        self.start(f"opening {names[:80]}", lambda opened: self.take_opened(opened, names), open_paths, paths)
+        self.work.start(f"opening {names[:80]}", lambda opened: self.take_opened(opened, names), open_paths, paths)
 
     def take_opened(self, opened: Opened, names: str) -> None:
         """Take over what was opened from files of these names."""
-        workspace, profile = self.workspace, opened.profile
+        workspace = self.workspace
+        profile = opened.profile
         fitted = None if workspace is None else workspace.fitted
         news: object = opened.bracket
+        name = f"opening {names[:40]}"
+        before = self.state
+        was_empty = workspace is None and self.profile is None
         if opened.bracket is None and opened.workspace is None and profile is not None:  # beside the samples
             if fitted is not None and fitted.profile.camera != profile.camera:
                 raise WorkspaceError(
@@ -180,17 +230,50 @@ class Session:
                     f"{fitted.profile.camera}: open it in another tab of the browser"
                 )
             if workspace is not None and str(workspace.samples.camera[0]) == profile.camera:
-                self.put(with_profile(workspace, profile))
+                self.workspace = with_profile(workspace, profile)
             news = f"profile of {profile.camera}"
             self.opened = replace(self.opened, profile=profile, profile_source=opened.profile_source, bracket=None)
+            if not was_empty:
+                self.note(before, name, step="Shots")
         else:
-            self.pictures_out, self.response, self.chosen, self.look_chosen, self.opened = (), None, None, False, opened
+            self.pictures_out = ()
+            self.response = None
+            self.chosen = None
+            self.look_chosen = False
+            self.opened = opened
+            self.look_controls = {}
             self.begin(opened.workspace)
+            if not was_empty:
+                self.history.add(Change("Shots", before, self.state, name, name, whole=True))
             if opened.bracket is None and opened.workspace is not None:
                 samples = opened.workspace.samples
                 news = f"{len(samples):,} samples of {len(np.unique(samples.shot))} shots"
-        self.say(f"{names}: {news}")
-        self.on_change()
+        self.page.say(f"{names}: {news}")
+        self.page.on_change()
+
+    def dropped_folder(self, purpose: str) -> Path | None:
+        """The folder of what was dropped for a purpose; None where nothing was."""
+        folder = None if self.dropped is None else Path(self.dropped.name) / purpose
+        return folder if folder is not None and folder.is_dir() else None
+
+    def keep_dropped(self, purpose: str, names: Any, contents: Any) -> tuple[Path, ...]:
+        """Write files that were dropped into a folder of this session, one for each purpose. Returns their paths.
+
+        names, contents: of a file, or lists of several. Raises WorkspaceError where a name is none.
+        """
+        if self.dropped is None:
+            self.dropped = TemporaryDirectory(prefix="lutforge_dropped_")
+        folder = Path(self.dropped.name) / purpose
+        folder.mkdir(exist_ok=True)
+        pairs = zip(names, contents, strict=True) if isinstance(names, list) else [(names, contents)]
+        paths = []
+        for name, data in pairs:
+            bare = Path(str(name).replace("\\", "/")).name
+            if not bare or bare.startswith("."):
+                raise WorkspaceError(f"{str(name)[:60]!r}: not a file name")
+            paths.append(folder / bare)
+            paths[-1].write_bytes(data)
+        return tuple(paths)
 
     def fit(self, *kinds: str) -> None:
         """Fit models one after the other, each on those before it."""
@@ -205,112 +288,23 @@ class Session:
             if now.samples is not workspace.samples:
                 raise WorkspaceError("other samples were opened meanwhile: compute again")
             news = f"{MODELS[kind]}: fitted to {int(task.rows.sum()):,} samples"
-            self.change(now.with_model(kind, replace(fitted, task=task)), news)
+            self.change(now.with_model(kind, replace(fitted, task=task)), news, step="Model")
             if others:
                 self.fit(*others)
 
-        self.start(MODELS[kind], done, fit_model, task, workspace.samples)
+        self.work.start(MODELS[kind], done, fit_model, task, workspace.samples)
 
     def take_response(self, request: ResponseRequest, fitted: FittedResponse) -> None:
         """Take over what was fitted to a bracket."""
+        before = self.state
         self.response = request, fitted
         self.opened = replace(self.opened, profile=fitted.profile, profile_source=None)
         if self.workspace is not None:
             model = FittedModel(fitted.profile, predict(fitted.profile, self.workspace.samples))
-            self.put(self.workspace.with_model("matrix", model))
-        self.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
-        self.on_change()
-
-    def say(self, message: str, wrong: bool = False) -> None:
-        """One line for the visitor, as text whatever it holds."""
-        self._wrong = wrong
-        role = "alert" if wrong else "status"
-        style = ' style="color:var(--mui-palette-error-main);font-weight:600"' if wrong else ""
-        self.status.object = f'<div role="{role}"{style}>{escape(" ".join(message.split())[:400])}</div>'
-
-    def forget_error(self) -> None:
-        """Take away what was wrong, as the visitor does something else."""
-        if self._wrong:
-            self.say("")
-
-    def attempt(self, callback: Callable[..., None], *arguments: Any) -> None:
-        """Call back, with errors as a line in the page."""
-        try:
-            callback(*arguments)
-        except LutForgeError as error:
-            self.say(str(error), wrong=True)
-        except Exception as error:
-            logging.getLogger("lutforge.studio").exception("in the page")
-            self.say(f"this failed: {type(error).__name__}: {error}", wrong=True)
-
-    def guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """The callback with its errors as a line in the page, and all that it changes as one message to the page."""
-
-        @wraps(callback)
-        def guarded(*arguments: Any) -> None:
-            document = pn.state.curdoc or Document()
-
-            def run() -> None:
-                document.hold("combine")
-                try:
-                    self.attempt(callback, *arguments)
-                finally:
-                    document.unhold()
-
-            # Panel may call without the document's lock, under which alone Bokeh's models can be changed.
-            pn.state.execute(run, schedule=True)
-
-        return guarded
-
-    def button(self, label: str, action: Callable[[], None], **options: Any) -> pmui.Button:
-        """A button with what it does, guarded."""
-
-        def pressed(event: Any) -> None:
-            self.forget_error()
-            action()
-
-        made = pmui.Button(label=label, size="small", **{"margin": (4, 4), "variant": "outlined", **options})
-        made.on_click(self.guarded(pressed))
-        return made
-
-    @contextmanager
-    def setting(self) -> Iterator[None]:
-        """What a page sets meanwhile is no wish of the visitor: `watch` does not call back."""
-        before, self.refreshing = self.refreshing, True
-        try:
-            yield
-        finally:
-            self.refreshing = before
-
-    def watch(
-        self, callback: Callable[[], None], *widgets: Any, of: str = "value", take: Callable[[Any], None] | None = None
-    ) -> None:
-        """Call back, guarded, when widgets change, a slider while it moves; once for several changes at a time.
-
-        take: gets a new value at once, before anything that is drawn anew meanwhile sets the widget back.
-        """
-        due = False
-
-        def run() -> None:
-            nonlocal due
-            due = False
-            callback()
-
-        soon = self.guarded(run)
-
-        def changed(event: Any) -> None:
-            nonlocal due
-            if self.refreshing:
-                return
-            self.forget_error()
-            if take is not None:
-                self.attempt(take, event.new)
-            if not due:
-                due = True
-                soon()
-
-        for widget in widgets:
-            widget.param.watch(changed, of)
+            self.workspace = self.workspace.with_model("matrix", model)
+        self.note(before, "fitting the response", step="Shots")
+        self.page.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
+        self.page.on_change()
 
     def bind(
         self, widget: Any, read: Callable[[Workspace], Any], put: Callable[[Workspace, Any], Workspace]
@@ -321,95 +315,45 @@ class Session:
         """
 
         def take(value: Any) -> None:
-            if self.workspace is not None and read(self.workspace) != value:
-                self.put(put(self.workspace, value))
+            if self.workspace is not None and (before := read(self.workspace)) != value:
+                old, new = (as_text(widget, each) for each in (before, value))
+                name, again = (f"{widget.label}: {one} → {other}" for one, other in ((new, old), (old, new)))
+                key = widget.label if hasattr(widget, "value_throttled") else ""
+                self.put(put(self.workspace, value), name, again, key)
 
         def show(workspace: Workspace) -> None:
-            with self.setting():
+            with self.page.setting():
                 widget.value = read(workspace)
 
-        self.watch(lambda: self.on_change(), widget, take=take)
+        self.page.watch(lambda: self.page.on_change(), widget, take=take)
+        self.end_moves_of(widget)
         return show
 
-    def start(
-        self,
-        title: str,
-        done: Callable[[Any], None],
-        function: Callable[..., Any],
-        *arguments: Any,
-        short: bool = False,
-    ) -> None:
-        """Work in another process; `done` gets its result. What is started meanwhile waits for its turn.
-
-        short: work of seconds, beside what takes long; it takes the place of the last such work.
-        """
-        if pn.state.curdoc is None:  # no page waits for it
-            done(function(*arguments, silent))
-            return
-        before = [work for work in self._works if work.short == short]
-        if short:
-            self._end(before)
-        self._works.append(_Work(title, done, (function, *arguments), short))
-        self.say(f"{title}: comes after {before[-1].title}" if before and not short else f"{title} …")
-        self.progress.visible = self.cancel.visible = True
-        if self._polling is None:
-            self._polling = pn.state.add_periodic_callback(self.guarded(self.poll), period=120)
-        self.poll()
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether short work is under way."""
-        return any(work.short for work in self._works)
-
-    def poll(self) -> None:
-        """Begin the work whose turn it is, and take over what the jobs have reported."""
-        if not pn.state.loaded:
-            return  # Panel loses what changes while a page loads
-        for short in (False, True):
-            work = next((work for work in self._works if work.short == short), None)
-            if work is None:
-                continue
-            if work.job is None:
-                work.job = Job(*work.call)
-            report = work.job.poll()
-            if report.state == "running":
-                share = "<progress aria-label='done' value='{}' style='width:100%'></progress>"
-                self.progress.object = ui.html(share, f"{report.share:.2f}")
-                if report.message != work.message:  # other news stay until there are new ones
-                    work.message = report.message
-                    self.say(f"{work.title}: {report.message}")
-                continue
-            self._end([work])
-            if report.state == "done":
-                self.attempt(work.done, report.result)
-            else:
-                self.say(f"{work.title}: {report.message}", wrong=True)
-
-    def _end(self, works: list[_Work]) -> None:
-        self._works = [work for work in self._works if work not in works]
-        for work in works:
-            if work.job is not None:
-                work.job.cancel()
-        self.progress.visible = self.cancel.visible = bool(self._works)
-        if not self._works and self._polling is not None:
-            self._polling.stop()
-            self._polling = None
-
-    def _cancel(self) -> None:
-        """End what is under way, and what waits for it."""
-        long = any(not work.short for work in self._works)
-        ended = [work for work in self._works if work.short != long]
-        self._end(ended)
-        if ended:
-            self.say(f"{', '.join(work.title for work in ended)}: cancelled")
+    def end_moves_of(self, *widgets: Any) -> None:
+        """Let each move of a slider, from press to release, be one change."""
+        for widget in widgets:
+            if hasattr(widget, "value_throttled"):
+                widget.param.watch(lambda event: self.history.end_move(), "value_throttled")
 
     def close(self) -> None:
-        """The visitor has gone."""
-        self._end(self._works)
+        """End all work, and remove what was dropped: nobody comes back."""
+        self.work.queue.end(self.work.queue.works)
+        self.detach()
+        if self.dropped is not None:
+            self.dropped.cleanup()
+            self.dropped = None
 
 
-def usual_setting(profile: CameraProfile) -> str:
-    """STYLE/WB of a camera as most want it: the style "standard", and the white balance that is nearest daylight."""
-    known, daylight = profile.white_balances, NAMED_KELVIN["daylight"]
-    nearest = min(known, key=lambda name: abs((known[name].kelvin or NAMED_KELVIN.get(name, 0.0)) - daylight))
-    return f"{min(profile.styles, key=lambda name: name.lower() != 'standard')}/{nearest}"
+def as_text(widget: Any, value: Any) -> str:
+    """A value of a control, as it shows it."""
+    if isinstance(value, tuple):
+        return " – ".join(f"{each:g}" for each in value)
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, int | float) and not hasattr(widget, "options"):
+        return f"{value:+g}" if getattr(widget, "start", 0) < 0 < value else f"{value:g}"
+    if isinstance(value, list):
+        return f"{len(value)} ticked"
+    options = getattr(widget, "options", None)
+    named = options.items() if isinstance(options, dict) else ()
+    return next((label for label, one in named if one == value), str(value) or "–")

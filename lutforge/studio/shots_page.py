@@ -4,8 +4,6 @@ from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -32,37 +30,43 @@ EMPTY = (
     "No shots yet. To calibrate a camera takes five photographs or more, each as RAW with its JPEG, inside the RAW "
     "file or beside it; without RAW, JPEGs of one scene at several exposures."
 )
+CARDS = """
+:host > div > div { display: grid !important; grid-template-columns: repeat(auto-fill, minmax(min(100%, 24rem), 1fr));
+  gap: 12px; padding: 6px; }
+"""
+"""Cards beside each other, as many as have room, which fill the width; the box is the one inside of Panel's."""
+
 FIT = "Name the chart, if the pictures show one, and press Fit response; untick a picture to leave it out."
 
 
 class ShotsPage:
-    """The first step."""
+    """The page of the first step: files to open, shots as cards, brackets and their responses."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self._drawn: tuple[object, ...] | None = None
-        self._dropped: TemporaryDirectory[str] | None = None
         self.papers: dict[str, pmui.Paper] = {}  # by shot: its box and its card
         self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, sizing_mode="stretch_width")
-        self.drop.param.watch(session.guarded(lambda event: self._take()), "value")
+        self.drop.param.watch(session.page.guarded(lambda event: self._take()), "value")
         self.listed = ui.select("Folder or file", ui.NOTHING)
         self.path = ui.entry("or its path")
         self.notes = ui.text()
-        self.grid = pn.FlexBox(sizing_mode="stretch_width")
-        sample = session.button("Sample", self._open, variant="contained", **ui.WIDE)
-        again = session.button("List again", self.list_files, variant="text", **ui.WIDE)
+        self.grid = pn.FlexBox(sizing_mode="stretch_width", stylesheets=[CARDS])
+        sample = session.page.button("Sample", self._open, variant="contained", **ui.WIDE)
+        again = session.page.button("List again", self.list_files, variant="text", **ui.WIDE)
         self.chart = ui.select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})
         self.light = ui.entry("Light on the chart", value="D50")
         self.corners = ui.entry("Its corners, where it is not found", placeholder="x,y x,y x,y x,y")
         self.times = ui.entry("Exposure times, where not stated", placeholder="1/60,1/30,1/15")
         self.all_colours = ui.checkbox("Count saturated colours, too")
-        session.watch(self._enable, self.chart)
-        fit = session.button("Fit response", self._fit, variant="contained", **ui.WIDE)
+        session.page.watch(self._enable, self.chart)
+        fit = session.page.button("Fit response", self._fit, variant="contained", **ui.WIDE)
         self.bracket = pn.Column(
             self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **ui.TOGETHER
         )
         self.controls = [self.drop, self.listed, self.path, sample, again, self.bracket, self.notes]
-        self.curves, self.findings = ui.Figures(), ui.text(**ui.SCROLLED)
+        self.curves = ui.Figures()
+        self.findings = ui.text(**ui.SCROLLED)
         self.response = pn.Row(self.curves.layout, self.findings, visible=False, **{**ui.FILL, "min_height": 260})
         self.main = pn.Column(self.response, pn.Column(self.grid, **ui.SCROLLED), **ui.FILL)
         self._enable()
@@ -71,7 +75,8 @@ class ShotsPage:
     def list_files(self) -> None:
         """The folders with shots, and the files that can be opened, as they are now."""
         folders = self.session.folders
-        shots, files = folders.with_shots(), folders.files(OPENED_SUFFIXES)
+        shots = folders.with_shots()
+        files = folders.files(OPENED_SUFFIXES)
         named = {f"{folders.roots[0].name}, this folder" if name == "." else name: name for name in (*shots, *files)}
         chosen = self.listed.value
         self.listed.options = {**ui.NOTHING, **named}
@@ -79,7 +84,7 @@ class ShotsPage:
 
     def _open(self) -> None:
         named = ui.written(self.path) or self.listed.value
-        dropped = None if named or self._dropped is None else Path(self._dropped.name)
+        dropped = self.session.dropped_folder("shots") if not named else None
         self.session.open((dropped or self.session.folders.inside(named),))
 
     def _take(self) -> None:
@@ -87,16 +92,9 @@ class ShotsPage:
         names: Any = self.drop.filename
         if not self.drop.value or not names:
             return
-        if self._dropped is None:
-            self._dropped = TemporaryDirectory(prefix="lutforge_shots_")
-        pairs = zip(names, self.drop.value, strict=True) if isinstance(names, list) else [(names, self.drop.value)]
-        for name, data in pairs:
-            bare = Path(str(name).replace("\\", "/")).name
-            if not bare or bare.startswith("."):
-                raise WorkspaceError(f"{str(name)[:60]!r}: not a file name")
-            (Path(self._dropped.name) / bare).write_bytes(data)
+        kept = self.session.keep_dropped("shots", names, self.drop.value)
         self.path.value = self.listed.value = ""
-        self.session.open((Path(self._dropped.name),))
+        self.session.open((kept[0].parent,))
 
     def _enable(self) -> None:
         self.light.disabled = self.corners.disabled = not self.chart.value
@@ -106,7 +104,8 @@ class ShotsPage:
         bracket = self.session.opened.bracket
         assert bracket is not None
         files = tuple(file for file in bracket.files if file.name not in self.session.pictures_out)
-        chart, times = self.chart.value, ui.written(self.times)
+        chart = self.chart.value
+        times = ui.written(self.times)
         light, corners = (ui.written(line) if chart else "" for line in (self.light, self.corners))
         request = ResponseRequest(files, times, "", not chart and self.all_colours.value, chart, light, corners)
         if len(files) < 2:
@@ -116,13 +115,16 @@ class ShotsPage:
             if self.session.opened.bracket is bracket:
                 self.session.take_response(request, fitted)
 
-        self.session.start("response", done, ResponseRequest.fit, request, None)
+        self.session.work.start("response", done, ResponseRequest.fit, request, None)
 
     def refresh(self) -> None:
-        """Everything, from what the session has opened."""
-        session, bracket = self.session, self.session.opened.bracket
-        workspace, profile = session.workspace, session.profile
-        self.bracket.visible, self.response.visible = bracket is not None, session.response is not None
+        """Draw what the session has opened."""
+        session = self.session
+        bracket = self.session.opened.bracket
+        workspace = session.workspace
+        profile = session.profile
+        self.bracket.visible = bracket is not None
+        self.response.visible = session.response is not None
         if session.response is not None and profile is not None:
             fit = session.response[1].fit
             self.curves.show(bracket_figure(fit))
@@ -137,7 +139,7 @@ class ShotsPage:
                 self._draw({} if workspace is None else dict(self._cards(workspace, profile)))
         left_out = set(session.pictures_out) if bracket is not None else workspace.out if workspace else set()
         for name, paper in self.papers.items():
-            with session.setting():
+            with session.page.setting():
                 paper[0].value = name not in left_out
         unused = (f"not used: {line}" for line in session.opened.left_out[:20])
         untick = "Untick a shot to leave it out. " if self.papers else ""
@@ -150,7 +152,6 @@ class ShotsPage:
 
         A shot keeps its box and its card, of which the text alone changes: no click falls into their redrawing.
         """
-        width = {"styles": {"flex": "1 1 24rem", "max-width": "40rem"}, "margin": 6}
         papers = {}
         for name, card in cards.items():
             if name in self.papers:
@@ -158,8 +159,8 @@ class ShotsPage:
                 papers[name] = self.papers[name]
             else:
                 box = ui.checkbox(name, True)
-                self.session.watch(lambda: self.session.on_change(), box, take=self._leave_out)
-                papers[name] = pmui.Paper(box, ui.text(card), variant="outlined", **width)
+                self.session.page.watch(lambda: self.session.page.on_change(), box, take=self._leave_out)
+                papers[name] = pmui.Paper(box, ui.text(card), variant="outlined", sizing_mode="stretch_width", margin=0)
         if not papers or list(papers) != list(self.papers):
             self.grid[:] = list(papers.values()) or [ui.text(ui.paragraphs(EMPTY))]
         self.papers = papers
@@ -169,8 +170,9 @@ class ShotsPage:
         if self.session.opened.bracket is not None:
             self.session.pictures_out = tuple(out)
         if self.session.workspace is not None and out != self.session.workspace.out:
-            self.session.put(replace(self.session.workspace, out=out))
-            self.session.say(f"{len(out)} shots left out" if out else "all shots take part")
+            news = f"{len(out)} shots left out" if out else "all shots take part"
+            self.session.put(replace(self.session.workspace, out=out), news)
+            self.session.page.say(news)
 
     def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, ui.Html]]:
         accounts = {account.shot: account for account in self.session.opened.accounts}
@@ -208,8 +210,9 @@ def card_of(name: str, pictures: dict[str, NDArray[np.uint8]], facts: list[str])
 
 
 def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile: CameraProfile | None) -> list[str]:
-    """What is known of a shot, a line each: settings, samples and vignetting."""
-    time, balance = float(samples.exposure_s[0]), samples.white_balance[0]
+    """Facts of a shot, a line each: settings, samples and vignetting."""
+    time = float(samples.exposure_s[0])
+    balance = samples.white_balance[0]
     seconds = f", {exposure_time(time)}" if np.isfinite(time) else ""
     facts = [f"{samples.style[0]}/{balance}{seconds}", f"{len(samples):,} samples"]
     if account is not None:

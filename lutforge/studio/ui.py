@@ -1,4 +1,4 @@
-"""What pages are made of: controls by their labels, figures, and HTML in which all that comes from files is text."""
+"""Parts of pages: controls by their labels, figures, and HTML in which all that comes from files is text."""
 
 from collections.abc import Iterable
 from html import escape
@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 """The folder of the studio's style sheets, scripts and templates."""
 
 FILL = {"sizing_mode": "stretch_both", "margin": 0}
-SCROLLED: dict[str, Any] = {**FILL, "styles": {"overflow": "auto"}}
+SCROLLED: dict[str, Any] = {**FILL, "styles": {"overflow": "auto", "padding-right": "8px"}}
 NOTHING = {"–": ""}
 """The options of a list from which nothing can be chosen yet."""
 WIDE = {"sizing_mode": "stretch_width", "margin": (4, 8)}
@@ -61,6 +61,7 @@ def table(shown: Table) -> Html:
 def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:
     """A slider that the keyboard moves, too."""
     made = pmui.FloatSlider(label=label, value=value, start=start, end=end, step=step, size="small", **{**WIDE, **more})
+    made.usual = value  # what a double click sets
     made._priority_changes = ["value"]  # Panel's pause of 50 ms is what a picture would lag behind
     made._busy__ignore = ["value"]  # and the news that the server is busy
     return made
@@ -82,8 +83,20 @@ def checkbox(label: str, value: bool = False) -> pmui.Checkbox:
 
 
 def written(line: pmui.TextInput) -> str:
-    """What stands in a line, whether or not it was finished with the enter key."""
+    """The text in a line, whether or not it was finished with the enter key."""
     return str(line.value_input or line.value or "").strip()
+
+
+def set_possible(control: Any, value: Any) -> None:
+    """Let a control show a value, as far as it can: a list one of its options, a slider what lies within its ends."""
+    if hasattr(control, "options"):
+        options = control.options.values() if isinstance(control.options, dict) else control.options
+        if value in options:
+            control.value = value
+    elif hasattr(control, "start"):
+        control.value = min(max(value, control.start), control.end)
+    else:
+        control.value = value
 
 
 def offer(choice: pmui.Select, names: Iterable[str]) -> None:
@@ -123,7 +136,8 @@ class Figures:
         rows = () if drawing is None else drawing.rows
         kinds = [[[_glyph(mark)[1:] for mark in panel.marks] for panel in row] for row in rows]
         if kinds != self._kinds or not rows:
-            self._kinds, self._panels = kinds, [[_BokehPanel(panel) for panel in row] for row in rows]
+            self._kinds = kinds
+            self._panels = [[_BokehPanel(panel) for panel in row] for row in rows]
             self.layout[:] = [pn.Row(*(panel.figure for panel in row), **FILL) for row in self._panels]
         if not rows and missing:
             self.layout[:] = [text(paragraphs(missing))]
@@ -157,7 +171,8 @@ class _BokehPanel:
         for mark, source in zip(panel.marks, self.sources, strict=True):
             source.data = _glyph(mark)[0]
         self.figure.title.text = panel.title
-        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = panel.x, panel.y
+        self.figure.xaxis.axis_label = panel.x
+        self.figure.yaxis.axis_label = panel.y
         for axis, reach in ((self.figure.x_range, panel.x_range), (self.figure.y_range, panel.y_range)):
             if reach is not None:
                 axis.update(start=reach[0], end=reach[1])
@@ -182,7 +197,8 @@ def _glyph(mark: Mark, mapper: LinearColorMapper | None = None) -> tuple[dict[st
             return columns, "scatter", {**look, "fill_alpha": 0.0}
         case Raster():
             height, width = mark.values.shape[:2]
-            size, image = mark.size or (width, height), mark.values
+            size = mark.size or (width, height)
+            image = mark.values
             place = {"x": [0], "y": [0], "dw": [size[0]], "dh": [size[1]]}
             if image.ndim == 2:
                 return {"image": [image[::-1]], **place}, "image", {"color_mapper": mapper}
@@ -212,7 +228,8 @@ class Space:
         for axis, name in zip("xyz", axes, strict=True):
             scene[f"{axis}axis"] = {"title": {"text": name}, "color": GREY, "gridcolor": GREY, "zeroline": False}
         self.plot.layout = {
-            "title": {"text": title, "font": {"size": 14}}, "font": {"color": GREY}, "showlegend": False,
+            "title": {"text": title, "font": {"size": 14}, "x": 0.01, "xanchor": "left"},
+            "font": {"color": GREY}, "showlegend": False,
             "paper_bgcolor": "rgba(0,0,0,0)", "margin": {"l": 0, "r": 0, "t": 30, "b": 0}, "uirevision": "kept",
             "scene": scene,
         }  # fmt: skip

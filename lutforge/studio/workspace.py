@@ -35,7 +35,9 @@ MODELS = {"matrix": "Response, matrix and white balance", "lattice": "Lattice"}
 """In the order of the calibration; each is kept as a camera profile."""
 MOST_GROUPS = 100
 SUFFIX = ".workspace"
-DOCUMENT, SAMPLES, MARKS = "workspace.json", "samples.npz", "marks.npy"
+DOCUMENT = "workspace.json"
+SAMPLES = "samples.npz"
+MARKS = "marks.npy"
 
 
 class WorkspaceError(LutForgeError):
@@ -68,7 +70,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class FitTask:
-    """What a fit takes: samples (n,), options, and the stages, fitted before, that it stands on.
+    """The inputs of a fit: samples (n,), options, and the stages, fitted before, that it stands on.
 
     stages: a model of the kind "matrix", whose response, matrix and white balances are taken; None fits them anew.
     """
@@ -155,7 +157,8 @@ class Workspace:
     @cached_property
     def columns(self) -> dict[str, Array]:
         """(n,) by name: the columns of the table that samples are filtered by."""
-        codes, raw = 255 * self.samples.srgb, self.samples.raw.max(axis=1)
+        codes = 255 * self.samples.srgb
+        raw = self.samples.raw.max(axis=1)
         known = (saturation(self.samples.srgb), codes.min(axis=1), codes.max(axis=1), raw, 255 * self.residual)
         return dict(zip(COLUMNS, known, strict=True))
 
@@ -204,7 +207,7 @@ class Workspace:
         return np.asarray(~rows | ((self.hand < 0) & ~self.removed))
 
     def task(self, kind: str) -> FitTask:
-        """What a fit of this kind would take now."""
+        """The inputs that a fit of this kind takes now."""
         options = self.options
         if isinstance(options, ThesisOptions):
             options = replace(options, without_pairs=tuple(sorted(self.unticked)))
@@ -213,7 +216,8 @@ class Workspace:
 
     def is_stale(self, kind: str) -> bool:
         """Whether a model was fitted to other samples, options or stages than would be taken now."""
-        task, now = self.models[kind].task, self.task(kind)
+        task = self.models[kind].task
+        now = self.task(kind)
         if task is None:
             return False
         same = task.options == now.options and task.stages is now.stages and np.array_equal(task.rows, now.rows)

@@ -18,13 +18,13 @@ from lutforge.images.read import read_image
 from lutforge.images.tiff import read_directory
 from lutforge.images.write import write_image
 from lutforge.pipeline.kits import compare_with_jpeg
+from lutforge.pipeline.photographs import picture_bytes, read_small
 from lutforge.samples.extract import extract
 from lutforge.shots.read import MIRROR_IMAGE, read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import still_life
-from lutforge.studio.opening import picture_bytes, read_small
 from tests.cases.pictures import write_cube
 from tests.cases.profiles import plain_profile
 

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from lutforge.atomic_write import scratch_folder
 from lutforge.errors import SampleError
 
 
@@ -29,3 +30,10 @@ def endless(path: Path, progress: Callable[[str, float], None]) -> None:
     while True:
         path.write_text(str(os.getpid()))
         time.sleep(0.02)
+
+
+def writes_for_ever(path: Path, progress: Callable[[str, float], None]) -> None:
+    with scratch_folder(path) as folder:
+        (folder / "begun").touch()
+        while True:
+            time.sleep(0.02)

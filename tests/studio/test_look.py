@@ -32,8 +32,8 @@ pytest.importorskip("playwright.sync_api", reason="playwright drives the browser
 import panel as pn
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
+from lutforge.pipeline.photographs import picture_bytes
 from lutforge.studio.look_page import LookView, packed
-from lutforge.studio.opening import picture_bytes
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
@@ -204,6 +204,23 @@ def test_a_look_is_drawn_once_and_then_measured(look: Served) -> None:
 
 
 @needs_chromium
+def test_scopes_follow_a_look_that_moves(look: Served) -> None:
+    """They are not left for the end of the move, while one look follows the other at once."""
+    look.do(lambda view: view.param.update(scopes=True))
+    look.do(lambda view: view.grade(bent(), "bent"))
+    look.drawn()
+    before = look.root.get_attribute("data-measured")
+    is_drawn = "number => Number(document.querySelector('.look')?.dataset.drawn ?? number) >= number"
+    for step in range(200):
+        look.do(partial(LookView.grade, lut=bent(0.002 * step), name="moving"))
+        look.page.wait_for_function(is_drawn, arg=look.do(lambda view: view.number), polling="raf")
+        if look.root.get_attribute("data-measured") != before:
+            break
+    else:
+        pytest.fail("no scope was drawn while the look moved")
+
+
+@needs_chromium
 def test_a_table_is_sent_once(look: Served) -> None:
     """A step of a slider sends what it changes; what the page has lost it asks for."""
     ops, sent = bent().ops, list[dict[str, Any]]()
@@ -245,18 +262,21 @@ def test_wipe_and_sides(look: Served) -> None:
     look.do(lambda view: view.grade(lut, "bent"))
     graded = np.rint(floats(lut, colours()))
     look.press("w")
+    line = look.page.get_by_role("slider", name="Wipe")
+    expect(line).to_have_attribute("aria-valuenow", "50")
+    look.drawn()
     box = look.page.locator(".stage").bounding_box()
     assert box is not None
     look.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 300)
     look.page.mouse.down()
     look.page.mouse.move(box["x"] + 0.5 * box["width"] - 40, box["y"] + 300, steps=5)
     look.page.mouse.up()
+    expect(line).to_have_attribute("aria-valuenow", str(round(50 - 4000 / box["width"])))
     look.drawn()
     assert look.do(lambda view: view.wipe) == pytest.approx(0.5 - 40 / box["width"], abs=0.003)
     seen, cut = look.pixels(), WIDTH // 2 - 40
     assert np.array_equal(seen[:60, : cut - 4], colours()[:60, : cut - 4])
     assert np.abs(seen[:60, cut + 14 :] - graded[:60, cut + 14 :]).max() <= 1
-    line = look.page.get_by_role("slider", name="Wipe")
     line.press("ArrowRight")
     look.drawn()
     assert look.do(lambda view: view.wipe) == pytest.approx(0.51 - 40 / box["width"], abs=0.003)

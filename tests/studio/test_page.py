@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlparse
+from urllib.request import urlopen
 
 import pytest
 
@@ -29,8 +30,10 @@ from bokeh.models import ImportedStyleSheet
 from platformdirs import user_cache_path
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.demo_shots import demo_shots
 from lutforge.colour.spectra import chart_reflectances
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.chart import chart_kind
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
@@ -118,6 +121,10 @@ class Visit:
 
     def press(self, name: str) -> None:
         self.page.get_by_role("button", name=name, exact=True).click()
+
+    def press_named(self, name: str) -> None:
+        """Press Undo or Redo, which name the change that they make."""
+        self.page.get_by_role("button", name=re.compile(f"^{name}")).click()
 
     def fold(self, name: str) -> None:
         self.page.get_by_role("button", name=name).first.click()
@@ -233,6 +240,9 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     cards = visit.page.locator(".pictures")
     expect(cards).to_have_count(21, timeout=MOST_MS)
     assert cards.first.locator("img").count() == 2
+    first, second = (cards.nth(number).bounding_box() for number in range(2))
+    assert first is not None and second is not None
+    assert first["y"] == second["y"] and first["width"] > 0.4 * 960  # two columns fill a window of 1,280
     visit.picture("shots")
     box = visit.page.get_by_role("checkbox", name="LF0006-standard-tungsten-still-life")
     box.click()
@@ -274,9 +284,9 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     # Filter, undo, redo; lasso all points of the second plot; mark by hand what rows name.
     visit.slide("Saturation", 0.4)
     visit.reads(expected(samples, 0.4))
-    visit.press("Undo")
+    visit.press_named("Undo")
     visit.reads(expected(samples))
-    visit.press("Redo")
+    visit.press_named("Redo")
     visit.reads(expected(samples, 0.4))
     visit.page.wait_for_timeout(3000)  # the plots are drawn after the sentence
     visit.lasso(1, [(0.135, 0.1), (0.93, 0.1), (0.93, 0.81), (0.135, 0.81)])
@@ -468,6 +478,53 @@ def test_gamut_map_in_3d(visit: Visit, axe: str) -> None:
     assert_everywhere_in_the_window(visit, "gamut_surface", ".js-plotly-plot")
 
 
+_DROP = """([name, bytes]) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([new Uint8Array(bytes)], name, { type: "image/jpeg" }));
+  const options = { dataTransfer, bubbles: true, cancelable: true, composed: true };
+  document.body.dispatchEvent(new DragEvent("drop", options));
+}"""
+
+
+@pytest.mark.slow
+def test_look_by_drops_double_clicks_and_keys(visit: Visit, folder: Path, url: str) -> None:
+    """And the session goes on after its tab was closed, with its photograph and its look."""
+    calibrate(chart_samples(patches=45), CalibrationOptions(size=9)).save(folder / "camera.npz")
+    page, picture = visit.page, [*(folder / "picture.jpg").read_bytes()]
+    visit.open("camera.npz", "profile of Simulated")
+    visit.step("Model")
+    page.evaluate(_DROP, ["dropped.jpg", picture])
+    visit.reads("this step takes no files")
+    visit.step("Look")
+    page.evaluate(_DROP, ["dropped.jpg", picture])
+    visit.reads("dropped.jpg does not tell how it was taken")
+    visit.press("Begin with the usual ones")
+    visit.reads("From standard/daylight to standard/daylight, +0 EV.")
+
+    # A slider back by a double click, and the steps of that by keys
+    visit.slide("Exposure", 1.5)
+    visit.reads("to standard/daylight, +1.5 EV.")
+    page.get_by_role("slider", name=re.compile("^Exposure")).dblclick(force=True)
+    visit.reads("to standard/daylight, +0 EV.")
+    page.locator("canvas.picture").focus()
+    for keys, stops in (("Control+z", "+1.5"), ("Control+z", "+0"), ("Control+Shift+z", "+1.5")):
+        page.keyboard.press(keys)
+        visit.reads(f"to standard/daylight, {stops} EV.")
+
+    # A path in its line is opened by the enter key
+    visit.write("or its path", "picture.jpg")
+    visit.reads("picture.jpg does not tell how it was taken")
+    visit.press("Begin with the usual ones")
+    context = page.context
+    page.close()
+    again = context.new_page()
+    again.goto(url)
+    link = again.get_by_role("link", name="Continue where you were")
+    link.click()
+    expect(again.get_by_text("to standard/daylight, +1.5 EV.")).to_be_visible(timeout=MOST_MS)
+    expect(again.locator(".look")).to_have_attribute("data-opened", re.compile("360 × 240"))
+
+
 @pytest.mark.slow
 def test_something_is_painted_before_the_scripts_have_run(browser: Browser, url: str) -> None:
     context = browser.new_context()
@@ -476,6 +533,32 @@ def test_something_is_painted_before_the_scripts_have_run(browser: Browser, url:
     ran = visit.page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd")
     context.close()
     assert painted < ran
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="the memory of a process is read from /proc")
+def test_pages_that_nobody_connects_to_are_not_kept(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "lutforge", "studio", "--no-browser", "--port", "0", "--folder", str(tmp_path)]
+    log = tmp_path / "server.log"
+    with log.open("w") as written:
+        server = subprocess.Popen(command, stdout=written, stderr=written, cwd=tmp_path, start_new_session=True)
+    try:
+        deadline = time.monotonic() + 120
+        while (found := re.search(r"http://\S+", log.read_text())) is None:
+            assert server.poll() is None and time.monotonic() < deadline, log.read_text()
+            time.sleep(0.1)
+
+        def megabytes_after(loads: int) -> float:
+            for _ in range(loads):
+                with urlopen(found[0], timeout=60) as page:
+                    page.read()
+            status = Path(f"/proc/{server.pid}/status").read_text()
+            return int(re.findall(r"VmRSS:\s+(\d+)", status)[0]) / 1024
+
+        assert -megabytes_after(10) + megabytes_after(200) < 20
+    finally:
+        os.killpg(server.pid, signal.SIGTERM)
+        server.wait(30)
 
 
 @pytest.mark.parametrize("host", ["", "evil.example"], ids=["by its address", "by a name that resolves to it"])

@@ -1,11 +1,13 @@
 """What a visitor may reach, and work in another process: cancelled at once, errors in one line."""
 
+import gc
 import os
 import shlex
 import signal
 import subprocess
 import sys
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +27,7 @@ from lutforge.simulate.camera import nikon_d5100
 from tests.cases.brackets import bracket
 from tests.cases.charts import photograph_chart
 from tests.cases.pictures import apply_to_pixels
-from tests.studio.job_functions import broken, doubled, endless, killed, wrong
+from tests.studio.job_functions import broken, doubled, endless, killed, writes_for_ever, wrong
 from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
@@ -43,14 +45,18 @@ from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import predict
+from lutforge.pipeline.looks import ChosenLook, look_lut, usual_setting
+from lutforge.pipeline.photographs import read_small
 from lutforge.settings import Selector
 from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
 from lutforge.studio.jobs import Job
-from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
-from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in, read_small
-from lutforge.studio.page import STEPS, ContentSecurityPolicy, Page, states_of
-from lutforge.studio.session import ChosenLook, Session
+from lutforge.studio.kept_sessions import KeptSessions
+from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl
+from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in
+from lutforge.studio.page import STEPS, Page, states_of
+from lutforge.studio.server import ContentSecurityPolicy, refused
+from lutforge.studio.session import Session
 from lutforge.studio.workspace import FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
 
 
@@ -80,11 +86,12 @@ def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
 
 def test_a_job_brings_its_result_or_one_line() -> None:
     jobs = [Job(doubled, 21), Job(wrong), Job(broken), Job(killed)]
-    done, failed, raised, dead = (job.poll(120) for job in jobs)
+    done, failed, raised, dead = (job.wait(120) for job in jobs)
     assert (done.state, done.result) == ("done", 42)
     assert (failed.state, failed.message) == ("failed", "two lines")
     assert raised.state == "failed" and "ZeroDivisionError: never" in raised.message
     assert dead.state == "failed" and "without a result" in dead.message
+    assert Job(lambda progress: None).wait(120).state == "failed"  # which no other process can be given
 
 
 def test_cancelling_ends_the_process(tmp_path: Path) -> None:
@@ -110,7 +117,7 @@ def opened(folder: Path, profile: CameraProfile | None = None, workspace: Worksp
     page = Page(Folders([folder]), ())
     page.session.opened = Opened(profile=profile)
     page.session.begin(workspace)
-    page.session.on_change()
+    page.session.page.on_change()
     return page
 
 
@@ -147,16 +154,30 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     look = page.pages["Look"]
     assert page.session.look.target == "standard/daylight"  # not the first of the alphabet, cloudy
     look._open(tmp_path / "tells.jpg")
-    assert "taken as vivid/tungsten" in page.session.status.object
+    assert "taken as vivid/tungsten" in page.session.page.status.object
     assert page.session.look == ChosenLook("vivid/tungsten", "vivid/tungsten") and not page.session.look_chosen
     look.wanted.style.value, look.wanted.balance.value = "standard", "daylight"
     assert page.session.look == ChosenLook("vivid/tungsten", "standard/daylight")
     look._open(tmp_path / "silent.jpg")
-    assert "does not tell how it was taken" in page.session.status.object
+    assert "does not tell how it was taken" in page.session.page.status.object
     assert (look.source.style.value, look.source.balance.value) == ("", "")  # not what the last was taken as
     assert page.session.look == ChosenLook("", "standard/daylight") and look.view.a == []
     look.source.style.value, look.source.balance.value = "standard", "tungsten"
     assert page.session.look.source == "standard/tungsten" and look.view.a
+
+
+def test_undo_of_a_slider_leaves_what_a_photograph_was_taken_as(profile: CameraProfile, tmp_path: Path) -> None:
+    photograph(tmp_path / "tells.jpg", 60, 90)
+    exif = Image.Exif()
+    exif[0x010F], exif[0x0110], exif[0x0131] = "Simulated", "Simulated", software_tag("Simulated", "vivid/tungsten")
+    Image.open(tmp_path / "tells.jpg").save(tmp_path / "tells.jpg", exif=exif)
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    look.ev.value = 1.0
+    look._open(tmp_path / "tells.jpg")
+    page.session.undo()
+    assert page.session.look == ChosenLook("vivid/tungsten", "standard/daylight", 0.0)
 
 
 def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfile) -> None:
@@ -180,8 +201,8 @@ def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfil
 def test_a_profile_of_another_camera_does_not_take_the_place_of_a_model(tmp_path: Path, profile: CameraProfile) -> None:
     session = opened(tmp_path, workspace=with_profile(Workspace(chart_samples(patches=9)), profile)).session
     other = replace(profile, camera="Another")
-    session.attempt(session.take_opened, Opened(profile=other), "other.npz")
-    assert "other.npz: a profile of Another, which is not used" in session.status.object
+    session.page.attempt(session.take_opened, Opened(profile=other), "other.npz")
+    assert "other.npz: a profile of Another, which is not used" in session.page.status.object
     assert session.profile is profile and session.opened.profile is None
     session.begin(None)
     session.take_opened(Opened(profile=other), "other.npz")
@@ -218,35 +239,35 @@ def polled(session: Session, until: Callable[[], bool]) -> None:
     deadline = time.monotonic() + 120
     while not until():
         assert time.monotonic() < deadline
-        session.poll()
+        session.work.poll()
         time.sleep(0.02)
 
 
 def test_what_is_started_meanwhile_waits_for_its_turn(served: tuple[Page, Document]) -> None:
     session, results = served[0].session, list[int]()
     for number in (1, 2):
-        session.start(f"job {number}", results.append, doubled, number)
-    assert "job 2: comes after job 1" in session.status.object
+        session.work.start(f"job {number}", results.append, doubled, number)
+    assert "job 2: comes after job 1" in session.page.status.object
     polled(session, lambda: len(results) == 2)
-    assert results == [2, 4] and not session.cancel.visible
+    assert results == [2, 4] and not session.work.cancel_button.visible
 
 
 def test_a_picture_is_opened_beside_a_fit(served: tuple[Page, Document], tmp_path: Path) -> None:
     session, results = served[0].session, list[int]()
-    session.start("a fit", results.append, endless, tmp_path / "alive")
-    session.start("a picture", results.append, endless, tmp_path / "alive too", short=True)
-    session.start("the next picture", results.append, doubled, 21, short=True)  # takes its place
+    session.work.start("a fit", results.append, endless, tmp_path / "alive")
+    session.work.start("a picture", results.append, endless, tmp_path / "alive too", short=True)
+    session.work.start("the next picture", results.append, doubled, 21, short=True)  # takes its place
     polled(session, lambda: results == [42])
-    assert session.cancel.visible
-    session._cancel()
-    assert "a fit: cancelled" in session.status.object and not session.cancel.visible
+    assert session.work.cancel_button.visible
+    session.work.cancel()
+    assert "a fit: cancelled" in session.page.status.object and not session.work.cancel_button.visible
 
 
 def test_what_is_clicked_while_a_job_ends_is_done(served: tuple[Page, Document]) -> None:
     """A click whose callback is due after the news of a job, which draw all controls anew, is not undone by them."""
     page, document = served
     name, paper = next(iter(page.pages["Shots"].papers.items()))
-    page.session.guarded(page.session.on_change)()  # as a job does that has ended
+    page.session.page.guarded(page.session.page.on_change)()  # as a job does that has ended
     (news,) = document.session_callbacks
     paper[0].value = False
     (click,) = set(document.session_callbacks) - {news}
@@ -272,7 +293,7 @@ def test_undo_and_redo_go_back_and_forth(tmp_path: Path) -> None:
     assert session.workspace is first and page.undo.disabled
     session.change(third)
     session.redo()
-    assert session.workspace is third and not session.future
+    assert session.workspace is third and session.history.next("Shots") is None
 
 
 def test_a_shot_keeps_its_box_while_its_card_is_drawn_anew(tmp_path: Path) -> None:
@@ -296,10 +317,10 @@ def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path)
     assert {"darktable", "rawtherapee"} <= set(view.program.options)
     view._save_profile()
     card = view.main[0]
-    page.session.on_change()
+    page.session.page.on_change()
     assert view.main[0] is card
     page.session.chosen = ChosenLook("", "vivid/tungsten")
-    page.session.on_change()
+    page.session.page.on_change()
     assert "(stale)" in view.main[0][0].object
 
 
@@ -327,10 +348,10 @@ def test_a_folder_of_raw_files_is_offered_by_its_name(tmp_path: Path) -> None:
 def test_an_error_goes_with_the_next_step(tmp_path: Path) -> None:
     page = opened(tmp_path)
     page.pages["Shots"].path.value = "../outside"
-    page.session.guarded(page.pages["Shots"]._open)()
-    assert 'role="alert"' in page.session.status.object
+    page.session.page.guarded(page.pages["Shots"]._open)()
+    assert 'role="alert"' in page.session.page.status.object
     page.show("Model")
-    assert "alert" not in page.session.status.object
+    assert "alert" not in page.session.page.status.object
 
 
 def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
@@ -338,7 +359,7 @@ def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
     paired = Workspace(samples, find_pairs(samples))
     for workspace, shown in ((Workspace(replace(samples)), "saturation"), (paired, "srgb_btf")):
         page.session.begin(workspace)
-        page.session.on_change()
+        page.session.page.on_change()
         page.show("Samples")
         view = page.pages["Samples"]
         assert view.first.value == shown
@@ -351,7 +372,7 @@ def test_a_profile_without_raw_works_in_every_step(tmp_path: Path) -> None:
     page = opened(tmp_path, calibrate(reference, CalibrationOptions(centres=60)))
     for workspace in (None, with_profile(Workspace(reference), page.session.require_profile())):
         page.session.begin(workspace)
-        page.session.on_change()
+        page.session.page.on_change()
         for step in STEPS:
             page.show(step)
     look = page.pages["Look"]
@@ -549,7 +570,7 @@ def test_what_is_a_bracket(bracket_folder: Path, tmp_path: Path) -> None:
 def test_a_response_is_exported_as_by_the_command_line(bracket_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = opened_bracket(bracket_folder)
     session, shots = page.session, page.pages["Shots"]
-    assert "a bracket of" in session.status.object and "press Fit response" in shots.notes.object
+    assert "a bracket of" in session.page.status.object and "press Fit response" in shots.notes.object
     assert shots.bracket.visible and not shots.response.visible
     workspace = session.require_workspace()
     assert len(workspace.samples) > 100 and not workspace.has_raw and workspace.pairs is not None
@@ -608,3 +629,311 @@ def test_a_chart_gives_an_input_transform(tmp_path: Path, monkeypatch: pytest.Mo
     words = shlex.split(page.session.written["profile"].command)[1:]
     assert CliRunner().invoke(command_line(), [*words[:-1], "theirs.npz"]).exit_code == 0
     assert (tmp_path / "theirs.npz").read_bytes() == (tmp_path / "camera.npz").read_bytes()
+
+
+# --- Undo, and sessions that outlive their tabs -----------------------------------------------------------------------
+
+
+def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, workspace=with_profile(Workspace(chart_samples(patches=9)), profile))
+    session = page.session
+    page.show("Samples")
+    session.change(session.require_workspace().mark(session.require_workspace().samples.patch == "0", 1), "marked")
+    page.show("Look")
+    look = page.pages["Look"]
+    look.ev.value = 1.5
+    assert page.undo.label == "Undo Exposure, EV +1.5 → 0"
+    session.undo()
+    assert look.ev.value == 0 and session.profile is profile and session.look.ev == 0
+    assert page.undo.disabled and page.redo.label == "Redo Exposure, EV 0 → +1.5"
+    session.redo()
+    assert look.ev.value == 1.5
+    look.wanted.kelvin.value = 4000
+    assert look.wanted.balance.value == BY_TEMPERATURE and session.look.target.endswith("/4000K")
+    page.reset("Exposure, EV")
+    assert look.ev.value == 0
+    page.show("Samples")
+    assert page.undo.label == "Undo marked"
+    session.undo()
+    assert not session.require_workspace().hand.any() and session.profile is profile
+
+
+def test_multipliers_that_are_written_are_the_white_balance(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    look.wanted.multipliers.value = "2.1,1,1.4"
+    assert look.wanted.balance.value == BY_MULTIPLIERS and page.session.look.target == "standard/2.1,1,1.4"
+    page.session.undo()
+    assert page.session.look.target == "standard/daylight" and page.undo.disabled
+    look.wanted.balance.value = BY_MULTIPLIERS  # which begins with those of the usual setting
+    assert len(page.session.look.target.split(",")) == 3
+    page.session.undo()
+    assert page.session.look.target == "standard/daylight" and page.undo.disabled
+
+
+def test_the_temperature_begins_at_the_chosen_white_balance(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    look.wanted.balance.value = "cloudy"
+    assert look.wanted.kelvin.value == 6000 and page.session.look.target == "standard/cloudy"
+    look.wanted.kelvin.value = 5000
+    assert page.session.look.target == "standard/5000K"
+    page.session.undo()
+    assert look.wanted.kelvin.value == 6000 and page.session.look.target == "standard/cloudy"
+
+
+def test_the_usual_setting_is_one_that_shots_were_taken_with(profile: CameraProfile) -> None:
+    assert usual_setting(profile) == "standard/daylight"
+    on_tungsten = {
+        name: replace(style, models=tuple(replace(model, white_balances=("tungsten",)) for model in style.models))
+        for name, style in profile.styles.items()
+    }
+    assert usual_setting(replace(profile, styles=on_tungsten)) == "standard/tungsten"
+
+
+def test_a_photograph_that_is_dropped_is_shown(profile: CameraProfile, tmp_path: Path) -> None:
+    photograph(tmp_path / "silent.jpg", 60, 90)
+    inside = tmp_path / "studio"
+    inside.mkdir()
+    page = opened(inside, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    look.path.value_input = "typed.jpg"
+    picture = (tmp_path / "silent.jpg").read_bytes()
+    look.drop.param.update(value=picture, filename="dropped.jpg", mime_type="image/jpeg")
+    assert look.view.title == "dropped.jpg" and look.view.picture == picture
+    look.drop.param.update(value=b"text", filename="notes.txt", mime_type="text/plain")
+    assert "not a photograph" in page.session.page.status.object
+    look.drop.param.update(value=picture, filename="../../out.jpg", mime_type="image/jpeg")
+    assert look.view.title == "out.jpg" and list(tmp_path.glob("*.jpg")) == [tmp_path / "silent.jpg"]
+    page.session.close()
+
+
+def test_the_gamut_map_is_drawn_in_both_directions(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Model")
+    model = page.pages["Model"]
+    model.shown.value = "Gamut map"
+    view, heights = model.views["Gamut map"], []
+    for direction in ("render", "linearize"):
+        view.direction.value = direction
+        surface = view.space.plot.data[0]
+        inverse = "inverse" in view.space.plot.layout["title"]["text"]
+        assert inverse == (direction == "linearize")
+        assert surface["type"] == "surface" and np.isfinite(surface["z"]).all()
+        heights.append(np.array(surface["z"]))
+    assert np.abs(heights[0] - heights[1]).max() > 1e-3
+
+
+def test_moves_of_a_slider_between_press_and_release_are_one_change(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    for value in (0.5, 1.0, 1.5):
+        look.ev.value = value
+    look.ev.value_throttled = 1.5
+    look.ev.value = 0.7
+    page.session.undo()
+    assert look.ev.value == 1.5
+    page.session.undo()
+    assert look.ev.value == 0 and page.undo.disabled
+
+
+def test_opening_other_files_can_be_undone(profile: CameraProfile, bracket_folder: Path) -> None:
+    page = Page(Folders([bracket_folder.parent]), ())
+    session = page.session
+    session.begin(with_profile(Workspace(chart_samples(patches=9)), profile))
+    workspace = session.workspace
+    session.open((bracket_folder,))
+    assert page.pages["Shots"].bracket.visible and not page.undo.disabled
+    session.undo()
+    assert session.workspace is workspace and session.profile is profile and session.opened.bracket is None
+    session.redo()
+    assert page.pages["Shots"].bracket.visible
+
+
+def test_opening_another_profile_can_be_undone(profile: CameraProfile, tmp_path: Path) -> None:
+    profile.save(tmp_path / "first.npz")
+    other = replace(profile, camera="Another")
+    other.save(tmp_path / "other.npz")
+    page = opened(tmp_path)
+    session = page.session
+    session.open((tmp_path / "first.npz",))
+    assert page.undo.disabled  # nothing was open before
+    session.open((tmp_path / "other.npz",))
+    assert session.require_profile().camera == "Another" and page.undo.label == "Undo opening other.npz"
+    session.undo()
+    assert session.require_profile().camera == profile.camera
+    session.redo()
+    assert session.require_profile().camera == "Another"
+    samples = Workspace(chart_samples(patches=9))
+    session.begin(samples)
+    session.opened = Opened()
+    session.open((tmp_path / "first.npz",))
+    assert session.require_workspace().models
+    session.undo()
+    assert session.workspace is samples and session.profile is None
+
+
+def test_a_style_whose_name_has_a_slash_is_no_traceback(profile: CameraProfile, tmp_path: Path) -> None:
+    styles = {"day/night": profile.styles["standard"]}
+    page = opened(tmp_path, replace(profile, styles=styles))
+    for step in STEPS:
+        page.session.page.attempt(page.show, step)
+        assert "this failed" not in page.session.page.status.object, step
+
+
+def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: CameraProfile, tmp_path: Path) -> None:
+    photograph(tmp_path / "silent.jpg", 60, 90)
+    photograph(tmp_path / "other.jpg", 60, 90)
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look, session = page.pages["Look"], page.session
+    look.path.value = "silent.jpg"  # as the enter key does
+    assert look.session.photograph.path.name == "silent.jpg" and "not known" in look.view.notice
+    look.wanted.style.value = "vivid"
+    assert states_of(session)["Look"] == "to do"
+    look.wanted.balance.value = AS_SHOT
+    assert "alert" not in session.page.status.object
+    page.show("Export")
+    export = page.pages["Export"]
+    export.program.value = "rawtherapee"
+    with pytest.raises(WorkspaceError, match="never on screen"):
+        export._kit()
+    page.show("Look")
+    look.view._handle_msg("help")
+    assert look.view.notice == "" and session.look == ChosenLook("standard/daylight", "vivid/daylight")
+    assert look.view.a and states_of(session)["Look"] == "done"
+    session.undo()
+    assert look.view.notice
+    look.listed.value = "other.jpg"
+    look._open_named()
+    assert look.session.photograph.path.name == "other.jpg"  # the newer choice, not the path in the line
+
+
+def test_a_session_outlives_its_page(tmp_path: Path) -> None:
+    kept, first = KeptSessions(), opened(tmp_path, workspace=Workspace(chart_samples(patches=9))).session
+    shown = {"first": True, "second": True}
+    one, two = (lambda: shown["first"]), (lambda: shown["second"])
+    kept.add("visitor", first, one)
+    kept.show(first)
+    assert kept.left_by("visitor") is None  # another tab shows it
+    shown["first"] = False
+    kept.leave(first, one)
+    assert kept.left_by("visitor") is first and kept.left_by("another") is None
+    new = Page(Folders([tmp_path]), ())
+    kept.add("visitor", new.session, lambda: False)
+    new.session.begin(Workspace(chart_samples(patches=9)))
+    assert kept.left_by("visitor") is first  # a page that is loading was not left
+    new.session.begin(None)
+    new.offer_to_continue(first)
+    assert new.offer.visible and "162 samples" in new.offer.object
+    page = Page(Folders([tmp_path]), (), first)
+    kept.add("visitor", page.session, two)
+    assert page.session is first and "162 samples" in str(first) and kept.left_by("visitor") is None
+    kept.leave(first, one)  # the news of the first page's end, late
+    assert states_of(page.session)["Shots"] == "done" and kept.left_by("visitor") is None
+
+
+def test_a_page_that_loads_does_not_end_with_a_tab_that_is_closed(tmp_path: Path) -> None:
+    kept, closed, loading = KeptSessions(), opened(tmp_path), opened(tmp_path)
+    for page in (closed, loading):
+        kept.add("visitor", page.session, lambda: False)
+    kept.show(closed.session)
+    held = next(held for held in kept._held if held.session is closed.session)
+    kept.leave(closed.session, held.is_shown)
+    loading.session.begin(Workspace(chart_samples(patches=9)))
+    loading.session.page.on_change()
+    assert loading.pages["Shots"].papers  # it still draws what changes
+
+
+def test_a_session_that_goes_on_shows_its_photograph_and_look(profile: CameraProfile, tmp_path: Path) -> None:
+    photograph(tmp_path / "silent.jpg", 60, 90)
+    left = opened(tmp_path, profile)
+    left.show("Look")
+    look = left.pages["Look"]
+    look._open(tmp_path / "silent.jpg")
+    look.source.style.value, look.source.balance.value = "standard", "tungsten"
+    look.wanted.style.value, look.wanted.kelvin.value, look.ev.value = "vivid", 4000, 0.5
+    before = left.session.look
+    assert before == ChosenLook("standard/tungsten", "vivid/4000K", 0.5)
+    left.session.detach()
+    page = Page(Folders([tmp_path]), (), left.session)
+    again = page.pages["Look"]
+    assert again.view.picture == look.view.picture and again.view.title == "silent.jpg"
+    assert page.session.look == before and again.view.a and page.shown == "Look"
+    page.session.undo()
+    assert again.ev.value == 0 and again.wanted.kelvin.value == 4000
+
+
+def test_a_page_is_freed_while_its_session_is_kept(tmp_path: Path) -> None:
+    page = opened(tmp_path, workspace=Workspace(chart_samples(patches=9)))
+    session, freed = page.session, weakref.ref(page)
+    session.detach()
+    del page
+    gc.collect()
+    assert freed() is None and session.workspace is not None
+
+
+def test_what_a_cancelled_job_was_writing_is_removed(tmp_path: Path) -> None:
+    job = Job(writes_for_ever, tmp_path / "out")
+    polled_until = time.monotonic() + 120
+    while not list(tmp_path.glob(".*/begun")):
+        assert time.monotonic() < polled_until
+        time.sleep(0.02)
+    job.cancel()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX end the processes")
+@pytest.mark.parametrize("ending", ["SIGKILL", "SIGHUP"])
+def test_nothing_half_written_is_left_when_the_studio_ends(tmp_path: Path, ending: str) -> None:
+    """It is killed while a job writes; or its terminal is closed, of which the job hears, too."""
+    program = (
+        "import sys\nfrom pathlib import Path\nfrom lutforge.studio.jobs import Job\n"
+        "from tests.studio.job_functions import writes_for_ever\n"
+        "if __name__ == '__main__':\n    Job(writes_for_ever, Path(sys.argv[1])).wait(120)\n"
+    )
+    (tmp_path / "studio.py").write_text(program)
+    folder = tmp_path / "kits"
+    folder.mkdir()
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, str(tmp_path / "studio.py"), str(folder / "out")]
+    studio = subprocess.Popen(command, env=environment, start_new_session=True)
+    deadline = time.monotonic() + 120
+    while not list(folder.glob(".*/begun")):
+        assert studio.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)
+    if ending == "SIGKILL":
+        studio.kill()
+    else:
+        os.killpg(studio.pid, signal.SIGHUP)
+    studio.wait()
+    while list(folder.iterdir()):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("/", {}, None),
+        ("/", {"Sec-Fetch-Site": "same-origin", "Origin": "http://127.0.0.1:5006"}, None),
+        ("/", {"Sec-Fetch-Site": "cross-site"}, 403),
+        ("/", {"Sec-Fetch-Site": "same-site"}, 403),
+        ("/", {"Origin": "http://evil.example"}, 403),
+        ("/", {"Origin": "null"}, 403),
+        ("/", {"Host": "evil.example"}, 403),
+        ("/autoload.js", {}, 404),
+        ("/static/%00", {}, 404),
+        ("/static/js/a%00b.js", {}, 404),
+    ],
+)
+def test_requests_of_other_places_are_refused(path: str, headers: dict[str, str], status: int | None) -> None:
+    request = HTTPServerRequest(
+        headers=HTTPHeaders({"Host": "127.0.0.1:5006", **headers}), start_line=RequestStartLine("GET", path, "HTTP/1.1")
+    )
+    assert refused(request, ["127.0.0.1:5006", "localhost:5006"]) == status

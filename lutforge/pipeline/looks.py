@@ -1,0 +1,72 @@
+"""Use case: a look, which is a style, a white balance and an exposure → the LUT that grades photographs to it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from lutforge.grading.baked_grades import BakedGrades, SettingChange, baked_steps
+from lutforge.luts.sequence import Lut
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.transform import Transform
+from lutforge.model.white_balance import NAMED_KELVIN
+from lutforge.progress import Progress
+
+
+@dataclass(frozen=True)
+class ChosenLook:
+    """A look. source, target: STYLE/WB, "" where not chosen; ev: exposure change in stops."""
+
+    source: str = ""
+    target: str = ""
+    ev: float = 0.0
+
+
+def usual_setting(profile: CameraProfile) -> str:
+    """STYLE/WB of a camera as most want it: the style "standard", and a white balance that shots of it were taken with.
+
+    Of several that is the nearest to daylight; one that sets itself comes after those of a known temperature.
+    """
+    style = min(profile.styles, key=lambda name: name.lower() != "standard")
+    of_shots = {name for model in profile.styles[style].models for name in model.white_balances}
+    known = {name: balance for name, balance in profile.white_balances.items() if name in of_shots}
+    known = known or dict(profile.white_balances)
+
+    def distance(name: str) -> float:
+        kelvin = known[name].kelvin or NAMED_KELVIN.get(name, 0.0)
+        return abs(kelvin - NAMED_KELVIN["daylight"])
+
+    return f"{style}/{min(known, key=distance)}"
+
+
+@lru_cache(4)
+def grades_of(profile: CameraProfile) -> BakedGrades:
+    """The baked steps of a profile, kept between changes of the look."""
+    return BakedGrades()
+
+
+def change_of(profile: CameraProfile, look: ChosenLook) -> SettingChange:
+    """What a look changes. Raises SettingsError."""
+    return SettingChange(profile, profile.selector(look.source), profile, profile.selector(look.target), look.ev)
+
+
+def slow_steps(profile: CameraProfile, look: ChosenLook) -> tuple[Transform, ...]:
+    """The steps of a look that take seconds to bake, and are not baked yet. Raises SettingsError."""
+    return grades_of(profile).slow_steps(change_of(profile, look).transform)
+
+
+def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
+    """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
+    change = change_of(profile, look)
+    same = not look.ev and str(change.given) == str(change.wanted)
+    return None if same else grades_of(profile).refinish(change)
+
+
+def bake_steps(steps: Sequence[Transform], progress: Progress) -> Sequence[Lut]:
+    """Bake the steps that `slow_steps` names, for `add_baked`; this takes seconds."""
+    return baked_steps(steps, progress)
+
+
+def add_baked(profile: CameraProfile, steps: Sequence[Transform], luts: Sequence[Lut]) -> None:
+    """Keep what `bake_steps` made for all looks of a profile."""
+    for step, lut in zip(steps, luts, strict=True):
+        grades_of(profile).add(step, lut)

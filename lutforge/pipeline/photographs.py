@@ -1,0 +1,111 @@
+"""Use case: a photograph to look at, as browsers and screens show it, and the settings that it was taken with."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from lutforge.arrays import Pixels
+from lutforge.atomic_write import scratch_folder
+from lutforge.errors import ImageError, SettingsError
+from lutforge.grading.picture_settings import choose_camera, source_selector
+from lutforge.images.heif import HEIF_SUFFIXES
+from lutforge.images.icc import foreign_profile, pixels_to_srgb
+from lutforge.images.orientation import upright
+from lutforge.images.raw import read_raw
+from lutforge.images.read import ImageReader, read_image
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.progress import Progress
+from lutforge.settings import Selector
+from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES
+from lutforge.shots.metadata import read_picture_settings
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES, *sorted(RAW_SUFFIXES))
+"""Endings of the names of photographs that can be looked at."""
+
+
+def picture_bytes(path: Path) -> bytes:
+    """A picture in sRGB as a file that browsers read: itself, or PNG of at most 8 million pixels. Raises ImageError."""
+    if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
+        with ImageReader(path) as image:
+            # Browsers turn JPEGs as they say; not all do so with PNG.
+            turned = image.format == "png" and image.spec.get_int_attribute("Orientation", 1) != 1
+            as_it_is = not turned and not foreign_profile(image.spec)
+        if as_it_is:
+            return path.read_bytes()
+    pixels, buffer = read_small(path, 8_000_000), BytesIO()
+    Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def raw_picture_bytes(path: Path) -> bytes:
+    """The camera's picture of a RAW file, upright, as a file that browsers read: the JPEG beside it, or inside it.
+
+    Raises ImageError where there is neither.
+    """
+    beside = next((file for suffix in JPEG_SUFFIXES for file in path.parent.glob(f"{path.stem}.*")
+                   if file.suffix.lower() == suffix), None)  # fmt: skip
+    if beside is not None:
+        return picture_bytes(beside)
+    raw = read_raw(path, half_size=True)
+    if raw.preview is None:
+        raise ImageError(f"{path.name}: {raw.preview_note}; put the camera's JPEG beside it")
+    with scratch_folder() as folder:
+        (folder / "preview.jpg").write_bytes(raw.preview)
+        shown = picture_bytes(folder / "preview.jpg")
+    with Image.open(BytesIO(shown)) as picture:
+        if raw.orientation == 1 or picture.getexif().get(0x0112, 1) != 1:  # which the browser turns
+            return shown
+        buffer = BytesIO()
+        Image.fromarray(upright(np.asarray(picture.convert("RGB")), raw.orientation)).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def read_small(path: Path, most: int) -> Pixels:
+    """Read an image upright, RGB in [0, 1], averaged down to at most so many pixels. Raises ImageError.
+
+    A picture of 8 bits in another space than sRGB is converted, as `apply_image` does.
+    """
+    image = read_image(path)
+    pixels = image.pixels
+    if pixels.ndim != 3 or pixels.shape[2] < 3:
+        raise ImageError(f"{path.name}: it needs red, green and blue")
+    if profile := foreign_profile(image.spec):
+        pixels = pixels_to_srgb(pixels, profile)
+    pixels = np.clip(upright(pixels[..., :3], image.spec.get_int_attribute("Orientation", 1)), 0.0, 1.0)
+    height, width = pixels.shape[:2]
+    factor = int(np.ceil(np.sqrt(height * width / most)))
+    if factor > 1:
+        pixels = pixels[: height // factor * factor, : width // factor * factor]
+        pixels = pixels.reshape(height // factor, factor, width // factor, factor, 3).mean(axis=(1, 3))
+    return np.ascontiguousarray(pixels, dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """A picture, as a file that browsers read. selector: its settings, None where it does not tell.
+
+    style: told by the metadata, "" where they do not; notes: what the visitor should know.
+    """
+
+    path: Path
+    picture: bytes
+    selector: Selector | None
+    style: str
+    notes: tuple[str, ...]
+
+
+def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> Photograph:
+    """Read a picture, and what it was taken as. Raises ImageError."""
+    progress("reading", 0.1)
+    settings = read_picture_settings(path)
+    picture = raw_picture_bytes(path) if path.suffix.lower() in RAW_SUFFIXES else picture_bytes(path)
+    notes: tuple[str, ...] = ()
+    selector, style = None, settings.style if settings.style in profile.styles else ""
+    with suppress(SettingsError):
+        choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
+        selector, notes = source_selector(path, settings, profile)
+    return Photograph(path, picture, selector, style, (*settings.notes, *notes))
