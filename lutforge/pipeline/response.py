@@ -16,7 +16,7 @@ import numpy as np
 
 from lutforge.arrays import Array, Pixels
 from lutforge.calibration.bracket import BracketFit, fit_bracket
-from lutforge.calibration.exposure_pairs import CLIPPED, ExposurePairs, pairs_of_bracket, pairs_of_samples
+from lutforge.calibration.exposure_pairs import NEAR_AN_END, ExposurePairs, pairs_of_bracket, pairs_of_samples
 from lutforge.calibration.options import BETA
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import srgb_encode
@@ -29,17 +29,8 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, several
 from lutforge.progress import Progress, part, silent
-from lutforge.samples.chart import (
-    RESEMBLANCE,
-    Chart,
-    ChartKind,
-    chart_kind,
-    detector_note,
-    find_chart,
-    parse_corners,
-    patch_codes,
-    resemblance,
-)
+from lutforge.samples.chart import ChartKind, chart_kind, parse_corners
+from lutforge.samples.chart_search import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.metadata import UNKNOWN, read_picture_settings
 
@@ -340,7 +331,7 @@ def _patches(
         )
     # The camera's own white need not be 1. One patch may be the brightest by chance; several that are equally bright
     # follow the exposure no more.
-    near = values > np.nanmax(values, axis=(0, 1)) - CLIPPED
+    near = values > np.nanmax(values, axis=(0, 1)) - NEAR_AN_END
     piled = near & (np.count_nonzero(near, axis=(0, 1)) >= 4)
     values[piled.any(axis=2)] = np.nan
     return values, tuple(files[index].name for index in sorted(places))

@@ -152,7 +152,7 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
     files state of both exposures. Raises ShotError where no shot is usable, or it is not clear what belongs together.
     """
     from lutforge.shots.discover import discover, jpegs_of
-    from lutforge.shots.read import read_other_view
+    from lutforge.shots.other_view import read_other_view
 
     files = [file for path in several(pictures) for file in jpegs_of(path)]
     raws = discover([reference])

@@ -9,17 +9,11 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import srgb_encode
 from lutforge.images.orientation import upright, upright_places
-from lutforge.samples.chart import ChartKind, detector_note, find_chart, sample_chart
+from lutforge.samples.chart import ChartKind
+from lutforge.samples.chart_search import detector_note, find_chart, sample_chart
+from lutforge.samples.clipping import censored, clipping
 from lutforge.samples.sample_set import SampleSet, concatenate
-from lutforge.samples.tiles import (
-    LEVELS,
-    agreement,
-    cell_size,
-    choose_evenly,
-    clipping,
-    flatness,
-    one_sided,
-)
+from lutforge.samples.tiles import LEVELS, agreement, cell_size, choose_evenly, flatness
 from lutforge.shots.read import Shot
 
 FEW_TILES = 100
@@ -122,7 +116,7 @@ def _tiles(shot: Shot) -> ShotSamples:
     clips = clipping(jpeg, raw)
     is_clipped = np.any(list(clips.values()), axis=0)
     usable = inside & ~is_clipped
-    black, white = one_sided(jpeg, raw)
+    black, white = censored(jpeg, raw)
     at_an_end = inside & np.any(black | white, axis=-1)
     level, roughness = flatness(jpeg, raw, cell, shot.metadata.multipliers, usable, usable | at_an_end)
     agrees = agreement(jpeg, raw)

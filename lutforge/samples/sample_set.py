@@ -191,10 +191,3 @@ def concatenate(sets: Iterable[SampleSet]) -> SampleSet:
         raise SampleError("samples: none given")
     names = [column.name for column in fields(SampleSet)]
     return SampleSet(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
-def unclipped_colours(encoded: Array, raw: Array) -> Mask:
-    """Mask (n,) of colours encoded (n, 3) half a code inside 0 … 1, of raw (n, 3) neither black nor saturated."""
-    half_code = 0.5 / 255.0
-    inside = (encoded >= half_code) & (encoded <= 1.0 - half_code) & (raw > 0.0) & (raw < 0.999)
-    return np.asarray(np.all(inside, axis=1))

@@ -181,35 +181,3 @@ def _ranks(order: NDArray[np.intp], keys: NDArray[np.intp]) -> NDArray[np.intp]:
     ranked, rank = keys[order], np.empty_like(order)
     rank[order] = np.arange(len(order)) - np.searchsorted(ranked, ranked, side="left")
     return rank
-
-
-# --- Clipping: beyond these limits a JPEG or RAW pixel no longer tells what the scene was -----------------------------
-
-
-def clipping(jpeg: CellStatistics, raw: CellStatistics) -> dict[str, Mask]:
-    """Masks (…) of areas with clipped channels, each under its first reason."""
-    clips = {
-        # JPEG compression moves a clipped pixel by a code.
-        "JPEG white": jpeg.maximum >= 254,
-        "JPEG black": jpeg.minimum <= 1,
-        # Sensors bend below their ceiling. Decoders cut noise below black at 0, so that a mean is too bright there.
-        "RAW saturated": raw.maximum >= 0.98,
-        "RAW black": raw.minimum <= 0,
-    }
-    masks: dict[str, Mask] = {}
-    for reason, channels in clips.items():
-        masks[reason] = np.any(channels, axis=-1) & ~np.any(list(masks.values()), axis=0)
-    return masks
-
-
-def one_sided(jpeg: CellStatistics, raw: CellStatistics) -> tuple[Mask, Mask]:
-    """Masks (…, 3) of channels that are all black, or all white, in the JPEG, in areas where that is all that clips.
-
-    Their RAW is whole, and at least one channel of the JPEG is: such an area tells that the rendering of its light lies
-    at that end or beyond.
-    """
-    black, white = jpeg.maximum <= 1, jpeg.minimum >= 254
-    whole = (jpeg.minimum > 1) & (jpeg.maximum < 254)
-    of_raw = (raw.minimum > 0) & (raw.maximum < 0.98)
-    told = np.all((black | white | whole) & of_raw, axis=-1) & np.any(black | white, axis=-1) & np.any(whole, axis=-1)
-    return black & told[..., None], white & told[..., None]

@@ -10,7 +10,7 @@ from lutforge.arrays import Array, Codes, Pixels, Single
 from lutforge.compiled import REASSOCIATED, compiled
 
 Number = TypeVar("Number", Array, Single)
-REACH = 2.4
+NOISE_REACH = 2.4
 """How far, in standard deviations, noise is taken to reach: 64 pixels of it do on average. Where no more than these
 0.8 % are clipped, the mean moves by less than 0.003 standard deviations."""
 
@@ -20,7 +20,7 @@ class CellStatistics:
     """Statistics over the cells of a grid on a picture, each (H, W, 3) float64; NaN where the picture has no pixels.
 
     Each pixel weighs by as much of it as the cell covers, exactly. minimum and maximum are over every pixel that the
-    cell touches, but no further from the mean than REACH standard deviations.
+    cell touches, but no further from the mean than NOISE_REACH standard deviations.
     """
 
     mean: Array
@@ -42,7 +42,7 @@ class CellStatistics:
         if image.dtype == np.uint16:
             found /= 257.0
         mean, std, low, high = found
-        low[:], high[:] = np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std)
+        low[:], high[:] = np.maximum(low, mean - NOISE_REACH * std), np.minimum(high, mean + NOISE_REACH * std)
         sides = zip((rows, columns), image.shape[:2], strict=True)
         covered = [(edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9) for edges, size in sides]
         found[:, ~np.outer(*covered)] = np.nan

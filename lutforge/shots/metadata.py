@@ -16,7 +16,8 @@ from lutforge.images.raw import RawImage, read_multipliers
 from lutforge.images.read import ImageReader
 from lutforge.settings import Multipliers, parse_selector, setting_name
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
-from lutforge.shots.maker_settings import edited_notes, multipliers_of, notes_of, style_of, white_balance_of
+from lutforge.shots.maker_multipliers import multipliers_of
+from lutforge.shots.maker_settings import edited_notes, notes_of, style_of, white_balance_of
 from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Tags, tags, tags_of
 
 UNKNOWN, LUTFORGE = "unknown", "LutForge"
@@ -129,9 +130,6 @@ def tidy_camera(make: str, model: str) -> str:
         return re.sub(r"\s+", " ", model if model.lower().startswith(make.lower()) else f"{make} {model}").strip()
     rest = re.sub(rf"^{brand}\b", "", model.strip(), flags=re.IGNORECASE).strip()
     return re.sub(r"\s+", " ", f"{brand} {rest}").strip()
-
-
-# --- Finished pictures -----------------------------------------------------------------------------------------------
 
 
 def read_picture_settings(path: Path) -> ShotMetadata:

@@ -14,7 +14,8 @@ from lutforge.images.read import Image
 from lutforge.images.write import write_image
 from lutforge.pipeline.inspection import inspect
 from lutforge.settings import StyleName
-from lutforge.shots.maker_settings import kelvin_of, multipliers_of, notes_of, style_of, white_balance_of
+from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
+from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
 from lutforge.shots.metadata import read_metadata, read_picture_settings, software_tag, tidy_camera
 from lutforge.shots.tags import Tags, key_of, maker_table, tags_of
 from lutforge.shots.tags import tags as file_tags
