@@ -90,7 +90,7 @@ def import_published(folders: Sequence[str | Path], camera: str = "", style: str
     Raises:
         ProfileError: a folder is none of a model.
     """
-    paths = [path_of(each) for each in (folders if isinstance(folders, Sequence) else [folders])]
+    paths = [path_of(folder) for folder in (folders if isinstance(folders, Sequence) else [folders])]
     if not paths:
         raise ProfileError("no model folder given")
     models = [read_published_model(path) for path in paths]
@@ -155,8 +155,8 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
         response = _text([[256, 0, 0, 0], *model.response.linearize(codes)])
         sides = {"raw2jpg": forward, "jpg2raw": back}
         for direction, side in sides.items():
-            other = next(part for name, part in sides.items() if name != direction)
-            images = other.centres if other.centres.shape == side.centres.shape else side(side.centres)
+            opposite = next(part for name, part in sides.items() if name != direction)
+            images = opposite.centres if opposite.centres.shape == side.centres.shape else side(side.centres)
             rows = [*side.coefficients, *side.polynomial]
             for name, text in {
                 "transform": _text(transform),

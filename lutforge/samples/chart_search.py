@@ -69,8 +69,8 @@ def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference
         return None
     if reference is None:
         reference = 255.0 * srgb_encode(np.clip(kind.linear_srgb(), 0.0, 1.0))
-    found = [patch_codes(jpeg, chart) for chart in turned]
-    scores = [likeness(seen.mean, seen.std, reference) for seen in found]
+    statistics = [patch_codes(jpeg, chart) for chart in turned]
+    scores = [likeness(seen.mean, seen.std, reference) for seen in statistics]
     best = int(np.argmax(scores))
     return turned[best] if scores[best] >= RESEMBLANCE else None
 
@@ -113,13 +113,13 @@ def _detect(jpeg: NDArray[np.uint8], kind: ChartKind) -> list[Array]:
     detector = cv2.mcc.CCheckerDetector.create()
     detector.setColorChartType(getattr(cv2.mcc, kind.detector))
     try:
-        found = detector.getListColorChecker() if detector.process(small, 4) else ()
+        checkers = detector.getListColorChecker() if detector.process(small, 4) else ()
     except cv2.error:  # pictures without contours; no chart is never an error
         return []
     grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float64)
     candidates = []
-    for one in found:
-        patches = np.asarray(one.getColorCharts(), dtype=np.float64).reshape(-1, 4, 2)
+    for checker in checkers:
+        patches = np.asarray(checker.getColorCharts(), dtype=np.float64).reshape(-1, 4, 2)
         matrix, _ = cv2.findHomography(kind.centres, patches.mean(axis=1))
         corners = np.zeros((4, 2)) if matrix is None else _project(matrix, kind.outline)
         across, down = corners[1] - corners[0], corners[3] - corners[0]
@@ -150,7 +150,7 @@ def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
 
 def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> CellStatistics:
     """The statistics (n, 3) of the pixels whose centres lie in each patch; NaN where it leaves the picture."""
-    found = np.full((4, len(chart.kind.centres), 3), np.nan)
+    statistics = np.full((4, len(chart.kind.centres), 3), np.nan)
     for index, corners in enumerate(chart.patches()):
         low, high = np.floor(corners.min(axis=0)).astype(int), np.ceil(corners.max(axis=0)).astype(int) + 1
         if low.min() < 0 or high[0] > picture.shape[1] or high[1] > picture.shape[0]:
@@ -160,8 +160,8 @@ def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> CellStatis
         cross = np.stack([dx * (y - cy) - dy * (x - cx) for (cx, cy), (dx, dy) in zip(corners, side, strict=True)])
         pixels = picture[low[1] : high[1], low[0] : high[0]][np.all(cross >= 0, axis=0) | np.all(cross <= 0, axis=0)]
         if len(pixels):
-            found[:, index] = pixels.mean(axis=0), pixels.std(axis=0), pixels.min(axis=0), pixels.max(axis=0)
-    return CellStatistics(*found)
+            statistics[:, index] = pixels.mean(axis=0), pixels.std(axis=0), pixels.min(axis=0), pixels.max(axis=0)
+    return CellStatistics(*statistics)
 
 
 def _homography(outline: Array, corners: Array) -> Array:

@@ -90,9 +90,9 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
             clips = clipping(jpeg, raw)
             clipped = {reason: clipped[reason] + int(np.count_nonzero(mask)) for reason, mask in clips.items()}
             is_clipped = np.any(list(clips.values()), axis=0)
-            kept = np.flatnonzero(np.isfinite(jpeg.mean + raw.mean).all(axis=-1) & ~is_clipped)
-            names = [f"chart_{index + 1:0{len(str(len(jpeg.mean)))}d}" for index in kept]
-            patches = _sample_set(shot, names, raw.mean[kept], jpeg.mean[kept], chart.patches().mean(axis=1)[kept])
+            rows = np.flatnonzero(np.isfinite(jpeg.mean + raw.mean).all(axis=-1) & ~is_clipped)
+            names = [f"chart_{index + 1:0{len(str(len(jpeg.mean)))}d}" for index in rows]
+            patches = _sample_set(shot, names, raw.mean[rows], jpeg.mean[rows], chart.patches().mean(axis=1)[rows])
     samples, places = tiles.samples, tiles.places
     if patches is not None:
         samples, places = concatenate([patches[0], samples]), np.vstack([patches[1], places])

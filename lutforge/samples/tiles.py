@@ -86,8 +86,8 @@ def agreement(jpeg: CellStatistics, raw: CellStatistics) -> Mask:
     ours, theirs = jpeg.mean, np.nan_to_num(raw.mean)
     our_mean, their_mean = (_over_neighbours(np.add, values) / 9 for values in (ours, theirs))
     norm, their_norm, product = (
-        _over_neighbours(np.add, one * other) - 9 * mean * other_mean
-        for one, other, mean, other_mean in (
+        _over_neighbours(np.add, first * second) - 9 * mean * second_mean
+        for first, second, mean, second_mean in (
             (ours, ours, our_mean, our_mean),
             (theirs, theirs, their_mean, their_mean),
             (ours, theirs, our_mean, their_mean),

@@ -29,12 +29,12 @@ def style_of(tags: Tags) -> StyleName | None:
     adjusted = dict(_adjustments(tags, name is not None))
     if name is None:
         # Makers' own adjustments, of cameras that had no styles yet, or EXIF's, mean that the style is the only one.
-        own = any(key in tags for key in (("CanonCs", 14), ("Nikon", 0x0081), ("Fujifilm", 0x1003)))
+        of_maker = any(key in tags for key in (("CanonCs", 14), ("Nikon", 0x0081), ("Fujifilm", 0x1003)))
         # EXIF's saturation repeats a maker's style coarsely. It is not all that there is where a maker's note is of a
         # kind that is not read here, nor where a program dropped it.
         read = any(group not in ("Image", "Photo", "Iop") for group, _ in tags)
         unread = MAKER_NOTE in tags or str(tags.get(MAKE, "")).lower().startswith(_NAMING_MAKES)
-        if not own and (("Photo", 0xA409) not in tags or (unread and not read)):
+        if not of_maker and (("Photo", 0xA409) not in tags or (unread and not read)):
             return None
         name = "standard"
     if name in ("standard", "custom") and str(tags.get(("Nikon", 0x008D), "")).lower().startswith("mode3"):
@@ -61,8 +61,8 @@ def white_balance_of(tags: Tags) -> str | None:
 
 def in_adobe_rgb(tags: Tags) -> bool:
     """True where the camera stored its picture in Adobe RGB."""
-    found = ((tags.get(key_of(text)), adobe) for text, adobe in _table("adobe_rgb").items())
-    return any((value if isinstance(value, str) else element(value, 0)) == adobe for value, adobe in found)
+    stated = ((tags.get(key_of(text)), adobe) for text, adobe in _table("adobe_rgb").items())
+    return any((value if isinstance(value, str) else element(value, 0)) == adobe for value, adobe in stated)
 
 
 def notes_of(tags: Tags) -> Iterator[str]:
@@ -94,9 +94,9 @@ def _table(name: str) -> Any:
 
 def _named_style(tags: Tags) -> str | None:
     for text in _table("style_texts"):
-        said = tags.get(key_of(text))
-        if isinstance(said, str):
-            name = " ".join(said.lower().split())
+        stated_text = tags.get(key_of(text))
+        if isinstance(stated_text, str):
+            name = " ".join(stated_text.lower().split())
             if name not in _NO_STYLE:
                 return {"normal": "standard", "sd": "standard"}.get(name, name)
     for table in ("effects", "styles"):
@@ -112,32 +112,32 @@ def _named_style(tags: Tags) -> str | None:
 
 def _adjustments(tags: Tags, style_is_named: bool) -> Iterator[tuple[str, float]]:
     """What was adjusted, by how many steps of the menu, nine at most. Sharpness changes no flat colour: left out."""
-    for text, (what, unit) in _table("signed_adjustments").items():
+    for text, (part, unit) in _table("signed_adjustments").items():
         number = next(iter(_signed(tags.get(key_of(text)))), 0)
         if number and abs(number / unit) <= 9:
-            yield what, number / unit
+            yield part, number / unit
     steps = element(tags.get(("NikonPc", 0)), 0) or 1
-    for text, what in _table("nikon_picture_control").items():
+    for text, part in _table("nikon_picture_control").items():
         code = element(tags.get(key_of(text)), 0)
         if code is not None and code != 0x80 and abs(code - 0x80) <= 9 * steps:
-            yield what, (code - 0x80) / steps
-    for text, (what, words) in _table("worded_adjustments").items():
-        said = tags.get(key_of(text))
-        if isinstance(said, str) and said.strip().lower() in words:
-            yield what, words[said.strip().lower()]
-    own = style_is_named or ("CanonCs", 14) in tags
-    coded = _table("coded_adjustments") if own else _table("coded_adjustments") | _table("general_adjustments")
-    for text, (what, codes) in coded.items():
+            yield part, (code - 0x80) / steps
+    for text, (part, words) in _table("worded_adjustments").items():
+        stated_text = tags.get(key_of(text))
+        if isinstance(stated_text, str) and stated_text.strip().lower() in words:
+            yield part, words[stated_text.strip().lower()]
+    of_maker = style_is_named or ("CanonCs", 14) in tags
+    coded = _table("coded_adjustments") if of_maker else _table("coded_adjustments") | _table("general_adjustments")
+    for text, (part, codes) in coded.items():
         code = element(tags.get(key_of(text)), 0)
         if code is not None and hex(code) in codes:
-            yield what, codes[hex(code)]
+            yield part, codes[hex(code)]
 
 
 def _white_balance_word(tags: Tags) -> str | None:
-    said = tags.get(("Nikon", 0x0005), tags.get(("Sigma", 0x0007)))
-    if isinstance(said, str) and said.strip():
+    stated_text = tags.get(("Nikon", 0x0005), tags.get(("Sigma", 0x0007)))
+    if isinstance(stated_text, str) and stated_text.strip():
         known = maker_table("settings")["white_balance_words"]["words"]
-        words = said.lower()
+        words = stated_text.lower()
         return next((name for part, name in known.items() if part in words), re.sub(r"[^a-z0-9]+", " ", words).strip())
     automatic = element(tags.get(("Photo", 0xA403)), 0) == 0
     for text, names in _table("white_balances").items():
@@ -149,11 +149,11 @@ def _white_balance_word(tags: Tags) -> str | None:
     return _described(tags, "WhiteBalance")
 
 
-def _described(tags: Tags, what: str) -> str | None:
+def _described(tags: Tags, part: str) -> str | None:
     """A setting out of a description such as "PictureStyle=vivid; WhiteBalance=daylight" (the simulated camera's)."""
     text = tags.get(("Image", 0x010E))
-    found = re.search(rf"\b{what}=([^;=]+)", text) if isinstance(text, str) else None
-    return found[1].strip().lower() if found else None
+    stated = re.search(rf"\b{part}=([^;=]+)", text) if isinstance(text, str) else None
+    return stated[1].strip().lower() if stated else None
 
 
 def _signed(value: Value | None) -> list[int]:

@@ -140,7 +140,7 @@ def read_shot(
             reasons.append(str(error))
             continue
         metadata = read_metadata(path, raw, Path(name) if name != EMBEDDED else None)
-        reasons += [f"{other}: {note}" for other, notes in candidates[index + 1 :] for note in notes]
+        reasons += [f"{name_after}: {note}" for name_after, notes in candidates[index + 1 :] for note in notes]
         notes = (*edited, *converted, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
         shot = Shot(path.stem, path, raw, jpeg, name, metadata, registration, development, fine=fine)
@@ -154,13 +154,13 @@ def read_shot(
 def read_pair(picture: Path, development: Development) -> Shot:
     """Register a finished sRGB picture on a developed one in the place of the RAW. Raises ImageError or ShotError."""
     ones = np.ones(3)
-    left = RawImage(development.pixels, 1.0, 0, ones, None, "a developed picture", math.nan, math.nan, ones)
+    raw = RawImage(development.pixels, 1.0, 0, ones, None, "a developed picture", math.nan, math.nan, ones)
     codes = np.rint(np.clip(read_image(picture).pixels[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
-    turned, registration, mirrored = _in_any_orientation(left, codes)
-    metadata = read_metadata(picture, left, None)
+    turned, registration, mirrored = _in_any_orientation(raw, codes)
+    metadata = read_metadata(picture, raw, None)
     if mirrored:
         metadata = replace(metadata, notes=(*metadata.notes, MIRROR_IMAGE))
-    return Shot(picture.stem, picture, left, turned, str(picture), metadata, registration, development).straightened()
+    return Shot(picture.stem, picture, raw, turned, str(picture), metadata, registration, development).straightened()
 
 
 def _registered(

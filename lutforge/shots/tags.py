@@ -41,33 +41,33 @@ _TIFF_MAGIC = (42, 0x55, 0x4F52, 0x5352)  # TIFF, RW2, ORF, ORF
 
 def tags(path: Path) -> Tags:
     """All tags of a RAW file or a picture, empty where none can be read. Raises nothing of its own."""
-    found: Tags = {}
+    result: Tags = {}
     with (
         contextlib.suppress(ImageError),
         reading(path, "a picture", ImageError),
         path.open("rb") as file,
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
-        found = tags_of(read_heif_exif(path) if is_heif(path) else data)
-    return found
+        result = tags_of(read_heif_exif(path) if is_heif(path) else data)
+    return result
 
 
 def tags_of(data: Buffer) -> Tags:
     """The tags of a file's bytes; a memory map will do."""
-    found: Tags = {}
+    result: Tags = {}
     with contextlib.suppress(ImageError), reading("", "metadata", ImageError):
         if byte_order(data[:2]) and data[6:14] == b"HEAPCCDR":
             return _ciff_tags(data)
         for block, group in tiff_blocks(data):
-            _Structure(block, found).read(group)
+            _Structure(block, result).read(group)
         if tools := " ".join(text.decode("utf-8", "replace") for text in _TOOLS.findall(packets_of(data).xmp)[:200]):
-            found[TOOLS] = tools
+            result[TOOLS] = tools
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
             # A JPEG that LutForge graded has its source's EXIF, and tells in a comment what it is now.
             for comment in header.comments:
                 if comment.startswith("LutForge"):
-                    found[SOFTWARE] = comment.partition("\n")[0]
-    return found
+                    result[SOFTWARE] = comment.partition("\n")[0]
+    return result
 
 
 @cache
@@ -88,11 +88,11 @@ def element(value: Value | None, index: int) -> int | None:
     return value[index] if isinstance(value, tuple) and len(value) > index else None
 
 
-def spread(found: Tags, group: str, order: str, size: int, raw: bytes) -> None:
+def spread(result: Tags, group: str, order: str, size: int, raw: bytes) -> None:
     """Add an array of numbers of 2 or 4 bytes as one tag for each element."""
     numbers = np.frombuffer(raw[: len(raw) // size * size], f"{order}u{size}")
     for index, value in enumerate(numbers.tolist()):
-        found.setdefault((group, index), (value,))
+        result.setdefault((group, index), (value,))
 
 
 def text_of(raw: bytes) -> str:
@@ -217,10 +217,10 @@ def _ciff_tags(data: Buffer) -> Tags:
     """The tags of a CIFF file, whose Canon records are those of Canon's later maker notes."""
     records = ciff_records(data)
     order = "<" if data[:2] == b"II" else ">"
-    found: Tags = {}
+    result: Tags = {}
     names = [text_of(part) for part in records.get(0x080A, b"").split(b"\0")]  # make and model
     if len(names) > 1 and names[0] and names[1]:
-        found[MAKE], found[MODEL] = names[0], names[1]
-    spread(found, "CanonSi", order, 2, records.get(0x102A, b""))
-    spread(found, "CanonCs", order, 2, records.get(0x102D, b""))
-    return found
+        result[MAKE], result[MODEL] = names[0], names[1]
+    spread(result, "CanonSi", order, 2, records.get(0x102A, b""))
+    spread(result, "CanonCs", order, 2, records.get(0x102D, b""))
+    return result
