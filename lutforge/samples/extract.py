@@ -45,7 +45,8 @@ class ShotSamples:
 
     tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a line each;
     file_notes: of its files, which many shots share. cells: the shot's means over a coarse grid; places: (n, 2) of the
-    samples in the upright JPEG, x and y as shares of its width and height.
+    samples in the upright JPEG, x and y as shares of its width and height. tile_cells: (tiles, 2) row and column of each
+    tile in the grid of cells; tiles are the last of the samples.
     """
 
     shot: str
@@ -58,6 +59,7 @@ class ShotSamples:
     cells: ShotCells | None = None
     places: Array = field(default_factory=lambda: np.zeros((0, 2)))
     file_notes: tuple[str, ...] = ()
+    tile_cells: NDArray[np.intp] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.intp))
 
     @property
     def kept(self) -> int:
@@ -158,7 +160,7 @@ def _tiles(shot: Shot) -> ShotSamples:
     return ShotSamples(
         shot.name, samples, len(samples), 0, clipped, rejected, tuple(notes),
         ShotCells(upright(raw8, shot.raw.orientation), upright(picture, shot.raw.orientation)), places,
-        shot.metadata.notes,
+        shot.metadata.notes, np.column_stack([rows, columns]),
     )  # fmt: skip
 
 
