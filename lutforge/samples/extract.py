@@ -45,8 +45,8 @@ class ShotSamples:
 
     tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a line each;
     file_notes: of its files, which many shots share. cells: the shot's means over a coarse grid; places: (n, 2) of the
-    samples in the upright JPEG, x and y as shares of its width and height. tile_cells: (tiles, 2) row and column of each
-    tile in the grid of cells; tiles are the last of the samples.
+    samples in the upright JPEG, x and y as shares of its width and height. tile_cells: (tiles, 2) row and column of
+    each tile in the grid of cells; tiles are the last of the samples.
     """
 
     shot: str
