@@ -255,10 +255,13 @@ def match(
         multipliers = source_camera.multipliers(source), source_camera.multipliers(target)
         if source == target or (not by_white_balance and np.array_equal(*multipliers)):
             return Transform((), purpose)
+
     balanced = (*source_camera._linearize(source, "raw", model).stages, *exposed)
     render = target_camera.render_balanced(target, model)
     if not neutral_highlights:
         return Transform((*balanced, *render.stages), purpose)
+
+    # Where the source's picture burns out, the output is grey.
     to_balanced = through_stages(exposed, np.eye(3)).T
     back = MatrixStage(np.diag(source_camera.multipliers(source)) @ np.linalg.inv(to_balanced))
     shown = partial(through_stages, (back, *source_camera.render_balanced(source, model).stages))

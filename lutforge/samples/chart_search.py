@@ -87,7 +87,7 @@ def likeness(codes: Array, deviation: Array, reference: Array) -> float:
 
 def resemblance(codes: Array, reference: Array) -> float:
     """The share of the variance of chroma that an affine map of the reference explains; both (n, 3) in codes."""
-    # Brightness does not count: it would make any dark-to-light grid alike.
+    # Brightness does not count: any dark-to-light grid would resemble any other.
     design = np.column_stack([reference, np.ones(len(reference))])
     residual = codes - design @ np.linalg.lstsq(design, codes, rcond=None)[0]
     chroma = codes - codes.mean(axis=1, keepdims=True)
@@ -139,13 +139,13 @@ def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
     side = np.linspace(-0.38, 0.38, 7)
     points = kind.centres[:, None, :] + np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
 
-    def departures(moved: Array) -> Array:
+    def residuals(moved: Array) -> Array:
         x, y = np.moveaxis(_project(_homography(kind.outline, moved.reshape(4, 2)), points), -1, 0)
         values = map_coordinates(blurred, [y, x], order=1, mode="nearest")
         return np.asarray((values - values.mean(axis=1, keepdims=True)).ravel())
 
     options: Any = {"loss": "soft_l1", "f_scale": 4.0, "diff_step": 1e-3, "x_scale": pitch, "max_nfev": 30}
-    return np.asarray(least_squares(departures, corners.ravel(), **options).x.reshape(4, 2))
+    return np.asarray(least_squares(residuals, corners.ravel(), **options).x.reshape(4, 2))
 
 
 def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> CellStatistics:

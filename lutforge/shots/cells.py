@@ -86,6 +86,7 @@ def _statistics_under(
                 area = tall * wide
                 if area <= 0.0:
                     continue
+
                 mean /= area
                 std = np.sqrt(max(0.0, squares / area - mean * mean))
                 of_cell = statistics[:, i, j, channel]
@@ -139,6 +140,7 @@ def _without_outliers(
             values[at], areas[at] = cell[y, x], tall * (min(right, x + 1.0) - max(left, float(x)))
             whole += areas[at]
             at += 1
+
     for _ in range(3):
         centre, limit = statistics[0], 4 * statistics[1] + 1e-9
         doubtful, far = 0.0, False
@@ -155,6 +157,7 @@ def _without_outliers(
                 values[at], marks[at] = centre, replaced
             mean += areas[at] * values[at]
             squares += areas[at] * values[at] * values[at]
+
         mean /= whole
         statistics[0], statistics[1] = mean, np.sqrt(max(0.0, squares / whole - mean * mean))
         statistics[2], statistics[3] = values.min(), values.max()

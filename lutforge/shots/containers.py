@@ -40,7 +40,7 @@ def _read_heap(
             return
         budget[0] -= 1
         tag, size, offset = struct.unpack_from(order + "HII", data, entry)
-        if tag & 0x4000:  # the value stands in the directory
+        if tag & 0x4000:  # the value is in the directory
             records.setdefault(tag & 0x3FFF, data[entry + 2 : entry + 10])
             continue
         low, high = start + offset, start + offset + size

@@ -12,7 +12,7 @@ from lutforge.shots.tags import Tags, element, key_of, maker_table
 
 
 def multipliers_of(tags: Tags) -> Array | None:
-    """As-shot multipliers (3,) with green = 1; None where no tag tells them, or tells what no camera sets."""
+    """As-shot multipliers (3,) with green = 1; None where no tag states them, or states what no camera sets."""
     for levels in _levels(tags):
         red, green, blue = levels
         if min(levels) > 0 and 0.05 < red / green < 20 and 0.05 < blue / green < 20 and not red == green == blue:
@@ -21,7 +21,7 @@ def multipliers_of(tags: Tags) -> Array | None:
 
 
 def kelvin_of(tags: Tags) -> float | None:
-    """The temperature of a white balance that was set as one; None where no tag tells it."""
+    """The temperature of a white balance that was set as one; None where no tag states it."""
     for text in maker_table("settings")["kelvin"]["tags"]:
         kelvin = element(tags.get(key_of(text)), 0)
         if kelvin is not None and 1500 <= kelvin <= 25000:
@@ -30,7 +30,7 @@ def kelvin_of(tags: Tags) -> float | None:
 
 
 def _levels(tags: Tags) -> Iterator[tuple[float, float, float]]:
-    """The red, green and blue levels that each maker's tags tell."""
+    """The red, green and blue levels that each maker's tags state."""
 
     def numbers(group: str, tag: int) -> tuple[int, ...]:
         value = tags.get((group, tag))

@@ -1,6 +1,6 @@
 """Picture style, white balance with its multipliers, and scene-dependent processing, out of each maker's tags.
 
-The tags' meaning stands in data/settings.json: a new maker is a few rows there. Names are lower-case words.
+The tags' meaning is in data/settings.json: a new maker is a few rows there. Names are lower-case words.
 """
 
 import re

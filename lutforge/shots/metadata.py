@@ -61,10 +61,10 @@ class ShotMetadata:
 
     @property
     def exposure_notes(self) -> tuple[str, ...]:
-        """A note on each number of `exposure` that is unknown, and on what stands in."""
+        """A note on each number of `exposure` that is unknown, and on what replaces it."""
         absent = (("aperture", "f/1", self.aperture), ("ISO", "ISO 100", self.iso))
         return tuple(
-            f"the file states no {name}, {usual} stands in: exposures agree only among pictures of one {name}"
+            f"the file states no {name}, {usual} is taken: exposures agree only among pictures of one {name}"
             for name, usual, number in absent
             if not number > 0
         )
@@ -136,7 +136,7 @@ def read_picture_settings(path: Path) -> ShotMetadata:
     """Settings and exposure of a JPEG, another finished picture or a RAW file, from its EXIF and maker notes.
 
     A picture that LutForge wrote has the settings that its Software tag names, whatever its maker notes still say. The
-    RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not tell. Raises ImageError.
+    RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not state. Raises ImageError.
     """
     is_raw = path.suffix.lower() in RAW_SUFFIXES
     require_file(path, "a RAW file" if is_raw else "an image", ImageError)
@@ -146,11 +146,13 @@ def read_picture_settings(path: Path) -> ShotMetadata:
     raw_tags = shot_tags if is_raw else {} if raw is None else tags(raw)
     if camera_of(raw_tags) != camera:
         raw, raw_tags = None, {}
+
     stated = zip(_exposure_of(shot_tags), _exposure_of(raw_tags), strict=True)
     time_s, aperture, iso = (one or other or math.nan for one, other in stated)
     made = None if is_raw else _made_by_lutforge(shot_tags)
     if made is not None:
         return replace(made, exposure_s=time_s, iso=iso, aperture=aperture)
+
     shot_tags = {**raw_tags, **shot_tags}
     multipliers = multipliers_of(shot_tags)
     if multipliers is None and raw is not None:

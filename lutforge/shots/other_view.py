@@ -37,6 +37,7 @@ def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
         cv2: Any = importlib.import_module("cv2")
     except ImportError:
         raise ShotError("pictures of two cameras are registered by OpenCV: pip install 'lutforge[views]'") from None
+
     # RAW as a picture in codes (h, w): green, brought to a usual brightness, on a gamma curve
     green = raw.pixels[..., 1]
     bright = np.clip(green / max(float(np.quantile(green[::4, ::4], 0.98)), 1e-6), 0.0, 1.0)
@@ -44,6 +45,7 @@ def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
         matrix, share = _homography(cv2, np.rint(255 * np.power(bright, 1 / 2.2)).astype(np.uint8), jpeg)
     except ShotError as error:
         raise ShotError(f"{picture}: {raw_file.name}: {error}") from None
+
     # RAW in the frame of the JPEG, about as many pixels as it had: its own values, none mixed, 0 outside
     height, width = jpeg.shape[:2]
     size = float(np.clip(np.sqrt(np.linalg.det(_local(matrix, raw.pixels.shape)[0])), 0.25, 8.0))
@@ -53,9 +55,11 @@ def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
         raw.pixels, whole, (int(width / size), int(height / size)), flags=cv2.INTER_NEAREST, borderValue=0.0
     )
     warped = replace(raw, pixels=pixels, pixel_size=size, flip=0, preview=None)
+
     metadata = read_metadata(picture, replace(warped, multipliers=None, exposure_s=np.nan, iso=np.nan), None)
     metadata = replace(metadata, notes=())
     shot = Shot(picture.stem, picture, warped, jpeg, str(picture), metadata, Registration(1.0, 0.0, 0.0, share))
+
     aperture = raw.aperture if raw.aperture > 0 else 1.0
     exposure = raw.exposure_s * (raw.iso if raw.iso > 0 else 100.0) / 100.0 / aperture**2
     named = replace(shot, raw_camera=camera_of(tags(raw_file)) or "reference camera")

@@ -30,8 +30,8 @@ from lutforge.shots.tags import tags, tags_of
 class Shot:
     """A RAW/JPEG pair, both oriented like the sensor.
 
-    name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the file beside it.
-    development: the picture that stands in the RAW's place. raw_camera: the other camera that the RAW is of, or "".
+    name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the JPEG file.
+    development: the picture that replaces the RAW. raw_camera: the other camera that the RAW is of, or "".
     fine: the same picture, 0 … 65535, where its file has more than 8 bits. distorted: where the JPEG lies on the RAW
     as the lens distorted it, where the camera straightened the JPEG: raw is then straightened, and the registration on
     that.
@@ -66,8 +66,8 @@ class Shot:
         height, width = self.jpeg.shape[:2]
         corners = np.array([[0, 0], [width, 0], [0, height], [width, height]])
         at_corners = self.placement.registration.straight(corners)
-        drawn = np.linalg.norm(lens.distorted(at_corners) - (lens.x, lens.y), axis=1)
-        share = float(np.mean(drawn / np.linalg.norm(at_corners - (lens.x, lens.y), axis=1))) - 1
+        distances = np.linalg.norm(lens.distorted(at_corners) - (lens.x, lens.y), axis=1)
+        share = float(np.mean(distances / np.linalg.norm(at_corners - (lens.x, lens.y), axis=1))) - 1
         mustache = lens.k1 * lens.k2 < 0 and abs(share) < abs(lens.k1) / 4
         shape = "mustache" if mustache else ("barrel", "pincushion")[share > 0]
         parts = [f"{shape} distortion of {100 * share:+.1f} % in the corners"] if lens.k1 or lens.k2 else []
@@ -106,7 +106,7 @@ def read_shot(
 ) -> Shot:
     """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
 
-    The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; one that another program
+    The JPEG next to the RAW (same stem) is used where it registers, else the embedded preview; one that another program
     wrote (a converter's DNG holds that converter's rendering) comes last. metadata.notes says so, and which was passed
     over and why. development: a picture that a program made of the RAW, which takes the RAW's place: balanced, so that
     its multipliers are 1; its tones may let a JPEG seem distorted as no lens does, which then is no reason to refuse
@@ -126,11 +126,14 @@ def read_shot(
     if development is not None:
         ones = np.ones(3)
         raw = replace(raw, pixels=development.pixels, pixel_size=1.0, multipliers=ones, clip_level=ones)
+
+    # The JPEG file first, then the preview; what a program wrote comes last.
     reasons: list[str] = []
-    beside = jpeg_beside(path)
-    candidates = [(str(beside), edited_notes(tags(beside)))] if beside else []
+    jpeg_file = jpeg_beside(path)
+    candidates = [(str(jpeg_file), edited_notes(tags(jpeg_file)))] if jpeg_file else []
     candidates = sorted([*candidates, (EMBEDDED, edited_notes(tags(path)))], key=lambda candidate: len(candidate[1]))
     candidates = [candidate for candidate in candidates if source in (None, candidate[0])]
+
     for index, (name, edited) in enumerate(candidates):
         try:
             jpeg, fine, registration, converted = _registered(raw, path, name, expected())
@@ -139,12 +142,14 @@ def read_shot(
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue
+
         metadata = read_metadata(path, raw, Path(name) if name != EMBEDDED else None)
         reasons += [f"{name_after}: {note}" for name_after, notes in candidates[index + 1 :] for note in notes]
         notes = (*edited, *converted, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
         shot = Shot(path.stem, path, raw, jpeg, name, metadata, registration, development, fine=fine)
         return shot.straightened()
+
     if development is not None:
         height, width = raw.pixels.shape[:2]
         reasons.append(f"the picture in the RAW's place, {width} × {height}, must be the whole frame, uncropped")
@@ -180,6 +185,7 @@ def _registered(
         (jpeg, profile), fine = _decoded(data, source), None
         # A camera's Adobe RGB is a style of its own.
         profile = b"" if in_adobe_rgb(tags_of(data)) else profile
+
     notes = []
     if heif is not None and heif.hdr:
         raise ShotError(f"{source}: encoded for HDR ({heif.hdr}), unlike a JPEG; set the camera to SDR")
@@ -187,6 +193,7 @@ def _registered(
         jpeg, fine = to_srgb(jpeg, profile), None
         so = "converted to sRGB, so grade pictures that are converted"
         notes.append(f"the picture is in {profile_name(profile)}: {so}")
+
     try:
         turned, registration, mirrored = _in_any_orientation(raw, jpeg, expected)
     except ShotError as error:
@@ -202,7 +209,7 @@ def _in_any_orientation(
     raw: RawImage, jpeg: Codes, expected: Placement | None = None
 ) -> tuple[Codes, Registration, bool]:
     """Register a picture turned, or mirrored and turned: as the sensor has it, where it lies, if it was mirrored."""
-    # Previews lie like the sensor or upright; a file beside may have been turned by any program. A camera that mirrors
+    # Previews lie like the sensor or upright; a JPEG file may have been turned by any program. A camera that mirrors
     # its pictures, for those who photograph themselves, leaves the RAW as it is.
     turns = tuple(dict.fromkeys((0, QUARTER_TURNS[inverse(raw.orientation)], 1, 2, 3)))
     try:

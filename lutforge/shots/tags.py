@@ -63,7 +63,7 @@ def tags_of(data: Buffer) -> Tags:
         if tools := " ".join(text.decode("utf-8", "replace") for text in _TOOLS.findall(packets_of(data).xmp)[:200]):
             result[TOOLS] = tools
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
-            # A JPEG that LutForge graded has its source's EXIF, and tells in a comment what it is now.
+            # A JPEG that LutForge graded has its source's EXIF, and states in a comment what it is now.
             for comment in header.comments:
                 if comment.startswith("LutForge"):
                     result[SOFTWARE] = comment.partition("\n")[0]
@@ -72,7 +72,7 @@ def tags_of(data: Buffer) -> Tags:
 
 @cache
 def maker_table(name: str) -> Any:
-    """One of the JSON files beside this module that say what the makers' tags mean."""
+    """One of the JSON files of this package: what the makers' tags mean."""
     return json.loads(resources.files(__package__).joinpath("data", f"{name}.json").read_text(encoding="utf-8"))
 
 
