@@ -45,7 +45,7 @@ class RawTransfer:
         return checked_colours(raw) @ self.matrix.T
 
     def under(self, source: Array, target: Array | None) -> "RawTransfer":
-        """The transfer under another illuminant than the fit's, of which the multipliers (3,) of both cameras are given.
+        """The transfer under another illuminant than that of the fit, of which both multipliers (3,) are given.
 
         White-balanced colours change little with the illuminant, RAW ones much: the matrix between balanced ones stays.
         """
