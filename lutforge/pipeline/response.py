@@ -22,7 +22,6 @@ from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
-from lutforge.model import provenance
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.calibration import calibrate
@@ -240,12 +239,12 @@ def write_input_transform(
     usable = np.asarray(np.isfinite(codes).all(axis=2))
     shot, patch = np.nonzero(usable)
     count = len(shot)
-    camera_column, chart = np.full(count, opened.camera), provenance.Chart(kind.name, light, SPACE)
+    camera_column = np.full(count, opened.camera)
     samples = SampleSet(
         camera_column, np.full(count, opened.style), np.full(count, opened.white_balance), np.array(names)[shot],
         np.char.mod("chart_%03d", patch + 1), np.array(times, dtype=np.float64)[shot], raw=np.zeros((count, 3)),
         srgb=codes[usable], wb=np.full((count, 3), np.nan), raw_camera=camera_column,
-        raw_space=np.full(count, SPACE), developer=np.full(count, str(chart)),
+        raw_space=np.full(count, SPACE), chart=np.full(count, kind.name), chart_light=np.full(count, light),
     )  # fmt: skip
     try:
         fit = fit_bracket(pairs_of_samples(samples))
@@ -272,8 +271,7 @@ def write_input_transform(
     profile = calibrate(samples, progress=part(progress, 0.2, 1.0))
     level = dict(zip(names, (scale * true).tolist(), strict=True))
     scale_note = f"1 is the camera's white; white beside the chart has {max(level.values()):.3g} in the brightest shot"
-    notes = (f"of the {chart}: {kind.source}", scale_note, *profile.notes)
-    profile = replace(profile, provenance=chart, notes=notes)
+    profile = replace(profile, notes=(f"of the {profile.provenance}: {kind.source}", scale_note, *profile.notes))
     if output is not None:
         profile.save(output)
     return FittedResponse(profile, fit, dict(zip(names, times, strict=True)), samples, level, charted)

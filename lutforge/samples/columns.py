@@ -19,6 +19,7 @@ POSITION_COLUMNS = ("x", "y")
 SHOT_COLUMNS = ("focal_mm", "aperture", "d65_r", "d65_b")
 OPTIONAL_COLUMNS = (
     *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, "raw_camera", "lens", "raw_space", "developer",
+    "chart", "chart_light",
 )  # fmt: skip
 NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS)
 COLUMNS_OF = {"raw": RAW_COLUMNS, "srgb": SRGB_COLUMNS, "wb": WB_COLUMNS, "position": POSITION_COLUMNS}

@@ -27,9 +27,10 @@ class SampleSet:
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. d65_r,
     d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
-    raw_space, developer: where a program's pictures replace the RAW, the RGB space in which these were encoded, and the
-    program; "" for RAW. The columns from `position` on may be left out; they are unknown then.
-    `from_arrays` fills in more. Raises SampleError where the columns differ in length.
+    raw_space: where the linear values are no RAW, the RGB space in which they were encoded; "" for RAW. developer: the
+    program whose pictures replace the RAW; chart, chart_light: the chart whose known colours do, and its light; "" for
+    all else. The columns from `position` on may be left out; they are unknown then. `from_arrays` fills in more. Raises
+    SampleError where the columns differ in length.
     """
 
     camera: Text
@@ -50,10 +51,13 @@ class SampleSet:
     d65_b: Array = field(default_factory=lambda: np.zeros(0))
     raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    chart: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    chart_light: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
     def __post_init__(self) -> None:
         count = len(self.camera)
-        for name in ("position", "lens", "focal_mm", "aperture", "d65_r", "d65_b", "raw_space", "developer"):
+        optional = ("position", "lens", "focal_mm", "aperture", "d65_r", "d65_b", "raw_space", "developer")
+        for name in (*optional, "chart", "chart_light"):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
                 unknown = np.nan if column.dtype.kind == "f" else ""
@@ -153,7 +157,8 @@ class SampleSet:
     @property
     def is_own_raw(self) -> bool:
         """True where nothing replaces the camera's own RAW."""
-        return bool(np.all(self.raw_camera == self.camera) and np.all(self.developer == ""))
+        replaced = (self.raw_camera != self.camera) | (self.developer != "") | (self.chart != "")
+        return not np.any(replaced)
 
     def select(self, rows: Mask | NDArray[np.intp]) -> "SampleSet":
         """The rows of a mask or an index array."""
