@@ -12,7 +12,8 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import CalibrationError
-from lutforge.model.response import Response, inverse_emor, log_inverse_emor
+from lutforge.model.emor import inverse_emor, log_inverse_emor
+from lutforge.model.response import Response
 
 LEAST_SLOPE = 0.02
 """A curve rises at least this fraction as fast as EMoR's mean: no f⁻¹ is flat."""

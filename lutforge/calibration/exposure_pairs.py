@@ -13,7 +13,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
-CLIPPED = 1.5 / 255
+NEAR_AN_END = 1.5 / 255
 """JPEG values this near 0 or 1 in any channel are clipped."""
 END_GUARD = 4 / 255
 """So are cells of a bracket this near its black or white, which compression and noise move."""
@@ -27,7 +27,7 @@ FLAT = (0.01, 0.03)
 """A cell is flat whose standard deviation is below the first and this share of its mean."""
 SAME_SCENE = 0.12
 """All surfaces of one scene have the same RAW ratio; a wider spread of its logarithm means another scene."""
-DARK_RAW, CLIPPED_RAW = 0.004, 0.999
+DARK_RAW, NEAR_AN_END_RAW = 0.004, 0.999
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +154,8 @@ def pairs_of_bracket(names: Sequence[str], encoded: Iterable[Array], exposure_s:
     cells = [measured[place] for place in order]
     stops = np.log2(np.asarray(exposure_s)[order])
     within = np.flatnonzero(stops - stops[0] <= MOST_STOPS)[-1]  # nearer, dark tones would pass for black, too
-    black, low = _insensitive(cells[0][0], cells[within][0], CLIPPED, dark=True)
-    white, high = _insensitive(cells[-1][0], cells[-2][0], CLIPPED, dark=False)
+    black, low = _insensitive(cells[0][0], cells[within][0], NEAR_AN_END, dark=True)
+    white, high = _insensitive(cells[-1][0], cells[-2][0], NEAR_AN_END, dark=False)
     shots = []
     for place, (mean, spread) in zip(order, cells, strict=True):
         flat = spread.max(axis=1) < FLAT[0] + FLAT[1] * mean.max(axis=1)
@@ -230,8 +230,8 @@ def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:
                 row = np.full(len(patches), -1)
                 row[place] = rows
                 with np.errstate(invalid="ignore"):
-                    usable = np.all((encoded > CLIPPED) & (encoded < 1 - CLIPPED), axis=1)
-                    usable &= ~np.any(raw >= CLIPPED_RAW, axis=1)
+                    usable = np.all((encoded > NEAR_AN_END) & (encoded < 1 - NEAR_AN_END), axis=1)
+                    usable &= ~np.any(raw >= NEAR_AN_END_RAW, axis=1)
                 time = shot.exposure_s[np.isfinite(shot.exposure_s)]
                 log_time = float(np.log(np.median(time))) if len(time) else np.nan
                 group.append(_Exposure(str(name), log_time, encoded, raw, usable, row))

@@ -23,7 +23,8 @@ from lutforge.calibration.matrix_and_response import encoded_residual, fit_matri
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.model.profile import Diagnosis
-from lutforge.samples.sample_set import SampleSet, unclipped_colours
+from lutforge.samples.clipping import unclipped_colours
+from lutforge.samples.sample_set import SampleSet
 
 FAR_BETTER = 2.5
 """A cause must divide the misfit by so much, and lower it by four codes; causes of good sets do not."""

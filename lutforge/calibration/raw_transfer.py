@@ -7,12 +7,12 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 from lutforge.model.raw_transfer import RawTransfer
+from lutforge.samples.clipping import SATURATED
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_samples_out, predict_held_out
 
 LEAST_PAIRS = 12
-CLIPPED = 0.999
-DARK = 0.05
+NOISE_FLOOR = 0.05
 """Colours darker than this share of the brightest count by their absolute error, not by their relative one."""
 
 
@@ -34,7 +34,7 @@ def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Ar
     ]
     first, second = (np.array([pair[side] for pair in rows], dtype=np.intp) for side in (0, 1))
     x, y = source.raw[first], target.raw[second]
-    usable = np.all((x > 0) & (x < CLIPPED) & (y > 0) & (y < CLIPPED), axis=1)
+    usable = np.all((x > 0) & (x < SATURATED) & (y > 0) & (y < SATURATED), axis=1)
     if usable.sum() < LEAST_PAIRS:
         raise CalibrationError(
             f"{int(usable.sum())} colours are common to both cameras, at least {LEAST_PAIRS} are needed: photograph "
@@ -63,7 +63,7 @@ def fit_raw_transfer(source: str, target: str, x: Array, y: Array, neutral: Arra
     if np.linalg.matrix_rank(x, tol=1e-4 * np.linalg.norm(x)) < 3:
         raise CalibrationError("the common colours are all alike: photograph a colour chart with both cameras")
     level = np.linalg.norm(y, axis=1)
-    weight = 1 / np.maximum(level, DARK * level.max())
+    weight = 1 / np.maximum(level, NOISE_FLOOR * level.max())
     matrix = _least_squares(x, y, weight)
     held = predict_held_out(
         leave_samples_out(len(x)), lambda train, test: x[test] @ _least_squares(x[train], y[train], weight[train]).T

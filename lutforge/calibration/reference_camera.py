@@ -39,7 +39,8 @@ from lutforge.calibration.robust_fit import ToneWeights, robust_fit
 from lutforge.calibration.white_balance import estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
-from lutforge.samples.sample_set import SampleSet, unclipped_colours
+from lutforge.samples.clipping import unclipped_colours
+from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.reweighted import reweighted
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
@@ -146,7 +147,7 @@ def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: 
     multiplies by more than its white balance.
     """
     _, first, shot = np.unique(samples.shot, return_index=True, return_inverse=True)
-    of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + TINY / 1000) for k in range(len(first))])
+    of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + 1e-9) for k in range(len(first))])
     style, balance = samples.style[first], setting[first]
     scale = np.array([np.median(of_shot[style == name]) for name in style])
     rest = of_shot - scale
@@ -216,7 +217,7 @@ def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> St
     # shots of a white balance is a part of its Tz; gains that go with the light of the shots are hardly told from a
     # power of f, and shutters do not err so.
     _, of_shot, index = np.unique(samples.shot, return_index=True, return_inverse=True)
-    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 100 * TINY))) / np.bincount(index)
+    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 1e-4))) / np.bincount(index)
     untold = np.vstack([np.unique(place)[:, None] == place[of_shot], light])
     changes = np.asarray(null_space(untold, rcond=TINY)[index])
     fit = JointFit(raw[near], encoded[near], weights, columns, changes[near], srgb_response())

@@ -13,7 +13,8 @@ from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.matrix_and_response import check_tones, starting_beta
 from lutforge.calibration.options import BETA
 from lutforge.calibration.robust_fit import Light, robust_fit
-from lutforge.model.response import Response, log_inverse_emor
+from lutforge.model.emor import log_inverse_emor
+from lutforge.model.response import Response
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 
 WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)

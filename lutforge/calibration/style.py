@@ -21,7 +21,8 @@ from lutforge.errors import CalibrationError
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile import ByDirection, CameraModel
 from lutforge.model.response import smooth_response
-from lutforge.samples.sample_set import SampleSet, unclipped_colours
+from lutforge.samples.clipping import unclipped_colours
+from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_groups_out
 from lutforge.threads import each, one_blas_thread
 

@@ -197,7 +197,9 @@ class CameraProfile(ProfileData):
             return None
         if not style.models:
             raise ProfileError(f"{self.camera}: style {selector.style} holds no camera model; take its lattice")
-        return next((each for each in style.models if selector.white_balance in each.white_balances), style.models[0])
+        return next(
+            (fitted for fitted in style.models if selector.white_balance in fitted.white_balances), style.models[0]
+        )
 
 
 def load_profile(path: str | Path) -> CameraProfile:
@@ -244,19 +246,22 @@ def match(
     words = (source, target)
     source, target = source_camera.selector(source), target_camera.selector(target)
     exposed = raw_to_balanced(source_camera, source, target_camera, target, ev, transfer)
-    other = "" if target_camera is source_camera else f"{target_camera.camera} "
-    title = f"{source_camera.camera} {words[0]} to {other}{words[1]}"
-    kind = "match" if other else "refinish"
+    target_name = "" if target_camera is source_camera else f"{target_camera.camera} "
+    title = f"{source_camera.camera} {words[0]} to {target_name}{words[1]}"
+    kind = "match" if target_name else "refinish"
     purpose = _purpose(kind, title, (source_camera, words[0]), (target_camera, words[1]), ev=ev)
     if ev == 0 and source_camera is target_camera and source.style == target.style:
-        own_models = len(source_camera.styles[source.style].models) > 1  # one for each white balance
+        by_white_balance = len(source_camera.styles[source.style].models) > 1  # one for each white balance
         multipliers = source_camera.multipliers(source), source_camera.multipliers(target)
-        if source == target or (not own_models and np.array_equal(*multipliers)):
+        if source == target or (not by_white_balance and np.array_equal(*multipliers)):
             return Transform((), purpose)
+
     balanced = (*source_camera._linearize(source, "raw", model).stages, *exposed)
     render = target_camera.render_balanced(target, model)
     if not neutral_highlights:
         return Transform((*balanced, *render.stages), purpose)
+
+    # Where the source's picture burns out, the output is grey.
     to_balanced = through_stages(exposed, np.eye(3)).T
     back = MatrixStage(np.diag(source_camera.multipliers(source)) @ np.linalg.inv(to_balanced))
     shown = partial(through_stages, (back, *source_camera.render_balanced(source, model).stages))
@@ -288,10 +293,10 @@ def _purpose(
                 f"held-out {direction} error: mean {255 * errors[f'{direction}_mean']:.2f} codes of 255{shown}"
             )
     light = (source or target or (None,))[0]
-    one, other = ("" if end is None else str(end[1]) for end in (source, target))
+    from_setting, to_setting = ("" if end is None else str(end[1]) for end in (source, target))
     raw = light.raw_space if light is not None and space == "raw" else space
     title += f", {ev:+g} EV" if ev else ""
-    return Purpose(kind, title, space, raw, one, other, tuple(dict.fromkeys(notes)), tuple(comments))
+    return Purpose(kind, title, space, raw, from_setting, to_setting, tuple(dict.fromkeys(notes)), tuple(comments))
 
 
 def raw_to_balanced(

@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array, Mask
 from lutforge.interpolation import interpolate
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.highlights import CLIPPED, clipped
+from lutforge.model.highlights import clipped
 from lutforge.model.lattice import Lattice, grid
 from lutforge.model.profile import CameraModel, PictureStyle
+from lutforge.samples.clipping import HALF_CODE
 
 FARTHEST = 24.0 / 255.0
 """Default limit: distance to the nearest sample, in encoded RGB."""
@@ -46,7 +47,7 @@ def _centres(model: CameraModel) -> Array:
     return model.response.encode(mapped)
 
 
-_AXIS = np.concatenate([[0.0, CLIPPED], np.linspace(2 * CLIPPED, 1.0 - 2 * CLIPPED, 29), [1.0 - CLIPPED, 1.0]])
+_AXIS = np.concatenate([[0.0, HALF_CODE], np.linspace(2 * HALF_CODE, 1.0 - 2 * HALF_CODE, 29), [1.0 - HALF_CODE, 1.0]])
 """Node levels of a lattice of confidences: clipped codes have a layer of their own."""
 
 

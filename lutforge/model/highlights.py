@@ -15,9 +15,7 @@ from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, Mask
 from lutforge.interpolation import apply_curve
-
-CLIPPED = 0.5 / 255.0
-"""An encoded channel this near to 0 or 1 is clipped: half a code of an 8-bit file."""
+from lutforge.samples.clipping import HALF_CODE
 
 WHITE_FROM = 180.0 / 255.0
 """The least channel of a picture above which a colour may be part of burnt-out white.
@@ -44,7 +42,7 @@ STEPS = 4096
 def clipped(encoded: ArrayLike) -> Mask:
     """Return the mask (…,) of encoded colours (…, 3) with a channel at 0 or 255, whose RAW value is unknown."""
     values = np.asarray(encoded)
-    ends: Mask = (values <= CLIPPED) | (values >= 1.0 - CLIPPED)
+    ends: Mask = (values <= HALF_CODE) | (values >= 1.0 - HALF_CODE)
     return np.asarray(ends[..., 0] | ends[..., 1] | ends[..., 2])  # nine times as fast as np.any over so short an axis
 
 

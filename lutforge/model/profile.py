@@ -131,8 +131,8 @@ class PictureStyle:
     @property
     def lattices(self) -> dict[Direction, Lattice]:
         """The lattices that there are, by direction."""
-        both = ByDirection(self.render, self.linearize).items()
-        return {direction: lattice for direction, lattice in both if lattice is not None}
+        sides = ByDirection(self.render, self.linearize).items()
+        return {direction: lattice for direction, lattice in sides if lattice is not None}
 
     def tones(self, linear: Array) -> Array:
         """f at linear values (n,), per channel (n, 3).

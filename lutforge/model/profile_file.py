@@ -258,8 +258,8 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
         balances = tuple(map(str, model["white_balances"]))
         models.append(CameraModel(balances, matrix, response, gamut_map, inverse))
     errors = {str(name): float(value) for name, value in entry["errors"].items()}
-    both = lattices.get("render"), lattices.get("linearize")
-    return PictureStyle(*both, tuple(models), errors, arrays_of["coverage"], arrays_of["expected"])
+    sides = lattices.get("render"), lattices.get("linearize")
+    return PictureStyle(*sides, tuple(models), errors, arrays_of["coverage"], arrays_of["expected"])
 
 
 def _read_document(archive: zipfile.ZipFile, size: int) -> dict[str, Any]:

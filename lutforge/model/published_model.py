@@ -1,7 +1,7 @@
 """Camera models as published by the thesis's authors (National University of Singapore): plain text folders.
 
 A folder holds, for RAW → JPEG (`raw2jpg_*`) and back (`jpg2raw_*`), the matrix Ts and the white balances, the centres
-and images of the gamut map, its coefficients, and the response f⁻¹ at 256 JPEG values. White balances carry the codes
+and images of the gamut map, its coefficients, and the response f⁻¹ at 256 JPEG values. White balances have the codes
 of the EXIF LightSource tag.
 """
 
@@ -61,6 +61,7 @@ def read_published_model(folder: str | Path) -> PublishedModel:
         which = " ".join(within) if within else "a model's folder, which does"
         raise ProfileError(f"{folder}: holds no raw2jpg_transform.txt; give {which}")
     matrix, balances = _read_transform(folder / "raw2jpg_transform.txt")
+
     maps = []
     for direction in ("raw2jpg", "jpg2raw"):
         centres, path = _read_points(folder / f"{direction}_ctrlPoints.txt"), folder / f"{direction}_coefs.txt"
@@ -71,6 +72,7 @@ def read_published_model(folder: str | Path) -> PublishedModel:
     linear, mapped = maps[0].centres, _read_points(folder / "raw2jpg_destPoints.txt")
     if len(mapped) != len(linear):
         raise ProfileError(f"{folder}: {len(linear)} control points but {len(mapped)} destination points")
+
     codes = _read_points(folder / "raw2jpg_respFcns.txt", counted=False)[:256]
     model = CameraModel(tuple(balances), matrix, Response(np.maximum.accumulate(codes, axis=0)), *maps)
     return PublishedModel(model, balances, linear, mapped)
@@ -90,7 +92,7 @@ def import_published(folders: Sequence[str | Path], camera: str = "", style: str
     Raises:
         ProfileError: a folder is none of a model.
     """
-    paths = [path_of(each) for each in (folders if isinstance(folders, Sequence) else [folders])]
+    paths = [path_of(folder) for folder in (folders if isinstance(folders, Sequence) else [folders])]
     if not paths:
         raise ProfileError("no model folder given")
     models = [read_published_model(path) for path in paths]
@@ -140,6 +142,7 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
             f"{profile.camera}, {style}: its gamut map works on a perceptual scale, which the authors' files cannot "
             "hold; calibrate with --preset thesis"
         )
+
     folders = [Path(folder) / (style if len(models) == 1 else f"{style}_{n}") for n in range(1, len(models) + 1)]
     for (model, forward, back), place in zip(sides_of, folders, strict=True):
         known = {name: profile.white_balances[name] for name in model.white_balances}
@@ -148,15 +151,17 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
         others = [name for name, light in lights.items() if list(lights.values()).count(light) > 1]
         if others:
             raise ProfileError(f"white balances {', '.join(others)}: EXIF has one code for them all; export fewer")
+
         transform: list[Sequence[float] | Array] = [[len(known)], *model.matrix]
         for name, balance in known.items():
             transform += [[lights[name]], *(model.matrix * balance.factors), balance.factors]
         codes = np.linspace(0.0, 1.0, 256)[:, None].repeat(3, axis=1)
         response = _text([[256, 0, 0, 0], *model.response.linearize(codes)])
+
         sides = {"raw2jpg": forward, "jpg2raw": back}
         for direction, side in sides.items():
-            other = next(part for name, part in sides.items() if name != direction)
-            images = other.centres if other.centres.shape == side.centres.shape else side(side.centres)
+            opposite = next(part for name, part in sides.items() if name != direction)
+            images = opposite.centres if opposite.centres.shape == side.centres.shape else side(side.centres)
             rows = [*side.coefficients, *side.polynomial]
             for name, text in {
                 "transform": _text(transform),
@@ -196,7 +201,7 @@ def _read_transform(path: Path) -> tuple[Array, dict[str, WhiteBalance]]:
 
 
 def _read_points(path: Path, counted: bool = True) -> Array:
-    """Points (n, 3) behind a first row, which is their count where they are counted."""
+    """Points (n, 3) after a first row, which is their count where they are counted."""
     (first, head), *rows = _rows(path)
     for number, row in rows:
         _require_width(path, number, row, 3)

@@ -45,15 +45,16 @@ class RawTransfer:
         return checked_colours(raw) @ self.matrix.T
 
     def under(self, source: Array, target: Array | None) -> "RawTransfer":
-        """The transfer under another light than that of the fit, whose multipliers (3,) are known for both cameras.
+        """The transfer under another illuminant than that of the fit, of which both multipliers (3,) are given.
 
-        White-balanced colours change little with the light, RAW ones much: the fit is carried over between them.
+        White-balanced colours change little with the illuminant, RAW ones much: the matrix between balanced ones stays.
         """
         if target is None:
             return self
         white = self(self.neutral)
-        before, behind = source * self.neutral, white[1] / white / target
-        return replace(self, matrix=behind[:, None] * self.matrix * before, neutral=self.neutral / before)
+        balance = source * self.neutral
+        unbalance = white[1] / white / target
+        return replace(self, matrix=unbalance[:, None] * self.matrix * balance, neutral=self.neutral / balance)
 
     def save(self, path: str | Path) -> None:
         """Write the transfer (.json), atomically; `load_transfer` reads it."""

@@ -7,7 +7,8 @@ import numpy as np
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.provenance import ReferenceRaw
-from lutforge.samples.sample_set import SampleSet, unclipped_colours
+from lutforge.samples.clipping import unclipped_colours
+from lutforge.samples.sample_set import SampleSet
 
 
 def with_own_raw(profile: CameraProfile, samples: SampleSet) -> SampleSet:

@@ -68,6 +68,7 @@ class Problem:
 
     where: str
     reason: str
+    is_missing_file: bool = False
 
     def __str__(self) -> str:
         """One line."""
@@ -91,7 +92,7 @@ def check_config(config: OCIO.Config) -> list[Problem]:
             if "$" not in source:  # else a context variable names it
                 context.resolveFileLocation(source)
         except OCIO_ERRORS:
-            problems.append(Problem(f"file {source}", f"missing; {where} needs it"))
+            problems.append(Problem(f"file {source}", f"missing; {where} needs it", is_missing_file=True))
     for where, make in _transforms(config):
         pixels = _PIXELS.copy()
         try:

@@ -22,9 +22,9 @@ from lutforge.luts.refinish import steps_of
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import FEW
 from lutforge.model.coverage import uncovered
-from lutforge.model.highlights import CLIPPED
 from lutforge.model.transform import Gain, Transform
 from lutforge.ocio.cameras import Camera, UniqueNames, file_stem
+from lutforge.samples.clipping import HALF_CODE
 from lutforge.settings import Selector
 
 
@@ -164,7 +164,7 @@ def baked(
             def with_burnt_white(x: ArrayLike) -> Array:
                 """Light of encoded colours, with burnt-out white `BEYOND` saturation, as the last half code rises."""
                 least = np.min(np.asarray(x), axis=-1, keepdims=True)
-                burnt = np.clip((least - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
+                burnt = np.clip((least - (1.0 - HALF_CODE)) / HALF_CODE, 0.0, 1.0)
                 light = calibrated(x)
                 return np.asarray(light + burnt * (BEYOND - light))
 

@@ -14,7 +14,7 @@ from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import CalibrationError, SampleError
 from lutforge.evaluation.measured_profile import measured
 from lutforge.model.camera_profile import CameraProfile, as_profile
-from lutforge.model.provenance import Developed
+from lutforge.model.provenance import Pictures
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples, provenance_of
@@ -62,9 +62,9 @@ def calibrate(
         else:
             fitted, data = fit_profile(samples, options, within, base)
         profile = measured(fitted, data, options, part(telling, 0.5, 1.0))
-    if not isinstance(provenance, Developed):
+    if not isinstance(provenance, Pictures):
         return profile
-    # The space of developed pictures is known exactly.
+    # The space of pictures and of a chart's colours is known exactly.
     return replace(profile, matrix=matrix_between(provenance.space, "linear-srgb"), provenance=provenance)
 
 

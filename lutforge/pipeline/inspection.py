@@ -234,12 +234,14 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
         if names:
             lines.append(f"  {title:<9} {len(names)}: {one_line(', '.join(names), 240)}")
     files = file_names(config)
-    problems = [str(problem) for problem in check_config(config)] if with_transforms else []
+    noted = check_config(config) if with_transforms else []
+    problems = [str(problem) for problem in noted]
     if files:
-        missing = [text for text in problems if text.startswith("file ")]
-        found = "all found" if not missing else f"{len(missing)} missing"
-        lines.append(f"  files     {len(files)}, {found}")
-        problems = [*missing, *(text for text in problems if "could not be located" not in text)]
+        missing = [str(problem) for problem in noted if problem.is_missing_file]
+        lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all found'}")
+        # OpenColorIO's own errors name the same files again.
+        further = [str(problem) for problem in noted if not problem.is_missing_file]
+        problems = [*missing, *(text for text in further if "could not be located" not in text)]
     lines += [f"  problem   {one_line(text, 300)}" for text in problems[:20]]
     if len(problems) > 20:
         lines.append(f"  problem   and {len(problems) - 20} others")

@@ -224,8 +224,8 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     """
     pixels = np.asarray(read_image(picture).pixels[..., :3], dtype=np.float32)
     shot = read_shot(raw)
-    samples = extract(shot).samples
-    samples = samples.select(np.char.startswith(samples.patch.astype(np.str_), "tile_"))
+    sampled = extract(shot)
+    samples = sampled.samples.select(np.arange(sampled.patches, sampled.kept))
     developed = read_shot(raw, Development(pixels, "srgb", picture.name), source=shot.jpeg_source)
     orientation = orientation_between(shot.jpeg, developed.jpeg)
     if orientation is None:
@@ -234,8 +234,7 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
         as_the_sensor = upright(pixels, inverse(orientation))
         developed = read_shot(raw, Development(as_the_sensor, "srgb", picture.name), source=shot.jpeg_source)
     cell = cell_size(shot.registration)
-    corners = np.array([name.split("_")[1:] for name in samples.patch], dtype=np.intp).reshape(-1, 2)
-    shown = developed.raw_cells(cell).mean[corners[:, 1] // cell, corners[:, 0] // cell]
+    shown = developed.raw_cells(cell).mean[tuple(sampled.tile_cells.T)]
     inside = np.isfinite(shown).all(axis=1)
     if not inside.any():
         raise ShotError(f"{raw}: no flat tiles to compare")

@@ -16,30 +16,20 @@ import numpy as np
 
 from lutforge.arrays import Array, Pixels
 from lutforge.calibration.bracket import BracketFit, fit_bracket
-from lutforge.calibration.exposure_pairs import CLIPPED, ExposurePairs, pairs_of_bracket, pairs_of_samples
+from lutforge.calibration.exposure_pairs import NEAR_AN_END, ExposurePairs, pairs_of_bracket, pairs_of_samples
 from lutforge.calibration.options import BETA
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
-from lutforge.model import provenance
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, several
 from lutforge.progress import Progress, part, silent
-from lutforge.samples.chart import (
-    RESEMBLANCE,
-    Chart,
-    ChartKind,
-    chart_kind,
-    detector_note,
-    find_chart,
-    parse_corners,
-    patch_codes,
-    resemblance,
-)
+from lutforge.samples.chart import ChartKind, chart_kind, parse_corners
+from lutforge.samples.chart_search import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.metadata import UNKNOWN, read_picture_settings
 
@@ -249,12 +239,12 @@ def write_input_transform(
     usable = np.asarray(np.isfinite(codes).all(axis=2))
     shot, patch = np.nonzero(usable)
     count = len(shot)
-    camera_column, chart = np.full(count, opened.camera), provenance.Chart(kind.name, light, SPACE)
+    camera_column = np.full(count, opened.camera)
     samples = SampleSet(
         camera_column, np.full(count, opened.style), np.full(count, opened.white_balance), np.array(names)[shot],
         np.char.mod("chart_%03d", patch + 1), np.array(times, dtype=np.float64)[shot], raw=np.zeros((count, 3)),
         srgb=codes[usable], wb=np.full((count, 3), np.nan), raw_camera=camera_column,
-        raw_space=np.full(count, SPACE), developer=np.full(count, str(chart)),
+        raw_space=np.full(count, SPACE), chart=np.full(count, kind.name), chart_light=np.full(count, light),
     )  # fmt: skip
     try:
         fit = fit_bracket(pairs_of_samples(samples))
@@ -281,8 +271,7 @@ def write_input_transform(
     profile = calibrate(samples, progress=part(progress, 0.2, 1.0))
     level = dict(zip(names, (scale * true).tolist(), strict=True))
     scale_note = f"1 is the camera's white; white beside the chart has {max(level.values()):.3g} in the brightest shot"
-    notes = (f"of the {chart}: {kind.source}", scale_note, *profile.notes)
-    profile = replace(profile, provenance=chart, notes=notes)
+    profile = replace(profile, notes=(f"of the {profile.provenance}: {kind.source}", scale_note, *profile.notes))
     if output is not None:
         profile.save(output)
     return FittedResponse(profile, fit, dict(zip(names, times, strict=True)), samples, level, charted)
@@ -340,7 +329,7 @@ def _patches(
         )
     # The camera's own white need not be 1. One patch may be the brightest by chance; several that are equally bright
     # follow the exposure no more.
-    near = values > np.nanmax(values, axis=(0, 1)) - CLIPPED
+    near = values > np.nanmax(values, axis=(0, 1)) - NEAR_AN_END
     piled = near & (np.count_nonzero(near, axis=(0, 1)) >= 4)
     values[piled.any(axis=2)] = np.nan
     return values, tuple(files[index].name for index in sorted(places))

@@ -12,7 +12,7 @@ import numpy as np
 
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import CalibrationError, LutForgeError, SampleError, SettingsError, ShotError, in_common
-from lutforge.model.provenance import Developed, OwnRaw, Pictures
+from lutforge.model.provenance import Chart, Developed, OwnRaw, Pictures
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet, concatenate
@@ -152,7 +152,7 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
     files state of both exposures. Raises ShotError where no shot is usable, or it is not clear what belongs together.
     """
     from lutforge.shots.discover import discover, jpegs_of
-    from lutforge.shots.read import read_other_view
+    from lutforge.shots.other_view import read_other_view
 
     files = [file for path in several(pictures) for file in jpegs_of(path)]
     raws = discover([reference])
@@ -230,17 +230,24 @@ def as_samples(samples: SampleSet | Paths) -> SampleSet:
 # --- What samples are of: RAW, or pictures in its place --------------------------------------------------------------
 
 
-def provenance_of(samples: SampleSet) -> OwnRaw | Developed:
-    """What the linear values of samples are: RAW, of whichever camera, or those of developed pictures.
+def provenance_of(samples: SampleSet) -> OwnRaw | Developed | Chart:
+    """What the linear values of samples are: RAW, of whichever camera, developed pictures, or a chart's known colours.
 
     Raises CalibrationError where they are of several kinds.
     """
-    pairs = sorted(set(zip(samples.raw_space.tolist(), samples.developer.tolist(), strict=True)))
-    if len(pairs) > 1:
-        kinds = ", ".join(f"{developer} ({space})" if space else "RAW" for space, developer in pairs[:4])
-        raise CalibrationError(f"the samples are of several kinds: {kinds}; calibrate each by itself")
-    space, developer = pairs[0] if pairs else ("", "")
-    return Developed(developer, space) if space else OwnRaw()
+    columns = (samples.raw_space, samples.developer, samples.chart, samples.chart_light)
+    rows = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
+    kinds = list(dict.fromkeys(_provenance(*row) for row in rows)) or [OwnRaw()]
+    if len(kinds) > 1:
+        names = ", ".join(f"{kind} ({kind.space})" if isinstance(kind, Pictures) else "RAW" for kind in kinds[:4])
+        raise CalibrationError(f"the samples are of several kinds: {names}; calibrate each by itself")
+    return kinds[0]
+
+
+def _provenance(space: str, developer: str, chart: str, light: str) -> OwnRaw | Developed | Chart:
+    if not space:
+        return OwnRaw()
+    return Chart(chart, light, space) if chart else Developed(developer, space)
 
 
 def require_same_provenance(profile: CameraProfile, samples: SampleSet) -> None:

@@ -10,11 +10,11 @@ from lutforge.arrays import Array
 from lutforge.calibration.bracket import BracketFit
 from lutforge.calibration.brightness_transfer import TransferFunction
 from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode, srgb_encode, srgb_to_lab
+from lutforge.model.emor import mean_response
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile import Direction, PictureStyle
-from lutforge.model.response import mean_response
 
 CHANNELS = (("Red", "#d0432f", "solid"), ("Green", "#2f9e63", "dashed"), ("Blue", "#4f83e0", "dotted"))
 """Name, colour and line style of each channel: the style tells them apart where the colours do not."""

@@ -51,9 +51,9 @@ from lutforge.reports.tables import (
     matrix_table,
     more_tables,
 )
+from lutforge.samples.clipping import clipping
 from lutforge.samples.extract import ShotSamples, places_in_picture
 from lutforge.samples.sample_set import SampleSet
-from lutforge.samples.tiles import clipping
 from lutforge.settings import setting_name
 from lutforge.shots.read import read_shot
 from lutforge.thesis.lattice import error_histogram

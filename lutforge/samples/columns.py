@@ -18,7 +18,8 @@ REQUIRED_COLUMNS = (*TEXT_COLUMNS, "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS)
 POSITION_COLUMNS = ("x", "y")
 SHOT_COLUMNS = ("focal_mm", "aperture", "d65_r", "d65_b")
 OPTIONAL_COLUMNS = (
-    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, "raw_camera", "lens", "raw_space", "developer", "dng_camera",
+    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, "raw_camera", "lens", "raw_space", "developer",
+    "chart", "chart_light", "dng_camera",
 )  # fmt: skip
 NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS)
 COLUMNS_OF = {"raw": RAW_COLUMNS, "srgb": SRGB_COLUMNS, "wb": WB_COLUMNS, "position": POSITION_COLUMNS}

@@ -9,17 +9,11 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import srgb_encode
 from lutforge.images.orientation import upright, upright_places
-from lutforge.samples.chart import ChartKind, detector_note, find_chart, sample_chart
+from lutforge.samples.chart import ChartKind
+from lutforge.samples.chart_search import detector_note, find_chart, sample_chart
+from lutforge.samples.clipping import censored, clipping
 from lutforge.samples.sample_set import SampleSet, concatenate
-from lutforge.samples.tiles import (
-    LEVELS,
-    agreement,
-    cell_size,
-    choose_evenly,
-    clipping,
-    flatness,
-    one_sided,
-)
+from lutforge.samples.tiles import LEVELS, agreement, cell_size, choose_evenly, flatness
 from lutforge.shots.read import Shot
 
 FEW_TILES = 100
@@ -51,7 +45,8 @@ class ShotSamples:
 
     tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a line each;
     file_notes: of its files, which many shots share. cells: the shot's means over a coarse grid; places: (n, 2) of the
-    samples in the upright JPEG, x and y as shares of its width and height.
+    samples in the upright JPEG, x and y as shares of its width and height. tile_cells: (tiles, 2) row and column of
+    each tile in the grid of cells; tiles are the last of the samples.
     """
 
     shot: str
@@ -64,6 +59,7 @@ class ShotSamples:
     cells: ShotCells | None = None
     places: Array = field(default_factory=lambda: np.zeros((0, 2)))
     file_notes: tuple[str, ...] = ()
+    tile_cells: NDArray[np.intp] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.intp))
 
     @property
     def kept(self) -> int:
@@ -84,7 +80,9 @@ class ShotSamples:
 def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
     """Sample a shot: flat tiles that cover its colours evenly, and a chart, of `kind` or where tiles are few."""
     tiles = _tiles(shot)
-    notes, clipped, patches = [*filter(None, [shot.lens_note]), *tiles.notes], dict(tiles.clipped), None
+    notes = [*filter(None, [shot.lens_note]), *tiles.notes]
+    clipped = dict(tiles.clipped)
+    patches = None
     if kind is not None or len(tiles.samples) < FEW_TILES:
         missing = detector_note()
         chart = find_chart(shot.jpeg, kind) if missing is None else None
@@ -96,12 +94,14 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
             clips = clipping(jpeg, raw)
             clipped = {reason: clipped[reason] + int(np.count_nonzero(mask)) for reason, mask in clips.items()}
             is_clipped = np.any(list(clips.values()), axis=0)
-            kept = np.flatnonzero(np.isfinite(jpeg.mean + raw.mean).all(axis=-1) & ~is_clipped)
-            names = [f"chart_{index + 1:0{len(str(len(jpeg.mean)))}d}" for index in kept]
-            patches = _sample_set(shot, names, raw.mean[kept], jpeg.mean[kept], chart.patches().mean(axis=1)[kept])
+            rows = np.flatnonzero(np.isfinite(jpeg.mean + raw.mean).all(axis=-1) & ~is_clipped)
+            names = [f"chart_{index + 1:0{len(str(len(jpeg.mean)))}d}" for index in rows]
+            patches = _sample_set(shot, names, raw.mean[rows], jpeg.mean[rows], chart.patches().mean(axis=1)[rows])
+
     samples, places = tiles.samples, tiles.places
     if patches is not None:
-        samples, places = concatenate([patches[0], samples]), np.vstack([patches[1], places])
+        samples = concatenate([patches[0], samples])
+        places = np.vstack([patches[1], places])
     if len(samples) == 0:
         counts = {**clipped, **tiles.rejected}
         advice = ADVICE.get(
@@ -117,13 +117,18 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
 def _tiles(shot: Shot) -> ShotSamples:
     """The flat tiles of a shot, and why its other cells are none."""
     cell = cell_size(shot.registration)
-    raw, jpeg = shot.raw_cells(cell), shot.jpeg_cells(cell)
+    raw = shot.raw_cells(cell)
+    jpeg = shot.jpeg_cells(cell)
+
+    # Usable cells lie on the RAW and clip nowhere; of others, whole channels at an end are censored observations.
     inside: Mask = np.isfinite(raw.mean[..., 0])
     clips = clipping(jpeg, raw)
     is_clipped = np.any(list(clips.values()), axis=0)
     usable = inside & ~is_clipped
-    black, white = one_sided(jpeg, raw)
+    black, white = censored(jpeg, raw)
     at_an_end = inside & np.any(black | white, axis=-1)
+
+    # Flat cells whose RAW and JPEG vary together; limits are relaxed where few are.
     level, roughness = flatness(jpeg, raw, cell, shot.metadata.multipliers, usable, usable | at_an_end)
     agrees = agreement(jpeg, raw)
     is_flat = usable & (level < len(LEVELS) - 1)
@@ -133,6 +138,8 @@ def _tiles(shot: Shot) -> ShotSamples:
         if np.count_nonzero(relaxed) > np.count_nonzero(is_flat & agrees):
             notes.append("few flat tiles: limits relaxed")
             is_flat = usable & (level < len(LEVELS))
+
+    # Tiles that cover the colours evenly, unclipped ones and censored ones each by themselves.
     codes = np.where(white, 255.0, np.where(black, 0.0, jpeg.mean))
     parts = []
     for candidates in (is_flat & agrees, at_an_end & (level < len(LEVELS) - 1) & agrees):
@@ -141,6 +148,7 @@ def _tiles(shot: Shot) -> ShotSamples:
         chosen = choose_evenly(codes[rows, columns], places, level[rows, columns], roughness[rows, columns])
         parts.append((rows[chosen], columns[chosen]))
     rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
+
     rejected = {
         "outside the RAW": int(np.count_nonzero(~inside)),
         "not flat": int(np.count_nonzero(usable & ~is_flat)),
@@ -149,9 +157,11 @@ def _tiles(shot: Shot) -> ShotSamples:
     }
     counted = inside.copy()
     counted[rows, columns] = False
+
     names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
     centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
     samples, places = _sample_set(shot, names, raw.mean[rows, columns], codes[rows, columns], centres)
+
     # The shot in small
     multipliers = np.ones(3) if shot.metadata.multipliers is None else shot.metadata.multipliers
     balanced = np.clip(np.nan_to_num(raw.mean) * multipliers, 0.0, 1.0)
@@ -160,11 +170,12 @@ def _tiles(shot: Shot) -> ShotSamples:
     step = max(1, round(max(height, width) / 500))
     whole = shot.jpeg[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
     picture = np.rint(whole.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
+
     clipped = {reason: int(np.count_nonzero(mask & counted)) for reason, mask in clips.items()}
     return ShotSamples(
         shot.name, samples, len(samples), 0, clipped, rejected, tuple(notes),
         ShotCells(upright(raw8, shot.raw.orientation), upright(picture, shot.raw.orientation)), places,
-        shot.metadata.notes,
+        shot.metadata.notes, np.column_stack([rows, columns]),
     )  # fmt: skip
 
 

@@ -34,10 +34,10 @@ class SampleSet:
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. d65_r,
     d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
-    raw_space, developer: where a program's pictures replace the RAW, the RGB space in which these were encoded, and the
-    program; "" for RAW. dng_camera: the UniqueCameraModel of DNG files, "" of others. The columns from `position` on
-    may be left out; they are unknown then. `from_arrays` fills in more. Raises SampleError where the
-    columns differ in length.
+    raw_space: where the linear values are no RAW, the RGB space in which they were encoded; "" for RAW. developer: the
+    program whose pictures replace the RAW; chart, chart_light: the chart whose known colours do, and its light; "" for
+    all else. dng_camera: the UniqueCameraModel of DNG files, "" of others. The columns from `position` on may be left
+    out; they are unknown then. `from_arrays` fills in more. Raises SampleError where the columns differ in length.
     """
 
     camera: Text
@@ -58,11 +58,14 @@ class SampleSet:
     d65_b: Array = field(default_factory=lambda: np.zeros(0))
     raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    chart: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    chart_light: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     dng_camera: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
     def __post_init__(self) -> None:
         count = len(self.camera)
-        for name in ("position", *SHOT_COLUMNS, "lens", "raw_space", "developer", "dng_camera"):
+        texts = ("lens", "raw_space", "developer", "chart", "chart_light", "dng_camera")
+        for name in ("position", *SHOT_COLUMNS, *texts):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
                 unknown = np.nan if column.dtype.kind == "f" else ""
@@ -162,7 +165,8 @@ class SampleSet:
     @property
     def is_own_raw(self) -> bool:
         """True where nothing replaces the camera's own RAW."""
-        return bool(np.all(self.raw_camera == self.camera) and np.all(self.developer == ""))
+        replaced = (self.raw_camera != self.camera) | (self.developer != "") | (self.chart != "")
+        return not np.any(replaced)
 
     def select(self, rows: Mask | NDArray[np.intp]) -> "SampleSet":
         """The rows of a mask or an index array."""
@@ -200,10 +204,3 @@ def concatenate(sets: Iterable[SampleSet]) -> SampleSet:
         raise SampleError("samples: none given")
     names = [column.name for column in fields(SampleSet)]
     return SampleSet(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
-def unclipped_colours(encoded: Array, raw: Array) -> Mask:
-    """Mask (n,) of colours encoded (n, 3) half a code inside 0 … 1, of raw (n, 3) neither black nor saturated."""
-    half_code = 0.5 / 255.0
-    inside = (encoded >= half_code) & (encoded <= 1.0 - half_code) & (raw > 0.0) & (raw < 0.999)
-    return np.asarray(np.all(inside, axis=1))

@@ -17,9 +17,9 @@ from lutforge.samples.table_file import read_columns
 def read_samples(path: str | Path) -> SampleSet:
     """Read a sample table, .csv or .npz (one array a column).
 
-    Columns may stand in any order, unknown ones are ignored. Optional are `wb_*`, `raw_camera`, `x` and `y`, `lens`,
-    `focal_mm`, `aperture`, `raw_space`, `developer`, `dng_camera`; an empty cell of these, or of the exposure,
-    means unknown.
+    Columns may be in any order, unknown ones are ignored. Optional are `wb_*`, `raw_camera`, `x` and `y`, `lens`,
+    `focal_mm`, `aperture`, `raw_space`, `developer`, `chart`, `chart_light`, `dng_camera`; an empty cell of these, or
+    of the exposure, means unknown.
 
     Args:
         path: of the table. RAW lies in [-0.05, 1], sRGB in [0, 1]; multipliers are scaled to green = 1.

@@ -1,7 +1,7 @@
-"""Flat tiles of any scene: cells where the JPEG's mean says what the camera makes of the RAW's mean.
+"""Flat tiles of any scene: cells where the JPEG's mean is the rendering of the RAW's mean.
 
 A mean of encoded values is the encoding of the mean only where the scene is flat, and the camera's sharpening and the
-JPEG's chroma subsampling (blocks of up to 16 pixels) carry colour over from around. So RAW and JPEG must be flat in the
+JPEG's chroma subsampling (blocks of up to 16 pixels) bring colour in from around. So RAW and JPEG must be flat in the
 cell itself and nearly so in the eight cells around it. What is judged is structure: variance less the noise that the
 picture shows in its flattest cells, so that a high ISO does not hide a flat wall.
 """
@@ -20,7 +20,7 @@ LEVELS = ((3, 0.06, 12), (6, 0.12, 24), (9, 0.2, 40))
 
 First the standard deviation of the JPEG in the cell, in codes. Then that of RAW, relative to the mean: the bias of the
 mean through the curvature of a 1/2.2 power is 0.12 times its square. Last the difference to a cell around, in codes, of
-which sharpening and chroma bleeding carry some 5 % into the cell.
+which sharpening and chroma bleeding bring some 5 % into the cell.
 """
 
 
@@ -51,24 +51,32 @@ def flatness(
     level = np.full(usable.shape, len(LEVELS), dtype=np.intp)
     if not usable.any():
         return level, np.full(usable.shape, np.inf)
+
+    # Structure of RAW, relative to the mean, and of the JPEG, in codes: both less their noise.
     mean = np.maximum(np.nan_to_num(raw.mean), 1e-6)
     raw_std = np.nan_to_num(raw.std)
     raw_noise = np.minimum(_noise(mean, raw_std, usable, photons=True), (0.25 * mean) ** 2)
     raw_structure = greatest(_structure(raw_std, raw_noise) / mean)
-    # The JPEG's noise is believed up to 5 codes, or what a power of 1/2.2 makes of the RAW's, which white balance,
+
+    # The JPEG's noise is believed up to 5 codes, or the RAW's through a power of 1/2.2, which white balance,
     # colour matrix and demosaicking may double. More of it is texture.
     explained = 2 / 2.2 * jpeg.mean * greatest(np.sqrt(raw_noise) / mean)[..., None]
     jpeg_noise = np.minimum(_noise(jpeg.mean, jpeg.std, usable, photons=False), np.maximum(5, explained) ** 2)
     jpeg_structure = greatest(_structure(jpeg.std, jpeg_noise))
+
     if multipliers is None:
         multipliers = mean[usable].mean() / mean[usable].mean(axis=0)
+
     # RAW on the scale of codes: cell means brought to the brightness of the JPEG's by one gain.
     encoded = np.power(mean * multipliers, 1 / 2.2)
     encoded *= jpeg.mean[usable].mean() / encoded[usable].mean()
+
     # Neighbours' means differ by their noise, too: four standard deviations of a difference, where those of the means
     # are twice what they were if pixels were independent.
     unsure = 4 * math.sqrt(2) * 2 * np.sqrt(_SPREAD * greatest(jpeg_noise) / cell**2)
     step = np.sqrt(np.maximum(0, np.maximum(_step(jpeg.mean), _step(encoded)) ** 2 - unsure**2))
+
+    # The strictest of LEVELS that all three meet, with a cell around that is nearly as flat.
     around = _over_neighbours(np.maximum, jpeg_structure)
     structure = np.stack([jpeg_structure, raw_structure, step], axis=-1)
     for index in reversed(range(len(LEVELS))):
@@ -78,7 +86,7 @@ def flatness(
 
 
 def agreement(jpeg: CellStatistics, raw: CellStatistics) -> Mask:
-    """(hc, wc): whether JPEG and RAW vary alike over each cell and the eight around.
+    """(hc, wc): whether JPEG and RAW vary together over each cell and the eight around.
 
     Judged in the channel that varies most in the JPEG, where it varies by more than noise does (3 codes); where they do
     not correlate by 0.3, the JPEG shows something else: corrected distortion, a retouched or printed-in mark.
@@ -86,13 +94,14 @@ def agreement(jpeg: CellStatistics, raw: CellStatistics) -> Mask:
     ours, theirs = jpeg.mean, np.nan_to_num(raw.mean)
     our_mean, their_mean = (_over_neighbours(np.add, values) / 9 for values in (ours, theirs))
     norm, their_norm, product = (
-        _over_neighbours(np.add, one * other) - 9 * mean * other_mean
-        for one, other, mean, other_mean in (
+        _over_neighbours(np.add, first * second) - 9 * mean * second_mean
+        for first, second, mean, second_mean in (
             (ours, ours, our_mean, our_mean),
             (theirs, theirs, their_mean, their_mean),
             (ours, theirs, our_mean, their_mean),
         )
     )
+
     correlation = product / np.sqrt(np.maximum(norm * their_norm, 1e-24))
     strongest = norm.argmax(axis=-1)[..., None]
     varies = np.take_along_axis(norm, strongest, axis=-1)[..., 0] > (3 * 3) ** 2
@@ -113,7 +122,7 @@ def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
     """The variance of noise against brightness: its 10th percentile over the usable cells of like mean.
 
     A picture's flattest tenth shows its noise. photons: it has variance a + b·x, which never falls with x, while
-    variance / x never rises; so one flat group tells the others, whose flattest tenth may be textured.
+    variance / x never rises; so one flat group limits the others, whose flattest tenth may be textured.
     """
     result = np.empty_like(std)
     for channel in range(3):
@@ -153,20 +162,24 @@ def choose_evenly(codes: Array, places: Array, level: NDArray[np.intp], roughnes
     """Indices, ascending, of the tiles to keep: so many a colour, flat ones from all parts of the picture.
 
     So a sky does not outweigh a flower, nor the middle the corners, where a lens gives less light. codes: (n, 3) JPEG
-    0–255; places: (n, 2) in the picture, −1 … 1; level: (n,) 0 = strictly flat, higher = relaxed; roughness: (n,). In
-    each colour bin of 16 codes a side, in which encoded values are roughly even to the eye, PER_BIN are kept: enough to
-    average their noise away. They are the flattest of each part of the picture in turn, of six by six parts. Relaxed
-    ones only fill up bins of fewer than PER_BIN_RELAXED. The cap per bin is lowered until the shot keeps at most
-    PER_SHOT. Deterministic: ties go by position.
+    0–255; places: (n, 2) in the picture, −1 … 1; level: (n,) 0 = strictly flat, higher = relaxed; roughness: (n,).
+
+    In each colour bin of 16 codes a side, in which encoded values are roughly perceptually uniform, PER_BIN are kept:
+    enough to average their noise away. They are the flattest of each part of the picture in turn, of six by six parts.
+    Relaxed ones only fill up bins of fewer than PER_BIN_RELAXED. The cap per bin is lowered until the shot keeps at
+    most PER_SHOT. Deterministic: ties go by position.
     """
     cells = np.clip(codes // 16, 0, 15).astype(np.intp)
     keys = (cells[:, 0] * 256 + cells[:, 1]) * 256 + cells[:, 2]
     parts = np.clip(3.0 * (places + 1.0), 0, 5).astype(np.intp)
     here = 36 * keys + 6 * parts[:, 0] + parts[:, 1]
+
+    # The flattest of each part in turn, in each bin.
     turn = _ranks(np.lexsort((roughness, level, here)), here)
     order = np.lexsort((roughness, turn, level, keys))
     rank = _ranks(order, keys)[order]
     candidates = (level[order] == 0) | (rank < PER_BIN_RELAXED)
+
     cap = PER_BIN
     while cap > 1 and np.count_nonzero(candidates & (rank < cap)) > PER_SHOT:
         cap -= 1
@@ -181,35 +194,3 @@ def _ranks(order: NDArray[np.intp], keys: NDArray[np.intp]) -> NDArray[np.intp]:
     ranked, rank = keys[order], np.empty_like(order)
     rank[order] = np.arange(len(order)) - np.searchsorted(ranked, ranked, side="left")
     return rank
-
-
-# --- Clipping: beyond these limits a JPEG or RAW pixel no longer tells what the scene was -----------------------------
-
-
-def clipping(jpeg: CellStatistics, raw: CellStatistics) -> dict[str, Mask]:
-    """Masks (…) of areas with clipped channels, each under its first reason."""
-    clips = {
-        # JPEG compression moves a clipped pixel by a code.
-        "JPEG white": jpeg.maximum >= 254,
-        "JPEG black": jpeg.minimum <= 1,
-        # Sensors bend below their ceiling. Decoders cut noise below black at 0, so that a mean is too bright there.
-        "RAW saturated": raw.maximum >= 0.98,
-        "RAW black": raw.minimum <= 0,
-    }
-    masks: dict[str, Mask] = {}
-    for reason, channels in clips.items():
-        masks[reason] = np.any(channels, axis=-1) & ~np.any(list(masks.values()), axis=0)
-    return masks
-
-
-def one_sided(jpeg: CellStatistics, raw: CellStatistics) -> tuple[Mask, Mask]:
-    """Masks (…, 3) of channels that are all black, or all white, in the JPEG, in areas where that is all that clips.
-
-    Their RAW is whole, and at least one channel of the JPEG is: such an area tells that the rendering of its light lies
-    at that end or beyond.
-    """
-    black, white = jpeg.maximum <= 1, jpeg.minimum >= 254
-    whole = (jpeg.minimum > 1) & (jpeg.maximum < 254)
-    of_raw = (raw.minimum > 0) & (raw.maximum < 0.98)
-    told = np.all((black | white | whole) & of_raw, axis=-1) & np.any(black | white, axis=-1) & np.any(whole, axis=-1)
-    return black & told[..., None], white & told[..., None]

@@ -10,7 +10,7 @@ from lutforge.arrays import Array, Codes, Pixels, Single
 from lutforge.compiled import REASSOCIATED, compiled
 
 Number = TypeVar("Number", Array, Single)
-REACH = 2.4
+NOISE_REACH = 2.4
 """How far, in standard deviations, noise is taken to reach: 64 pixels of it do on average. Where no more than these
 0.8 % are clipped, the mean moves by less than 0.003 standard deviations."""
 
@@ -20,7 +20,7 @@ class CellStatistics:
     """Statistics over the cells of a grid on a picture, each (H, W, 3) float64; NaN where the picture has no pixels.
 
     Each pixel weighs by as much of it as the cell covers, exactly. minimum and maximum are over every pixel that the
-    cell touches, but no further from the mean than REACH standard deviations.
+    cell touches, but no further from the mean than NOISE_REACH standard deviations.
     """
 
     mean: Array
@@ -36,17 +36,17 @@ class CellStatistics:
         its cell's mean (hot pixels, dust) is replaced by that mean, up to three times. A cell of which that would be
         more than a sixteenth stays as it is: it shows something.
         """
-        found = np.zeros((4, len(rows) - 1, len(columns) - 1, 3))
-        if found.size:
-            _statistics_under(image, rows, columns, found)
+        statistics = np.zeros((4, len(rows) - 1, len(columns) - 1, 3))
+        if statistics.size:
+            _statistics_under(image, rows, columns, statistics)
         if image.dtype == np.uint16:
-            found /= 257.0
-        mean, std, low, high = found
-        low[:], high[:] = np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std)
+            statistics /= 257.0
+        mean, std, low, high = statistics
+        low[:], high[:] = np.maximum(low, mean - NOISE_REACH * std), np.minimum(high, mean + NOISE_REACH * std)
         sides = zip((rows, columns), image.shape[:2], strict=True)
         covered = [(edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9) for edges, size in sides]
-        found[:, ~np.outer(*covered)] = np.nan
-        return cls(*found)
+        statistics[:, ~np.outer(*covered)] = np.nan
+        return cls(*statistics)
 
 
 def greatest(values: Number) -> Number:
@@ -63,7 +63,9 @@ def _touched(edges: Array, cell: int, size: int) -> tuple[int, int]:
 
 
 @compiled(fastmath=REASSOCIATED)
-def _statistics_under(image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, found: Array) -> None:
+def _statistics_under(
+    image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, statistics: Array
+) -> None:
     """Fill mean, standard deviation, least and greatest value, (4, H, W, 3)."""
     height, width = image.shape[:2]
     begin, end = _touched(columns, 0, width)[0], _touched(columns, len(columns) - 2, width)[1]
@@ -84,14 +86,15 @@ def _statistics_under(image: Pixels | Codes | NDArray[np.uint16], rows: Array, c
                 area = tall * wide
                 if area <= 0.0:
                     continue
+
                 mean /= area
                 std = np.sqrt(max(0.0, squares / area - mean * mean))
-                own = found[:, i, j, channel]
-                own[0], own[1], own[2], own[3] = mean, std, least, greatest
+                of_cell = statistics[:, i, j, channel]
+                of_cell[0], of_cell[1], of_cell[2], of_cell[3] = mean, std, least, greatest
                 if max(greatest - mean, mean - least) > 4 * std + 1e-9:
                     _without_outliers(
                         image[first:last, left:right, channel], rows[i] - first, rows[i + 1] - first,
-                        columns[j] - left, columns[j + 1] - left, own,
+                        columns[j] - left, columns[j + 1] - left, of_cell,
                     )  # fmt: skip
 
 
@@ -126,7 +129,7 @@ def _without_outliers(
     bottom: float,
     left: float,
     right: float,
-    found: Array,
+    statistics: Array,
 ) -> None:
     """Fill the statistics (4,) of one channel of a cell, (h, w), between these borders, without its outliers."""
     values, areas, marks = np.empty(cell.size), np.empty(cell.size), np.zeros(cell.size, np.uint8)
@@ -137,8 +140,9 @@ def _without_outliers(
             values[at], areas[at] = cell[y, x], tall * (min(right, x + 1.0) - max(left, float(x)))
             whole += areas[at]
             at += 1
+
     for _ in range(3):
-        centre, limit = found[0], 4 * found[1] + 1e-9
+        centre, limit = statistics[0], 4 * statistics[1] + 1e-9
         doubtful, far = 0.0, False
         for at in range(len(values)):
             if abs(values[at] - centre) > limit:
@@ -153,6 +157,7 @@ def _without_outliers(
                 values[at], marks[at] = centre, replaced
             mean += areas[at] * values[at]
             squares += areas[at] * values[at] * values[at]
+
         mean /= whole
-        found[0], found[1] = mean, np.sqrt(max(0.0, squares / whole - mean * mean))
-        found[2], found[3] = values.min(), values.max()
+        statistics[0], statistics[1] = mean, np.sqrt(max(0.0, squares / whole - mean * mean))
+        statistics[2], statistics[3] = values.min(), values.max()

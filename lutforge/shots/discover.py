@@ -30,7 +30,7 @@ def discover(paths: Iterable[Path | str]) -> list[Path]:
     A JPEG that belongs to a RAW file beside it is left out; any other file named is kept, whatever its
     suffix: reading it decides. Raises ShotError: no such file or folder, or a folder without RAW files.
     """
-    found: dict[Path, Path] = {}
+    by_place: dict[Path, Path] = {}
     for path in map(Path, paths):
         if not path.exists():
             raise ShotError(f"{path}: no such file or folder")
@@ -45,20 +45,20 @@ def discover(paths: Iterable[Path | str]) -> list[Path]:
                 raise ShotError(f"{path}: the folder holds no RAW files")
         for file in files:
             if file.suffix.lower() not in (*JPEG_SUFFIXES, *HEIF_SUFFIXES) or raw_beside(file) is None:
-                found.setdefault(file.resolve(), file)
-    if not found:
+                by_place.setdefault(file.resolve(), file)
+    if not by_place:
         raise ShotError("no RAW files: name RAW files, or folders that hold some")
-    return list(found.values())
+    return list(by_place.values())
 
 
 def jpegs_of(path: Path) -> list[Path]:
     """A JPEG itself, or those of a folder by name. Raises ShotError where there is none."""
     if not path.is_dir():
         return [path]
-    found = sorted(file for file in path.iterdir() if file.suffix.lower() in JPEG_SUFFIXES and file.is_file())
-    if not found:
+    pictures = sorted(file for file in path.iterdir() if file.suffix.lower() in JPEG_SUFFIXES and file.is_file())
+    if not pictures:
         raise ShotError(f"{path}: the folder holds no JPEGs")
-    return found
+    return pictures
 
 
 def jpeg_beside(raw: Path) -> Path | None:

@@ -84,7 +84,7 @@ class Registration:
     def shifts(self, places: Array, count: int) -> Array:
         """How far places (n, 2) of the JPEG move by a unit of each parameter of `moved`, (n, 2, count)."""
         here, small = self.on_raw(places), 1e-3
-        (a, c), (b, d) = ((self.on_raw(places + small * one) - here).T / small for one in np.eye(2))
+        (a, c), (b, d) = ((self.on_raw(places + small * unit) - here).T / small for unit in np.eye(2))
         inverse = np.stack([d, -b, -c, a], axis=-1).reshape(-1, 2, 2) / (a * d - b * c)[:, None, None]
         steps = small * np.array([1e-3, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])[:count]
         changes = [(self.moved(step).on_raw(places) - here) / step.sum() for step in np.diag(steps)]
@@ -126,13 +126,13 @@ def _straighten(pixels: Pixels, start: Array, powers: Array, larger: Array, stra
                 down, right = start[3] + factor * larger[channel] * y, start[2] + factor * larger[channel] * x
                 if not (0 <= down < height and 0 <= right < width):
                     continue
-                own = pixels[int(down), int(right), channel]
-                if 0.0 < own < 1.0:
+                value = pixels[int(down), int(right), channel]
+                if 0.0 < value < 1.0:
                     down, right = min(max(down - 0.5, 0.0), height - 1.0), min(max(right - 0.5, 0.0), width - 1.0)
                     row, column = min(int(down), height - 2), min(int(right), width - 2)
                     down, right = np.float32(down - row), np.float32(right - column)
                     a, b = pixels[row, column, channel], pixels[row, column + 1, channel]
                     c, d = pixels[row + 1, column, channel], pixels[row + 1, column + 1, channel]
                     above = a + right * (b - a)
-                    own = above + down * (c + right * (d - c) - above)
-                straight[i, j, channel] = own
+                    value = above + down * (c + right * (d - c) - above)
+                straight[i, j, channel] = value

@@ -1,17 +1,15 @@
 """Picture style, white balance with its multipliers, and scene-dependent processing, out of each maker's tags.
 
-The tags' meaning stands in data/settings.json: a new maker is a few rows there. Names are lower-case words.
+The tags' meaning is in data/settings.json: a new maker is a few rows there. Names are lower-case words.
 """
 
 import re
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
-from lutforge.arrays import Array
 from lutforge.settings import StyleName
-from lutforge.shots.tags import MAKE, MAKER_NOTE, SOFTWARE, TOOLS, Tags, Value, key_of, maker_table
+from lutforge.shots.maker_multipliers import kelvin_of
+from lutforge.shots.tags import MAKE, MAKER_NOTE, SOFTWARE, TOOLS, Tags, Value, element, key_of, maker_table
 
 _NO_STYLE = ("", "none", "n/a", "unknown", "unset", "auto ", "off", "color", "normal ")
 _EDITORS = re.compile(
@@ -31,12 +29,12 @@ def style_of(tags: Tags) -> StyleName | None:
     adjusted = dict(_adjustments(tags, name is not None))
     if name is None:
         # Makers' own adjustments, of cameras that had no styles yet, or EXIF's, mean that the style is the only one.
-        own = any(key in tags for key in (("CanonCs", 14), ("Nikon", 0x0081), ("Fujifilm", 0x1003)))
+        of_maker = any(key in tags for key in (("CanonCs", 14), ("Nikon", 0x0081), ("Fujifilm", 0x1003)))
         # EXIF's saturation repeats a maker's style coarsely. It is not all that there is where a maker's note is of a
         # kind that is not read here, nor where a program dropped it.
         read = any(group not in ("Image", "Photo", "Iop") for group, _ in tags)
         unread = MAKER_NOTE in tags or str(tags.get(MAKE, "")).lower().startswith(_NAMING_MAKES)
-        if not own and (("Photo", 0xA409) not in tags or (unread and not read)):
+        if not of_maker and (("Photo", 0xA409) not in tags or (unread and not read)):
             return None
         name = "standard"
     if name in ("standard", "custom") and str(tags.get(("Nikon", 0x008D), "")).lower().startswith("mode3"):
@@ -63,8 +61,8 @@ def white_balance_of(tags: Tags) -> str | None:
 
 def in_adobe_rgb(tags: Tags) -> bool:
     """True where the camera stored its picture in Adobe RGB."""
-    found = ((tags.get(key_of(text)), adobe) for text, adobe in _table("adobe_rgb").items())
-    return any((value if isinstance(value, str) else _element(value, 0)) == adobe for value, adobe in found)
+    stated = ((tags.get(key_of(text)), adobe) for text, adobe in _table("adobe_rgb").items())
+    return any((value if isinstance(value, str) else element(value, 0)) == adobe for value, adobe in stated)
 
 
 def notes_of(tags: Tags) -> Iterator[str]:
@@ -73,7 +71,7 @@ def notes_of(tags: Tags) -> Iterator[str]:
         yield "the JPEG is Adobe RGB, not sRGB: a style of its own, whose linear light is off; set the camera to sRGB"
     depends = "was on: the rendering depends on the scene, which the calibration does not model"
     for text, row in _table("scene_dependent").items():
-        code = _element(tags.get(key_of(text)), row["element"])
+        code = element(tags.get(key_of(text)), row["element"])
         if code is not None and (code in row["on"] if "on" in row else code not in row["off"]):
             yield f"{row['name']} {depends}"
     if str(tags.get(("Nikon", 0x0081), "")).strip().lower() == "auto" and ("NikonPc", 4) not in tags:
@@ -96,14 +94,14 @@ def _table(name: str) -> Any:
 
 def _named_style(tags: Tags) -> str | None:
     for text in _table("style_texts"):
-        said = tags.get(key_of(text))
-        if isinstance(said, str):
-            name = " ".join(said.lower().split())
+        stated_text = tags.get(key_of(text))
+        if isinstance(stated_text, str):
+            name = " ".join(stated_text.lower().split())
             if name not in _NO_STYLE:
                 return {"normal": "standard", "sd": "standard"}.get(name, name)
     for table in ("effects", "styles"):
         for text, names in _table(table).items():
-            code = _element(tags.get(key_of(text)), 0)
+            code = element(tags.get(key_of(text)), 0)
             if code is not None and hex(code) in names:
                 return str(names[hex(code)])
     profile = tags.get(("Image", 0xC6F8))  # DNG's ProfileName: cameras that write DNG name the style here
@@ -114,52 +112,48 @@ def _named_style(tags: Tags) -> str | None:
 
 def _adjustments(tags: Tags, style_is_named: bool) -> Iterator[tuple[str, float]]:
     """What was adjusted, by how many steps of the menu, nine at most. Sharpness changes no flat colour: left out."""
-    for text, (what, unit) in _table("signed_adjustments").items():
+    for text, (part, unit) in _table("signed_adjustments").items():
         number = next(iter(_signed(tags.get(key_of(text)))), 0)
         if number and abs(number / unit) <= 9:
-            yield what, number / unit
-    steps = _element(tags.get(("NikonPc", 0)), 0) or 1
-    for text, what in _table("nikon_picture_control").items():
-        code = _element(tags.get(key_of(text)), 0)
+            yield part, number / unit
+    steps = element(tags.get(("NikonPc", 0)), 0) or 1
+    for text, part in _table("nikon_picture_control").items():
+        code = element(tags.get(key_of(text)), 0)
         if code is not None and code != 0x80 and abs(code - 0x80) <= 9 * steps:
-            yield what, (code - 0x80) / steps
-    for text, (what, words) in _table("worded_adjustments").items():
-        said = tags.get(key_of(text))
-        if isinstance(said, str) and said.strip().lower() in words:
-            yield what, words[said.strip().lower()]
-    own = style_is_named or ("CanonCs", 14) in tags
-    coded = _table("coded_adjustments") if own else _table("coded_adjustments") | _table("general_adjustments")
-    for text, (what, codes) in coded.items():
-        code = _element(tags.get(key_of(text)), 0)
+            yield part, (code - 0x80) / steps
+    for text, (part, words) in _table("worded_adjustments").items():
+        stated_text = tags.get(key_of(text))
+        if isinstance(stated_text, str) and stated_text.strip().lower() in words:
+            yield part, words[stated_text.strip().lower()]
+    of_maker = style_is_named or ("CanonCs", 14) in tags
+    coded = _table("coded_adjustments") if of_maker else _table("coded_adjustments") | _table("general_adjustments")
+    for text, (part, codes) in coded.items():
+        code = element(tags.get(key_of(text)), 0)
         if code is not None and hex(code) in codes:
-            yield what, codes[hex(code)]
+            yield part, codes[hex(code)]
 
 
 def _white_balance_word(tags: Tags) -> str | None:
-    said = tags.get(("Nikon", 0x0005), tags.get(("Sigma", 0x0007)))
-    if isinstance(said, str) and said.strip():
+    stated_text = tags.get(("Nikon", 0x0005), tags.get(("Sigma", 0x0007)))
+    if isinstance(stated_text, str) and stated_text.strip():
         known = maker_table("settings")["white_balance_words"]["words"]
-        words = said.lower()
+        words = stated_text.lower()
         return next((name for part, name in known.items() if part in words), re.sub(r"[^a-z0-9]+", " ", words).strip())
-    automatic = _element(tags.get(("Photo", 0xA403)), 0) == 0
+    automatic = element(tags.get(("Photo", 0xA403)), 0) == 0
     for text, names in _table("white_balances").items():
         if automatic and key_of(text) == ("Photo", 0x9208):
             continue  # the light that the camera found, not a setting
-        code = _element(tags.get(key_of(text)), 0)
+        code = element(tags.get(key_of(text)), 0)
         if code is not None and (name := names.get(hex(code & 0xFFFF))) and name != "unknown":
             return str(name)
     return _described(tags, "WhiteBalance")
 
 
-def _described(tags: Tags, what: str) -> str | None:
+def _described(tags: Tags, part: str) -> str | None:
     """A setting out of a description such as "PictureStyle=vivid; WhiteBalance=daylight" (the simulated camera's)."""
     text = tags.get(("Image", 0x010E))
-    found = re.search(rf"\b{what}=([^;=]+)", text) if isinstance(text, str) else None
-    return found[1].strip().lower() if found else None
-
-
-def _element(value: Value | None, index: int) -> int | None:
-    return value[index] if isinstance(value, tuple) and len(value) > index else None
+    stated = re.search(rf"\b{part}=([^;=]+)", text) if isinstance(text, str) else None
+    return stated[1].strip().lower() if stated else None
 
 
 def _signed(value: Value | None) -> list[int]:
@@ -167,62 +161,3 @@ def _signed(value: Value | None) -> list[int]:
     numbers = value if isinstance(value, tuple) else ()
     spans = [next((1 << bits for bits in (16, 32) if 1 << bits - 1 <= n < 1 << bits), 0) for n in numbers]
     return [n - span for n, span in zip(numbers, spans, strict=True)]
-
-
-# --- As-shot multipliers, where a finished picture carries them ------------------------------------------------------
-# Layouts: exiftool.org/TagNames, exiv2.org/tags.html; Canon's ColorData by its length, in data/settings.json.
-
-
-def multipliers_of(tags: Tags) -> Array | None:
-    """As-shot multipliers (3,) with green = 1; None where no tag tells them, or tells what no camera sets."""
-    for levels in _levels(tags):
-        red, green, blue = levels
-        if min(levels) > 0 and 0.05 < red / green < 20 and 0.05 < blue / green < 20 and not red == green == blue:
-            return np.array([red / green, 1.0, blue / green])
-    return None
-
-
-def kelvin_of(tags: Tags) -> float | None:
-    """The temperature of a white balance that was set as one; None where no tag tells it."""
-    for text in maker_table("settings")["kelvin"]["tags"]:
-        kelvin = _element(tags.get(key_of(text)), 0)
-        if kelvin is not None and 1500 <= kelvin <= 25000:
-            return float(kelvin)
-    return None
-
-
-def _levels(tags: Tags) -> Iterator[tuple[float, float, float]]:
-    """The red, green and blue levels that each maker's tags tell."""
-
-    def numbers(group: str, tag: int) -> tuple[int, ...]:
-        value = tags.get((group, tag))
-        return value if isinstance(value, tuple) else ()
-
-    def ratios(group: str, tag: int) -> list[float]:
-        parts = numbers(group, tag)
-        return [a / b for a, b in zip(parts[::2], parts[1::2], strict=False) if b]
-
-    neutral = ratios("Image", 0xC628)  # DNG's AsShotNeutral
-    if len(neutral) == 3 and min(neutral) > 0:
-        yield 1 / neutral[0], 1 / neutral[1], 1 / neutral[2]
-    words = numbers("Canon", 0x4001)
-    start = maker_table("settings")["canon_as_shot"]["starts"].get(str(len(words)))
-    if start is not None:
-        red, green, green2, blue = words[start : start + 4]
-        if abs(green - green2) <= 0.1 * green:
-            yield red, (green + green2) / 2, blue
-    nikon = ratios("Nikon", 0x000C)  # red, blue, green, green
-    if len(nikon) >= 2:
-        yield nikon[0], (nikon[2] if len(nikon) > 2 else 1.0) or 1.0, nikon[1]
-    pentax = numbers("Pentax", 0x0201)
-    if len(pentax) == 4:
-        yield pentax[0], (pentax[1] + pentax[2]) / 2, pentax[3]
-    olympus = numbers("OlympusIp", 0x0100)
-    older = numbers("Olympus", 0x1017)[:1] + numbers("Olympus", 0x1018)[:1]
-    if len(olympus) >= 2 or len(older) == 2:
-        red, blue = (olympus if len(olympus) >= 2 else older)[:2]
-        yield red, 256.0, blue
-    for group, first in (("Panasonic", 0x8004), ("Image", 0x0024)):  # maker note; RW2's own directory
-        channels = [numbers(group, first + step)[:1] for step in range(3)]
-        if all(channels):
-            yield channels[0][0], channels[1][0], channels[2][0]

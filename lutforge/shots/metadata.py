@@ -16,7 +16,8 @@ from lutforge.images.raw import RawImage, read_multipliers
 from lutforge.images.read import ImageReader
 from lutforge.settings import Multipliers, parse_selector, setting_name
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
-from lutforge.shots.maker_settings import edited_notes, multipliers_of, notes_of, style_of, white_balance_of
+from lutforge.shots.maker_multipliers import multipliers_of
+from lutforge.shots.maker_settings import edited_notes, notes_of, style_of, white_balance_of
 from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Tags, tags, tags_of
 
 UNKNOWN, LUTFORGE = "unknown", "LutForge"
@@ -63,10 +64,10 @@ class ShotMetadata:
 
     @property
     def exposure_notes(self) -> tuple[str, ...]:
-        """A note on each number of `exposure` that is unknown, and on what stands in."""
+        """A note on each number of `exposure` that is unknown, and on what replaces it."""
         absent = (("aperture", "f/1", self.aperture), ("ISO", "ISO 100", self.iso))
         return tuple(
-            f"the file states no {name}, {usual} stands in: exposures agree only among pictures of one {name}"
+            f"the file states no {name}, {usual} is taken: exposures agree only among pictures of one {name}"
             for name, usual, number in absent
             if not number > 0
         )
@@ -74,28 +75,28 @@ class ShotMetadata:
 
 def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     """Settings by a RAW file's tags, completed by those of preview and JPEG; exposure and multipliers are LibRaw's."""
-    found = tags(path)
+    shot_tags = tags(path)
     preview = tags_of(raw.preview or b"")
     if str(preview.get(SOFTWARE, "")).lower().startswith(("dcraw", "libraw")):
         # LibRaw made this header for a preview that had none: it names the camera, nothing else that is new.
         preview = {key: value for key, value in preview.items() if key in (MAKE, MODEL)}
     for other in (tags(jpeg) if jpeg else {}, preview):
-        found = {**other, **found}
-    make, model = (str(found.get(key, "")).strip() for key in (MAKE, MODEL))
-    time_s, _, iso = _exposure_of(found)
-    style = style_of(found)
+        shot_tags = {**other, **shot_tags}
+    make, model = (str(shot_tags.get(key, "")).strip() for key in (MAKE, MODEL))
+    time_s, _, iso = _exposure_of(shot_tags)
+    style = style_of(shot_tags)
     doubts = (
         (raw.multipliers is None, "the file has no valid white-balance multipliers: they must be fitted or given"),
         (not make and not model, "the file does not name its camera"),
         (style is None, 'the file does not name its picture style: taken for "standard"'),
     )
-    notes = [*notes_of(found), *(note for holds, note in doubts if holds)]
+    notes = [*notes_of(shot_tags), *(note for holds, note in doubts if holds)]
     return ShotMetadata(
         camera=tidy_camera(make or UNKNOWN, model or "camera"), style=str(style or "standard"),
-        white_balance=white_balance_of(found) or UNKNOWN, multipliers=raw.multipliers,
+        white_balance=white_balance_of(shot_tags) or UNKNOWN, multipliers=raw.multipliers,
         exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else time_s or math.nan,
         iso=raw.iso if math.isfinite(raw.iso) and raw.iso != 65535 else iso or raw.iso,
-        notes=tuple(notes), lens=raw.lens or str(found.get(_LENS, "")).strip(),
+        notes=tuple(notes), lens=raw.lens or str(shot_tags.get(_LENS, "")).strip(),
         focal_mm=raw.focal_mm, aperture=raw.aperture, d65=raw.d65,
         dng_camera=one_line(str(found.get(_UNIQUE_CAMERA_MODEL, "")), 120),
     )  # fmt: skip
@@ -135,52 +136,51 @@ def tidy_camera(make: str, model: str) -> str:
     return re.sub(r"\s+", " ", f"{brand} {rest}").strip()
 
 
-# --- Finished pictures -----------------------------------------------------------------------------------------------
-
-
 def read_picture_settings(path: Path) -> ShotMetadata:
     """Settings and exposure of a JPEG, another finished picture or a RAW file, from its EXIF and maker notes.
 
     A picture that LutForge wrote has the settings that its Software tag names, whatever its maker notes still say. The
-    RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not tell. Raises ImageError.
+    RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not state. Raises ImageError.
     """
     is_raw = path.suffix.lower() in RAW_SUFFIXES
     require_file(path, "a RAW file" if is_raw else "an image", ImageError)
-    found = tags(path) if is_raw else _picture_tags(path)
-    camera = camera_of(found)
+    shot_tags = tags(path) if is_raw else _picture_tags(path)
+    camera = camera_of(shot_tags)
     raw = path if is_raw else raw_beside(path) if camera else None
-    raw_tags = found if is_raw else {} if raw is None else tags(raw)
+    raw_tags = shot_tags if is_raw else {} if raw is None else tags(raw)
     if camera_of(raw_tags) != camera:
         raw, raw_tags = None, {}
-    stated = zip(_exposure_of(found), _exposure_of(raw_tags), strict=True)
+
+    stated = zip(_exposure_of(shot_tags), _exposure_of(raw_tags), strict=True)
     time_s, aperture, iso = (one or other or math.nan for one, other in stated)
-    made = None if is_raw else _made_by_lutforge(found)
+    made = None if is_raw else _made_by_lutforge(shot_tags)
     if made is not None:
         return replace(made, exposure_s=time_s, iso=iso, aperture=aperture)
-    found = {**raw_tags, **found}
-    multipliers = multipliers_of(found)
+
+    shot_tags = {**raw_tags, **shot_tags}
+    multipliers = multipliers_of(shot_tags)
     if multipliers is None and raw is not None:
         try:
             multipliers = read_multipliers(raw)
         except ImageError:
             multipliers = None  # then the RAW file is of no help; the picture itself may be fine
     return ShotMetadata(
-        camera=camera, style=setting_name(str(style_of(found) or UNKNOWN)),
-        white_balance=setting_name(white_balance_of(found) or UNKNOWN), multipliers=multipliers, exposure_s=time_s,
-        iso=iso, notes=(*notes_of(found), *edited_notes(found)), aperture=aperture,
+        camera=camera, style=setting_name(str(style_of(shot_tags) or UNKNOWN)),
+        white_balance=setting_name(white_balance_of(shot_tags) or UNKNOWN), multipliers=multipliers, exposure_s=time_s,
+        iso=iso, notes=(*notes_of(shot_tags), *edited_notes(shot_tags)), aperture=aperture,
     )  # fmt: skip
 
 
-def _exposure_of(found: Tags) -> list[float]:
+def _exposure_of(shot_tags: Tags) -> list[float]:
     """Time, f-number and ISO by the tags of Exif 2.32, 4.6.5; 0 where there is none."""
-    time_s, aperture = _ratio(found, 0x829A), _ratio(found, 0x829D)
+    time_s, aperture = _ratio(shot_tags, 0x829A), _ratio(shot_tags, 0x829D)
     if not time_s > 0:  # ShutterSpeedValue, of APEX: −log2 of the time
-        shutter = _ratio(found, 0x9201)
+        shutter = _ratio(shot_tags, 0x9201)
         time_s = 2.0**-shutter if math.isfinite(shutter) and abs(shutter) < 30 else 0.0
     if not aperture > 0:  # ApertureValue, of APEX: 2 log2 of the f-number
-        value = _ratio(found, 0x9202)
+        value = _ratio(shot_tags, 0x9202)
         aperture = 2.0 ** (value / 2) if 0 <= value < 20 else 0.0
-    return [time_s, aperture, _iso_of(found)]
+    return [time_s, aperture, _iso_of(shot_tags)]
 
 
 _SENSITIVITIES = {1: (0x8831,), 2: (0x8832,), 3: (0x8833,), 4: (0x8831, 0x8832), 5: (0x8831, 0x8833),
@@ -189,23 +189,23 @@ _SENSITIVITIES = {1: (0x8831,), 2: (0x8832,), 3: (0x8833,), 4: (0x8831, 0x8832),
 ISOSpeed (Exif 2.32, table 9)."""
 
 
-def _iso_of(found: Tags) -> float:
+def _iso_of(shot_tags: Tags) -> float:
     """PhotographicSensitivity, which ends at 65535; there, or without it, the tag that SensitivityType names; or 0."""
-    iso = _ratio(found, 0x8827)
+    iso = _ratio(shot_tags, 0x8827)
     if 0 < iso < 65535:
         return iso
-    kind = found.get(("Photo", 0x8830))
+    kind = shot_tags.get(("Photo", 0x8830))
     named = _SENSITIVITIES.get(kind[0], ()) if isinstance(kind, tuple) and kind else ()
     for tag in (*named, 0x8831, 0x8832, 0x8833):
-        value = _ratio(found, tag)
+        value = _ratio(shot_tags, tag)
         if value > 0:
             return value
     return iso if iso > 0 else 0.0
 
 
-def _ratio(found: Tags, tag: int) -> float:
+def _ratio(shot_tags: Tags, tag: int) -> float:
     """A number of the EXIF directory, stored as one integer or two; NaN where there is none."""
-    value = found.get(("Photo", tag))
+    value = shot_tags.get(("Photo", tag))
     if not isinstance(value, tuple) or not value:
         return math.nan
     if tag in (0x829A, 0x829D, 0x9201, 0x9202):
@@ -213,9 +213,9 @@ def _ratio(found: Tags, tag: int) -> float:
     return float(value[0])
 
 
-def camera_of(found: Tags) -> str:
+def camera_of(shot_tags: Tags) -> str:
     """Make and model in one; "" where neither is there."""
-    make, model = (str(found.get(key, "")).strip() for key in (MAKE, MODEL))
+    make, model = (str(shot_tags.get(key, "")).strip() for key in (MAKE, MODEL))
     return tidy_camera(make, model) if make or model else ""
 
 
@@ -224,9 +224,9 @@ def software_tag(camera: str, selector: str) -> str:
     return f"{LUTFORGE} ({camera}: {selector})"
 
 
-def _made_by_lutforge(found: Tags) -> ShotMetadata | None:
+def _made_by_lutforge(shot_tags: Tags) -> ShotMetadata | None:
     """Settings of a picture that LutForge wrote: unknown ones, where it was not a profile that made it."""
-    software = str(found.get(SOFTWARE, ""))
+    software = str(shot_tags.get(SOFTWARE, ""))
     if software != LUTFORGE and not software.startswith(f"{LUTFORGE} ("):
         return None
     stated = re.fullmatch(rf"{LUTFORGE} \((.+): ([^:]+)\)", software)
@@ -237,7 +237,7 @@ def _made_by_lutforge(found: Tags) -> ShotMetadata | None:
             multipliers = np.array(balance.rgb) if isinstance(balance, Multipliers) else None
             name = "custom" if isinstance(balance, Multipliers) else str(selector).partition("/")[2].lower()
             return ShotMetadata(stated[1], selector.style, name, multipliers)
-    return ShotMetadata(camera_of(found), UNKNOWN, UNKNOWN, None)
+    return ShotMetadata(camera_of(shot_tags), UNKNOWN, UNKNOWN, None)
 
 
 def _picture_tags(path: Path) -> Tags:

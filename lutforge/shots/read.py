@@ -1,16 +1,14 @@
 """Read a shot: RAW, the JPEG that the camera made of it, settings, and the registration of the two."""
 
-import importlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Codes
+from lutforge.arrays import Codes
 from lutforge.boundary import MAX_SAMPLES
 from lutforge.errors import ImageError, ShotError
 from lutforge.images.heif import is_heif, read_heif
@@ -23,7 +21,7 @@ from lutforge.shots.cells import CellStatistics
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.maker_settings import edited_notes, in_adobe_rgb
-from lutforge.shots.metadata import ShotMetadata, camera_of, read_metadata, read_picture_settings
+from lutforge.shots.metadata import ShotMetadata, read_metadata
 from lutforge.shots.registration.register import NON_RIGID_MESSAGE, register_rotated
 from lutforge.shots.tags import tags, tags_of
 
@@ -32,8 +30,8 @@ from lutforge.shots.tags import tags, tags_of
 class Shot:
     """A RAW/JPEG pair, both oriented like the sensor.
 
-    name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the file beside it.
-    development: the picture that stands in the RAW's place. raw_camera: the other camera that the RAW is of, or "".
+    name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the JPEG file.
+    development: the picture that replaces the RAW. raw_camera: the other camera that the RAW is of, or "".
     fine: the same picture, 0 … 65535, where its file has more than 8 bits. distorted: where the JPEG lies on the RAW
     as the lens distorted it, where the camera straightened the JPEG: raw is then straightened, and the registration on
     that.
@@ -68,8 +66,8 @@ class Shot:
         height, width = self.jpeg.shape[:2]
         corners = np.array([[0, 0], [width, 0], [0, height], [width, height]])
         at_corners = self.placement.registration.straight(corners)
-        drawn = np.linalg.norm(lens.distorted(at_corners) - (lens.x, lens.y), axis=1)
-        share = float(np.mean(drawn / np.linalg.norm(at_corners - (lens.x, lens.y), axis=1))) - 1
+        distances = np.linalg.norm(lens.distorted(at_corners) - (lens.x, lens.y), axis=1)
+        share = float(np.mean(distances / np.linalg.norm(at_corners - (lens.x, lens.y), axis=1))) - 1
         mustache = lens.k1 * lens.k2 < 0 and abs(share) < abs(lens.k1) / 4
         shape = "mustache" if mustache else ("barrel", "pincushion")[share > 0]
         parts = [f"{shape} distortion of {100 * share:+.1f} % in the corners"] if lens.k1 or lens.k2 else []
@@ -108,7 +106,7 @@ def read_shot(
 ) -> Shot:
     """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
 
-    The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; one that another program
+    The JPEG next to the RAW (same stem) is used where it registers, else the embedded preview; one that another program
     wrote (a converter's DNG holds that converter's rendering) comes last. metadata.notes says so, and which was passed
     over and why. development: a picture that a program made of the RAW, which takes the RAW's place: balanced, so that
     its multipliers are 1; its tones may let a JPEG seem distorted as no lens does, which then is no reason to refuse
@@ -128,11 +126,14 @@ def read_shot(
     if development is not None:
         ones = np.ones(3)
         raw = replace(raw, pixels=development.pixels, pixel_size=1.0, multipliers=ones, clip_level=ones)
+
+    # The JPEG file first, then the preview; what a program wrote comes last.
     reasons: list[str] = []
-    beside = jpeg_beside(path)
-    candidates = [(str(beside), edited_notes(tags(beside)))] if beside else []
+    jpeg_file = jpeg_beside(path)
+    candidates = [(str(jpeg_file), edited_notes(tags(jpeg_file)))] if jpeg_file else []
     candidates = sorted([*candidates, (EMBEDDED, edited_notes(tags(path)))], key=lambda candidate: len(candidate[1]))
     candidates = [candidate for candidate in candidates if source in (None, candidate[0])]
+
     for index, (name, edited) in enumerate(candidates):
         try:
             jpeg, fine, registration, converted = _registered(raw, path, name, expected())
@@ -141,12 +142,14 @@ def read_shot(
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue
+
         metadata = read_metadata(path, raw, Path(name) if name != EMBEDDED else None)
-        reasons += [f"{other}: {note}" for other, notes in candidates[index + 1 :] for note in notes]
+        reasons += [f"{name_after}: {note}" for name_after, notes in candidates[index + 1 :] for note in notes]
         notes = (*edited, *converted, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
         shot = Shot(path.stem, path, raw, jpeg, name, metadata, registration, development, fine=fine)
         return shot.straightened()
+
     if development is not None:
         height, width = raw.pixels.shape[:2]
         reasons.append(f"the picture in the RAW's place, {width} × {height}, must be the whole frame, uncropped")
@@ -156,13 +159,13 @@ def read_shot(
 def read_pair(picture: Path, development: Development) -> Shot:
     """Register a finished sRGB picture on a developed one in the place of the RAW. Raises ImageError or ShotError."""
     ones = np.ones(3)
-    left = RawImage(development.pixels, 1.0, 0, ones, None, "a developed picture", math.nan, math.nan, ones)
+    raw = RawImage(development.pixels, 1.0, 0, ones, None, "a developed picture", math.nan, math.nan, ones)
     codes = np.rint(np.clip(read_image(picture).pixels[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
-    turned, registration, mirrored = _in_any_orientation(left, codes)
-    metadata = read_metadata(picture, left, None)
+    turned, registration, mirrored = _in_any_orientation(raw, codes)
+    metadata = read_metadata(picture, raw, None)
     if mirrored:
         metadata = replace(metadata, notes=(*metadata.notes, MIRROR_IMAGE))
-    return Shot(picture.stem, picture, left, turned, str(picture), metadata, registration, development).straightened()
+    return Shot(picture.stem, picture, raw, turned, str(picture), metadata, registration, development).straightened()
 
 
 def _registered(
@@ -182,6 +185,7 @@ def _registered(
         (jpeg, profile), fine = _decoded(data, source), None
         # A camera's Adobe RGB is a style of its own.
         profile = b"" if in_adobe_rgb(tags_of(data)) else profile
+
     notes = []
     if heif is not None and heif.hdr:
         raise ShotError(f"{source}: encoded for HDR ({heif.hdr}), unlike a JPEG; set the camera to SDR")
@@ -189,6 +193,7 @@ def _registered(
         jpeg, fine = to_srgb(jpeg, profile), None
         so = "converted to sRGB, so grade pictures that are converted"
         notes.append(f"the picture is in {profile_name(profile)}: {so}")
+
     try:
         turned, registration, mirrored = _in_any_orientation(raw, jpeg, expected)
     except ShotError as error:
@@ -204,7 +209,7 @@ def _in_any_orientation(
     raw: RawImage, jpeg: Codes, expected: Placement | None = None
 ) -> tuple[Codes, Registration, bool]:
     """Register a picture turned, or mirrored and turned: as the sensor has it, where it lies, if it was mirrored."""
-    # Previews lie like the sensor or upright; a file beside may have been turned by any program. A camera that mirrors
+    # Previews lie like the sensor or upright; a JPEG file may have been turned by any program. A camera that mirrors
     # its pictures, for those who photograph themselves, leaves the RAW as it is.
     turns = tuple(dict.fromkeys((0, QUARTER_TURNS[inverse(raw.orientation)], 1, 2, 3)))
     try:
@@ -228,94 +233,3 @@ def _decoded(data: bytes, source: str) -> tuple[NDArray[np.uint8], bytes]:
     pixels = np.empty((header.height, header.width, 3), np.uint8)
     decode(Path(source), data, pixels)
     return pixels, header.icc
-
-
-# --- A JPEG of a camera without RAW against another camera's RAW of the same scene, from another place ----------------
-# What both show of a plane, or of anything far away, differs by a homography. Features that both pictures have (SIFT,
-# Lowe 2004, https://doi.org/10.1023/B:VISI.0000029664.99615.94) are matched, and the homography that most of them agree
-# on is found by a robust estimator (MAGSAC++, Barath et al. 2020, https://doi.org/10.1109/CVPR42600.2020.00138). The
-# RAW is then resampled to the JPEG's frame; where the two still disagree, as on near objects, tiles are rejected.
-
-
-LONGEST = 1600
-"""Pixels of the longer side of the pictures that features are looked for in."""
-
-
-def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
-    """A JPEG of one camera with the RAW of another in its frame, and its exposure over the RAW's, NaN where unknown."""
-    raw = read_raw(raw_file, half_size=True)
-    shown = read_image(picture).pixels
-    if shown.shape[2] < 3:
-        raise ShotError(f"{picture}: not a colour picture")
-    jpeg = np.rint(np.clip(shown[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
-    try:
-        cv2: Any = importlib.import_module("cv2")
-    except ImportError:
-        raise ShotError("pictures of two cameras are registered by OpenCV: pip install 'lutforge[views]'") from None
-    # RAW as a picture in codes (h, w): green, brought to a usual brightness, on a gamma curve
-    green = raw.pixels[..., 1]
-    bright = np.clip(green / max(float(np.quantile(green[::4, ::4], 0.98)), 1e-6), 0.0, 1.0)
-    try:
-        matrix, share = _homography(cv2, np.rint(255 * np.power(bright, 1 / 2.2)).astype(np.uint8), jpeg)
-    except ShotError as error:
-        raise ShotError(f"{picture}: {raw_file.name}: {error}") from None
-    # RAW in the frame of the JPEG, about as many pixels as it had: its own values, none mixed, 0 outside
-    height, width = jpeg.shape[:2]
-    size = float(np.clip(np.sqrt(np.linalg.det(_local(matrix, raw.pixels.shape)[0])), 0.25, 8.0))
-    centre = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])  # OpenCV counts from the centre of the first pixel
-    whole = np.linalg.inv(centre) @ np.diag([1 / size, 1 / size, 1.0]) @ centre @ matrix
-    pixels = cv2.warpPerspective(
-        raw.pixels, whole, (int(width / size), int(height / size)), flags=cv2.INTER_NEAREST, borderValue=0.0
-    )
-    warped = replace(raw, pixels=pixels, pixel_size=size, flip=0, preview=None)
-    metadata = read_metadata(picture, replace(warped, multipliers=None, exposure_s=np.nan, iso=np.nan), None)
-    metadata = replace(metadata, notes=())
-    shot = Shot(picture.stem, picture, warped, jpeg, str(picture), metadata, Registration(1.0, 0.0, 0.0, share))
-    aperture = raw.aperture if raw.aperture > 0 else 1.0
-    exposure = raw.exposure_s * (raw.iso if raw.iso > 0 else 100.0) / 100.0 / aperture**2
-    named = replace(shot, raw_camera=camera_of(tags(raw_file)) or "reference camera")
-    return named, read_picture_settings(picture).exposure / exposure
-
-
-def _homography(cv2: Any, grey: Codes, jpeg: Codes) -> tuple[Array, float]:
-    """(3, 3) from pixels of a grey picture (h, w) to those of a JPEG (h, w, 3), and the share of matches that agree."""
-    small, scales = [], []
-    for picture in (grey, cv2.cvtColor(jpeg, cv2.COLOR_RGB2GRAY)):
-        scale = min(1.0, LONGEST / max(picture.shape))
-        resized = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        small.append(cv2.createCLAHE(4.0, (8, 8)).apply(resized))
-        scales.append(scale)
-    finder = cv2.SIFT_create(nfeatures=6000)
-    (keys_a, found_a), (keys_b, found_b) = (finder.detectAndCompute(picture, None) for picture in small)
-    if found_a is None or found_b is None or min(len(keys_a), len(keys_b)) < 8:
-        raise ShotError("too little structure to register")
-    # A feature whose second nearest is nearly as near may be either (Lowe 2004, 7.1).
-    pairs = [pair for pair in cv2.BFMatcher().knnMatch(found_a, found_b, k=2) if len(pair) == 2]
-    good = [first for first, second in pairs if first.distance < 0.8 * second.distance]
-    points = [
-        (np.array([keys[getattr(match, name)].pt for match in good]).reshape(-1, 2) + 0.5) / scale - 0.5
-        for keys, name, scale in ((keys_a, "queryIdx", scales[0]), (keys_b, "trainIdx", scales[1]))
-    ]
-    matrix = inside = None
-    if len(good) >= 8:
-        matrix, inside = cv2.findHomography(
-            *points, cv2.USAC_MAGSAC, 3.0 / scales[1], maxIters=20_000, confidence=0.9999
-        )
-    agreeing = 0 if inside is None else int(inside.sum())
-    # By chance a dozen of thousands of wrong matches may agree on some homography.
-    if matrix is None or agreeing < max(20, 0.1 * len(good)):
-        agree = f"{agreeing} of {len(good)} features of the two pictures agree"
-        raise ShotError(f"{agree}: another scene, or too little in common")
-    if not np.all(np.linalg.det(_local(matrix, grey.shape)) > 0) or np.linalg.cond(_local(matrix, grey.shape)[0]) > 5:
-        raise ShotError("the two pictures agree on a distortion that no camera makes: another scene")
-    return np.asarray(matrix, dtype=np.float64), agreeing / len(good)
-
-
-def _local(matrix: Array, shape: tuple[int, ...]) -> Array:
-    """The derivative (5, 2, 2) of a homography at the middle and near the corners of a picture."""
-    h, w = shape[:2]
-    at = np.array([[0.5, 0.5], [0.2, 0.2], [0.8, 0.2], [0.2, 0.8], [0.8, 0.8]]) * (w, h)
-    homogeneous = np.column_stack([at, np.ones(5)]) @ matrix.T
-    x, y = homogeneous[:, 0] / homogeneous[:, 2], homogeneous[:, 1] / homogeneous[:, 2]
-    rows = [matrix[None, row, :2] - value[:, None] * matrix[2, :2] for row, value in ((0, x), (1, y))]
-    return np.asarray(np.stack(rows, axis=1) / homogeneous[:, 2, None, None])

@@ -9,7 +9,6 @@ import json
 import mmap
 import re
 import struct
-from collections.abc import Iterator
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -23,9 +22,8 @@ from lutforge.images.heif import is_heif, read_heif_exif
 from lutforge.images.jpeg import SOI, read_header
 from lutforge.images.packets import packets_of
 from lutforge.images.tiff import SIZES, Entry, byte_order, number, offset_in, read_directory
+from lutforge.shots.containers import Buffer, ciff_records, tiff_blocks
 
-Buffer = bytes | mmap.mmap
-"""A whole file: both slice to bytes."""
 Value = str | tuple[int, ...]
 Key = tuple[str, int]
 Tags = dict[Key, Value]
@@ -43,38 +41,38 @@ _TIFF_MAGIC = (42, 0x55, 0x4F52, 0x5352)  # TIFF, RW2, ORF, ORF
 
 def tags(path: Path) -> Tags:
     """All tags of a RAW file or a picture, empty where none can be read. Raises nothing of its own."""
-    found: Tags = {}
+    result: Tags = {}
     with (
         contextlib.suppress(ImageError),
         reading(path, "a picture", ImageError),
         path.open("rb") as file,
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
-        found = tags_of(read_heif_exif(path) if is_heif(path) else data)
-    return found
+        result = tags_of(read_heif_exif(path) if is_heif(path) else data)
+    return result
 
 
 def tags_of(data: Buffer) -> Tags:
     """The tags of a file's bytes; a memory map will do."""
-    found: Tags = {}
+    result: Tags = {}
     with contextlib.suppress(ImageError), reading("", "metadata", ImageError):
         if byte_order(data[:2]) and data[6:14] == b"HEAPCCDR":
             return _ciff_tags(data)
-        for block, group in _tiff_blocks(data):
-            _Structure(block, found).read(group)
+        for block, group in tiff_blocks(data):
+            _Structure(block, result).read(group)
         if tools := " ".join(text.decode("utf-8", "replace") for text in _TOOLS.findall(packets_of(data).xmp)[:200]):
-            found[TOOLS] = tools
+            result[TOOLS] = tools
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
-            # A JPEG that LutForge graded has its source's EXIF, and tells in a comment what it is now.
+            # A JPEG that LutForge graded has its source's EXIF, and states in a comment what it is now.
             for comment in header.comments:
                 if comment.startswith("LutForge"):
-                    found[SOFTWARE] = comment.partition("\n")[0]
-    return found
+                    result[SOFTWARE] = comment.partition("\n")[0]
+    return result
 
 
 @cache
 def maker_table(name: str) -> Any:
-    """One of the JSON files beside this module that say what the makers' tags mean."""
+    """One of the JSON files of this package: what the makers' tags mean."""
     return json.loads(resources.files(__package__).joinpath("data", f"{name}.json").read_text(encoding="utf-8"))
 
 
@@ -85,11 +83,16 @@ def key_of(text: str) -> Key:
     return group, int(number, 16)
 
 
-def spread(found: Tags, group: str, order: str, size: int, raw: bytes) -> None:
+def element(value: Value | None, index: int) -> int | None:
+    """One of the numbers of a tag; None where it has no such number."""
+    return value[index] if isinstance(value, tuple) and len(value) > index else None
+
+
+def spread(result: Tags, group: str, order: str, size: int, raw: bytes) -> None:
     """Add an array of numbers of 2 or 4 bytes as one tag for each element."""
     numbers = np.frombuffer(raw[: len(raw) // size * size], f"{order}u{size}")
     for index, value in enumerate(numbers.tolist()):
-        found.setdefault((group, index), (value,))
+        result.setdefault((group, index), (value,))
 
 
 def text_of(raw: bytes) -> str:
@@ -210,89 +213,14 @@ class _Structure:
                 self.directory(group, order, base, self.number(order, "I", start) if size == 4 else start - base)
 
 
-# --- Containers: JPEG, RAF, MRW and CR3, which hold TIFF structures, and CIFF -----------------------------------------
-# CIFF is the heap that Canon's .CRW files are (Canon, "CIFF Specification on Image Data File", version 1.0 revision 4,
-# 1997); the Canon records inside are those of its later maker notes.
-
-
 def _ciff_tags(data: Buffer) -> Tags:
-    """The tags of a CIFF file; damaged directories are left out, and nothing outside the file is touched."""
-    order, records = "<" if data[:2] == b"II" else ">", dict[int, bytes]()
-    _read_heap(data, order, number(data, order, "I", 2), len(data), records, depth=8, budget=[2000])
-    found: Tags = {}
+    """The tags of a CIFF file, whose Canon records are those of Canon's later maker notes."""
+    records = ciff_records(data)
+    order = "<" if data[:2] == b"II" else ">"
+    result: Tags = {}
     names = [text_of(part) for part in records.get(0x080A, b"").split(b"\0")]  # make and model
     if len(names) > 1 and names[0] and names[1]:
-        found[MAKE], found[MODEL] = names[0], names[1]
-    spread(found, "CanonSi", order, 2, records.get(0x102A, b""))
-    spread(found, "CanonCs", order, 2, records.get(0x102D, b""))
-    return found
-
-
-def _read_heap(
-    data: Buffer, order: str, start: int, end: int, records: dict[int, bytes], depth: int, budget: list[int]
-) -> None:
-    """Add the small records of one heap by tag, the first of each; its last four bytes point at its directory."""
-    if depth == 0 or start < 0 or end > len(data) or end - start < 6:
-        return
-    (directory,) = struct.unpack_from(order + "I", data, end - 4)
-    position = start + directory
-    if position + 2 > end:
-        return
-    (count,) = struct.unpack_from(order + "H", data, position)
-    for index in range(count):
-        entry = position + 2 + 10 * index
-        if entry + 10 > end or budget[0] <= 0:
-            return
-        budget[0] -= 1
-        tag, size, offset = struct.unpack_from(order + "HII", data, entry)
-        if tag & 0x4000:  # the value stands in the directory
-            records.setdefault(tag & 0x3FFF, data[entry + 2 : entry + 10])
-            continue
-        low, high = start + offset, start + offset + size
-        if high > end:
-            continue
-        if tag & 0x3800 in (0x2800, 0x3000):  # a heap in this heap
-            _read_heap(data, order, low, high, records, depth - 1, budget)
-        elif size <= 65536:  # larger ones are pictures
-            records.setdefault(tag & 0x3FFF, data[low:high])
-
-
-def _tiff_blocks(data: Buffer) -> Iterator[tuple[Buffer, str]]:
-    """The TIFF structures of a file, with the group of their first directory."""
-    head = bytes(data[:32])
-    if head[:15] == b"FUJIFILMCCD-RAW":  # a whole JPEG in it
-        start, length = struct.unpack_from(">II", data, 84)
-        yield from _tiff_blocks(bytes(data[start : start + min(length, 1 << 27)]))
-    elif head[:2] == SOI:
-        header = read_header(data)
-        if header is not None and header.exif is not None:
-            yield header.exif, "Image"
-    elif head[:4] == b"\0MRM":  # Minolta: blocks of name, length, body; TTW is a TIFF structure
-        position, end = 8, min(len(data), 8 + struct.unpack_from(">I", data, 4)[0])
-        while position + 8 <= end:
-            name, length = struct.unpack_from(">4sI", data, position)
-            if name == b"\0TTW":
-                yield bytes(data[position + 8 : position + 8 + length]), "Image"
-            position += 8 + length
-    elif head[4:12] == b"ftypcrx ":  # Canon CR3: TIFF structures in boxes of moov/uuid
-        groups = {b"CMT1": "Image", b"CMT2": "Photo", b"CMT3": "Canon"}
-        yield from ((body, groups[name]) for name, body in _boxes(data, 0, len(data), 3, [1000]))
-    else:
-        yield data, "Image"
-
-
-def _boxes(data: Buffer, start: int, end: int, depth: int, budget: list[int]) -> Iterator[tuple[bytes, bytes]]:
-    while start + 8 <= end and budget[0] > 0:
-        budget[0] -= 1
-        size, name = struct.unpack_from(">I4s", data, start)
-        body = start + 8
-        if size == 1 and start + 16 <= end:
-            (size,) = struct.unpack_from(">Q", data, start + 8)
-            body = start + 16
-        if size < body - start or start + size > end:
-            break
-        if name in (b"moov", b"uuid") and depth > 0:
-            yield from _boxes(data, body + (16 if name == b"uuid" else 0), start + size, depth - 1, budget)
-        elif name in (b"CMT1", b"CMT2", b"CMT3") and size < 1 << 24:
-            yield name, bytes(data[body : start + size])
-        start += size
+        result[MAKE], result[MODEL] = names[0], names[1]
+    spread(result, "CanonSi", order, 2, records.get(0x102A, b""))
+    spread(result, "CanonCs", order, 2, records.get(0x102D, b""))
+    return result

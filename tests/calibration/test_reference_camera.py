@@ -20,7 +20,8 @@ from lutforge.model.camera_profile import match
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.calibration import calibrate
-from lutforge.samples.sample_set import SampleSet, concatenate, unclipped_colours
+from lutforge.samples.clipping import unclipped_colours
+from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
 from lutforge.thesis.options import ThesisOptions

@@ -8,10 +8,11 @@ from lutforge.arrays import Array
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, indexed, locate
 from lutforge.model.coverage import FARTHEST, confidence, uncovered
+from lutforge.model.emor import inverse_emor, log_inverse_emor
 from lutforge.model.gamut_map import REACH, GamutMap, even_slope, flattened, from_even, identity_gamut_map, to_even
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.profile import CameraModel, PictureStyle
-from lutforge.model.response import Response, inverse_emor, log_inverse_emor
+from lutforge.model.response import Response
 from tests.cases.profiles import gamma_response, identity_map, small_profile
 
 

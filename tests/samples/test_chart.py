@@ -12,19 +12,18 @@ from numpy.typing import NDArray
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
-from lutforge.samples.chart import (
+from lutforge.samples.chart import chart_kind, parse_corners
+from lutforge.samples.chart_search import (
     RESEMBLANCE,
     Chart,
-    chart_kind,
     detector_note,
     find_chart,
     likeness,
-    parse_corners,
     patch_codes,
     sample_chart,
 )
+from lutforge.samples.clipping import clipping
 from lutforge.samples.extract import extract
-from lutforge.samples.tiles import clipping
 from lutforge.shots.read import read_shot
 from tests.cases.charts import chart_picture
 from tests.cases.shots import MULTIPLIERS, render, synthetic_shot

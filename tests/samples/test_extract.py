@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.samples import tiles
+from lutforge.samples.clipping import clipping
 from lutforge.samples.extract import extract
-from lutforge.samples.tiles import cell_size, choose_evenly, clipping, flatness
+from lutforge.samples.tiles import cell_size, choose_evenly, flatness
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Registration
 from lutforge.shots.read import read_shot

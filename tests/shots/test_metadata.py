@@ -20,7 +20,8 @@ from lutforge.pipeline.inspection import inspect
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.settings import StyleName
-from lutforge.shots.maker_settings import kelvin_of, multipliers_of, notes_of, style_of, white_balance_of
+from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
+from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
 from lutforge.shots.metadata import read_metadata, read_picture_settings, software_tag, tidy_camera
 from lutforge.shots.tags import Tags, key_of, maker_table, tags_of
 from lutforge.shots.tags import tags as file_tags

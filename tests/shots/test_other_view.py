@@ -9,7 +9,7 @@ import pytest
 import lutforge as lf
 from lutforge.errors import ShotError
 from lutforge.pipeline.sampling import sample_by_reference
-from lutforge.shots.read import read_other_view
+from lutforge.shots.other_view import read_other_view
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph

@@ -2,7 +2,7 @@
 
 A quadratic of the channels, fitted where the two overlap: the colour matrix and the tone curve are unknown; a fixed
 luma would invert the contrast of many edges between saturated colours. RAW is compressed like a picture, by square
-roots, only where a step of a registration looks at it: roots make the noise of photons alike at all brightnesses
+roots, only where a step of a registration looks at it: roots make the noise of photons equal at all brightnesses
 (Anscombe 1948, https://doi.org/10.1093/biomet/35.3-4.246), and come near enough to a camera's tone curve for a
 quadratic of them to predict its luma.
 """

@@ -1,0 +1,53 @@
+"""Clipping: the limits beyond which a JPEG or RAW value does not determine what the scene was.
+
+All limits of clipping stand here, those of single values and those of the pixels of an area.
+"""
+
+import numpy as np
+
+from lutforge.arrays import Array, Mask
+from lutforge.shots.cells import CellStatistics
+
+HALF_CODE = 0.5 / 255
+"""An encoded value nearer than this to 0 or 1 is clipped: half a code of an 8-bit file."""
+JPEG_LIMITS = 1, 254
+"""Codes at which a pixel of a JPEG may be clipped: compression moves clipped ones by a code."""
+SATURATED = 0.999
+"""RAW from here on is saturated: 1, less what scaling and rounding take."""
+BENT = 0.98
+"""RAW of a pixel from here on takes no part in a mean: sensors bend below their ceiling."""
+
+
+def clipping(jpeg: CellStatistics, raw: CellStatistics) -> dict[str, Mask]:
+    """Masks (…) of areas with clipped channels, each under its first reason."""
+    clips = {
+        "JPEG white": jpeg.maximum >= JPEG_LIMITS[1],
+        "JPEG black": jpeg.minimum <= JPEG_LIMITS[0],
+        "RAW saturated": raw.maximum >= BENT,
+        "RAW black": raw.minimum <= 0,  # decoders cut noise below black at 0, so that a mean is too bright there
+    }
+    masks: dict[str, Mask] = {}
+    for reason, channels in clips.items():
+        masks[reason] = np.any(channels, axis=-1) & ~np.any(list(masks.values()), axis=0)
+    return masks
+
+
+def censored(jpeg: CellStatistics, raw: CellStatistics) -> tuple[Mask, Mask]:
+    """Masks (…, 3) of channels that are all black, or all white, in the JPEG, in areas where that is all that clips.
+
+    Their RAW is whole, and at least one channel of the JPEG is: such an area is a censored observation, whose rendering
+    lies at that end or beyond.
+    """
+    low, high = JPEG_LIMITS
+    black, white = jpeg.maximum <= low, jpeg.minimum >= high
+    whole = (jpeg.minimum > low) & (jpeg.maximum < high)
+    whole_raw = (raw.minimum > 0) & (raw.maximum < BENT)
+    either = np.all((black | white | whole) & whole_raw, axis=-1)
+    either &= np.any(black | white, axis=-1) & np.any(whole, axis=-1)
+    return black & either[..., None], white & either[..., None]
+
+
+def unclipped_colours(encoded: Array, raw: Array) -> Mask:
+    """Mask (n,) of colours encoded (n, 3) HALF_CODE inside 0 … 1, of raw (n, 3) neither black nor saturated."""
+    inside = (encoded >= HALF_CODE) & (encoded <= 1.0 - HALF_CODE) & (raw > 0.0) & (raw < SATURATED)
+    return np.asarray(np.all(inside, axis=1))
