@@ -121,18 +121,21 @@ def output_curve_of(response: Response) -> tuple[Function, Array]:
 
 
 def checked(function: Function) -> Function:
-    """Evaluate a function in blocks that stay in cache. Raises LutError on another shape or numbers not finite."""
+    """Return a function that is evaluated in blocks which stay in cache, at inputs of 1 at most.
+
+    A node level before a gain is rounded up, beyond what clips. Raises LutError on another shape or numbers not finite.
+    """
 
     def evaluated(x: Array) -> Array:
-        flat = x.reshape(-1, 3)
+        flat = np.minimum(x, 1.0).reshape(-1, 3)
         y = np.empty_like(flat)
         for start in range(0, len(flat), 1 << 15):
-            part = flat[start : start + (1 << 15)]
-            result = np.asarray(function(part), dtype=np.float64)
-            if result.shape != part.shape:
-                raise LutError(f"the transform made shape {result.shape} of {part.shape}; it must keep the shape")
+            block = flat[start : start + (1 << 15)]
+            result = np.asarray(function(block), dtype=np.float64)
+            if result.shape != block.shape:
+                raise LutError(f"the transform made shape {result.shape} of {block.shape}; it must keep the shape")
             if not np.all(np.isfinite(result)):
-                worst = part[np.flatnonzero(~np.all(np.isfinite(result), axis=1))[0]]
+                worst = block[np.flatnonzero(~np.all(np.isfinite(result), axis=1))[0]]
                 raise LutError(f"the transform gives a number that is not finite at {np.round(worst, 4).tolist()}")
             y[start : start + (1 << 15)] = result
         return y.reshape(x.shape)
