@@ -17,7 +17,6 @@ from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, write_icc
 from lutforge.kits.kit import look_of, setting_of
 from lutforge.kits.measure import error_of_profile
 from lutforge.luts.bake import bake_steps, bake_to, bake_within
-from lutforge.luts.check import FileError, verify
 from lutforge.luts.description import description
 from lutforge.luts.formats import format_of, write
 from lutforge.luts.forms import FORMS, Form
@@ -25,6 +24,7 @@ from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, InputAndOutput, i
 from lutforge.luts.lower import takes_scenes
 from lutforge.luts.programs import Program, Target, files_for, program_named, target_of
 from lutforge.luts.sequence import Lut
+from lutforge.luts.verification import FileError, verify
 from lutforge.luts.writers.process_list import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.transform import Purpose, Transform

@@ -16,13 +16,13 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake_steps, bake_to
-from lutforge.luts.check import verify
 from lutforge.luts.forms import FORMS, Form
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.programs import Target
 from lutforge.luts.reading import file_processor
 from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels

@@ -25,8 +25,8 @@ def write_text(path: Path, text: str, encoding: str = "ascii") -> None:
 def plain(text: str, limit: int = 200) -> str:
     """One line of printable ASCII without double quotes, at most `limit` characters."""
     decomposed = unicodedata.normalize("NFKD", " ".join(text.split()).replace("Δ", "d"))
-    kept = "".join(c for c in decomposed if not unicodedata.combining(c))
-    return kept.replace('"', "'").encode("ascii", "replace").decode()[:limit]
+    bare = "".join(c for c in decomposed if not unicodedata.combining(c))
+    return bare.replace('"', "'").encode("ascii", "replace").decode()[:limit]
 
 
 def comment_lines(title: str, comments: tuple[str, ...]) -> list[str]:
