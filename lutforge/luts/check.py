@@ -67,11 +67,14 @@ def check_lut(path: str | Path) -> LutReport:
     half = other_half(path)
     if half is not None:
         lut = replace(lut, metadata={**lut.metadata, "pair": half.name})
-    cube, domain = lut.cube, _domain(lut)
+    cube = lut.cube
+    domain = _domain(lut)
     dialect = ""
     if lut.metadata.get("format") in TEXTS:
         dialect = "1D" if cube is None else "3D" if lut.shaper is None else "1D shaper + 3D"
-    outputs = np.array([[0.0] * 3, [1.0] * 3])  # then those of the last table, behind all that follows it
+
+    # The outputs of the last table, behind all that follows it; of white and black where there is none.
+    outputs = np.array([[0.0] * 3, [1.0] * 3])
     for op in lut.ops:
         outputs = _outputs(op) if isinstance(op, Curve) else op.values if isinstance(op, Cube) else op(outputs)
     beyond = bool(outputs.min() < -1e-6 or outputs.max() > 1 + 1e-6)
@@ -80,6 +83,7 @@ def check_lut(path: str | Path) -> LutReport:
     if cube is not None:
         steps = [np.diff(cube.values[..., channel], axis=channel) for channel in range(3)]
         falling = float(np.mean([np.mean(step < -ALARM / max(step.shape)) for step in steps]))
+
     readers = {"OpenColorIO, Nuke": "cannot read it"}
     if is_read_by_ocio(path, lut):
         readers["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
@@ -90,6 +94,7 @@ def check_lut(path: str | Path) -> LutReport:
     readers |= readers_of(lut, dialect, domain)
     if states is not None and states.takes_raw:
         readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
+
     black, white = (colour_of(colour) for colour in lut(np.array(domain)))
     clipped = None if beyond else float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1)))
     problems = tuple(_problems(lut, domain, falling, outputs, clipped, states))

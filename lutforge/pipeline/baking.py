@@ -33,7 +33,8 @@ from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.shots.maker_settings import ADOBE_RGB as ADOBE_RGB_STYLE
 
-CAMERA_PROFILES = (".icc", ".icm", ".dcp")
+ICC_PROFILES = (".icc", ".icm")
+CAMERA_PROFILES = (*ICC_PROFILES, ".dcp")
 
 BALANCED = "input: camera RAW behind its white balance, which the RAW developer sets: one profile for all of a style"
 
@@ -313,32 +314,41 @@ def bake_files(
         raise LutError(
             "no output: name a file with -o, for example -o look.cube or -o look.clf; or a program with --for"
         )
+    profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
+    luts = [path for path in paths if path not in profiles]
+    if colours and not (paths and all(path.suffix.lower() in ICC_PROFILES for path in paths)):
+        raise SettingsError("--colours goes with an ICC profile: -o look.icc")
+
     camera = as_profile(profile)
-    if request.target is not None and any(path.suffix.lower() in CAMERA_PROFILES for path in paths):
+    if request.target is not None and profiles:
         request = replace(request, target=setting_of(camera, request.target))
     transform = choose_transform(camera, request)
-    purpose = transform.purpose
-    profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
+
     for path in profiles:
-        if camera.developer:
-            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.developer}")
-        if (purpose.kind, purpose.space) != ("render", "raw"):
-            raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
-        if program is not None and path.suffix.lower().replace(".icm", ".icc") not in program_named(program).reads:
-            raise LutError(f"{path}: {program} does not read {path.suffix.lower()} files")
-    if colours and not (paths and all(path.suffix.lower() in CAMERA_PROFILES[:2] for path in paths)):
-        raise SettingsError("--colours goes with an ICC profile: -o look.icc")
-    luts = [path for path in paths if path not in profiles]
+        _require_camera_profile(path, camera, transform.purpose, program)
     if profiles and not luts:
         return tuple(_bake_camera_profile(camera, request, path, colours) for path in profiles), (BALANCED,)
+
     if isinstance(profile, str | Path):
         _require_fed(program, transform.purpose, str(profile))
     baked = bake(
         transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation,
         clf_version=clf_version, progress=progress,
     )  # fmt: skip
+
     files = [*baked.files, *(_bake_camera_profile(camera, request, path, colours) for path in profiles)]
     return tuple(sorted(files, key=lambda file: file.error.mean)), baked.notes
+
+
+def _require_camera_profile(path: Path, camera: CameraProfile, purpose: Purpose, program: str | None) -> None:
+    """Raise LutError where a camera profile cannot be made of a transform, or its program does not read it."""
+    suffix = path.suffix.lower()
+    if camera.developer:
+        raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.developer}")
+    if (purpose.kind, purpose.space) != ("render", "raw"):
+        raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
+    if program is not None and suffix.replace(".icm", ".icc") not in program_named(program).reads:
+        raise LutError(f"{path}: {program} does not read {suffix} files")
 
 
 def _require_fed(program: str | None, purpose: Purpose, profile: str = "camera.npz") -> None:
