@@ -16,7 +16,7 @@ from lutforge.images.write import IN_ANOTHER_SPACE, SOFTWARE
 
 
 def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:
-    """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
+    """What precedes the graded pixels: the source's segments, with a comment on what was done.
 
     The thumbnail is of the old colours and left out; where the colours get another space, ICC profile and ColorSpace
     change.
