@@ -185,15 +185,6 @@ def _axes(
     return _on_shortest_grid((places[0], places[1], places[2]), None if is_straight else curve)
 
 
-def _on_shortest_grid(places: Levels, curve: Array | None) -> FittedAxes:
-    """Node levels on the grid of the shortest shaper that holds them and the curve: a long one makes long files."""
-    short = snapped(places, FEW)
-    narrowest = min(float(np.diff(axis).min()) for axis in short) * (FEW - 1)
-    if narrowest >= CELL_STEPS and shaper_error(short, FEW, curve) <= SHAPER_ERROR:
-        return FittedAxes(curve, short, FEW)
-    return FittedAxes(curve, snapped(places, SHAPER_SIZE), SHAPER_SIZE)
-
-
 def _mean(values: Array, share: Array, grey: float = 0.25) -> Array:
     """The mean over the lines (LINES + 1, m), of which the grey axis counts the share `grey`."""
     return np.asarray((1 - grey) * (share @ values[1:]) + grey * values[0])
@@ -225,3 +216,12 @@ def _mass(y: Array, t: Array, u: Array, node_density: Callable[[_Bends], Array])
     total = mass.sum()
     mass = 0.8 * mass / total + 0.2 * step if total > 1e-12 else step  # a fifth of the nodes stays evenly spread
     return np.asarray(mass / mass.sum())
+
+
+def _on_shortest_grid(places: Levels, curve: Array | None) -> FittedAxes:
+    """Node levels on the grid of the shortest shaper that holds them and the curve: a long one makes long files."""
+    short = snapped(places, FEW)
+    narrowest = min(float(np.diff(axis).min()) for axis in short) * (FEW - 1)
+    if narrowest >= CELL_STEPS and shaper_error(short, FEW, curve) <= SHAPER_ERROR:
+        return FittedAxes(curve, short, FEW)
+    return FittedAxes(curve, snapped(places, SHAPER_SIZE), SHAPER_SIZE)

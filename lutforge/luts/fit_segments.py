@@ -44,12 +44,9 @@ def _fitted(part: Part, size: int, method: Interpolation, progress: Progress) ->
     return ops
 
 
-def _fitted_before_curve(part: SegmentBeforeCurve, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:
-    """A segment whose errors count as the curve after it magnifies them."""
-    weight = slope_weight(part.output_curve)
-    axes = fit_axes_before_curve(part.function, part.gain, size, weight, part.curve)
-    values = fit_cube_before_curve(part.function, axes.of_cube(), method, part.gain, weight, share)
-    return (*axes.shaper(), Cube(values, method))
+def _share(size: int, progress: Progress) -> Share:
+    """What reports the share of a function's evaluations as progress of a fit."""
+    return lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share)
 
 
 def _fitted_whole(part: WholeSegment, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:
@@ -71,6 +68,9 @@ def _fitted_whole(part: WholeSegment, size: int, method: Interpolation, share: S
     return shaper(levels, SHAPER_SIZE, curve, part.highest), Cube(values @ part.matrix.T, method)
 
 
-def _share(size: int, progress: Progress) -> Share:
-    """What reports the share of a function's evaluations as progress of a fit."""
-    return lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share)
+def _fitted_before_curve(part: SegmentBeforeCurve, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:
+    """A segment whose errors count as the curve after it magnifies them."""
+    weight = slope_weight(part.output_curve)
+    axes = fit_axes_before_curve(part.function, part.gain, size, weight, part.curve)
+    values = fit_cube_before_curve(part.function, axes.of_cube(), method, part.gain, weight, share)
+    return (*axes.shaper(), Cube(values, method))

@@ -26,29 +26,6 @@ Colour = tuple[float, float, float]
 """Red, green and blue."""
 
 
-def sample_points(lut: Lut) -> Array:
-    """Points (n, 3) of a LUT's domain, dense where it bends; behind a matrix of a scene-linear space also beyond it."""
-    count = 32768
-    first = lut.ops[0]
-    matrix = first if isinstance(first, Matrix) else Matrix(np.eye(3))
-    low, high = (0.0, 1.0) if lut.shaper is None else (lut.shaper.low, lut.shaper.high)
-    axes = (np.linspace(low, high, 33),) * 3 if lut.cube is None else node_levels(lut.shaper, lut.cube)
-    sequence = sobol(count)
-    spread = np.stack([np.interp(sequence[:, c], np.linspace(0, 1, len(axes[c])), axes[c]) for c in range(3)], axis=1)
-    nodes = np.stack([axes[c][(sequence[: count // 4, c] * len(axes[c])).astype(np.intp)] for c in range(3)], axis=1)
-    step = (high - low) / 65535
-    bends = np.clip(np.concatenate([spread, nodes, nodes + step, nodes - step]), low, high)
-    grey = np.repeat(np.linspace(0.0, 1.0, 1025)[:, None], 3, axis=1)
-    corners = np.array(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0])).reshape(3, -1).T
-    even = np.concatenate([sequence, grey, corners])
-    back = np.linalg.inv(matrix.matrix)
-    if not matrix.is_diagonal:
-        x = (np.concatenate([low + even * (high - low), bends]) - matrix.offset) @ back.T
-        return np.concatenate([x, 2 * x[::8]])  # and what the camera clips
-    reach = np.maximum((high - matrix.offset) * np.diag(back), 1.0)
-    return np.concatenate([even * reach, (bends - matrix.offset) * np.diag(back)])
-
-
 @dataclass(frozen=True)
 class FileError:
     """How far a file is from a reference, on `samples` fixed points of the input cube.
@@ -71,14 +48,6 @@ class FileError:
         if self.mean_de00 is not None and self.max_de00 is not None:
             text += f"; ΔE00 mean {self.mean_de00:.2g}, max {self.max_de00:.2g}"
         return text
-
-
-def scene_points(highest: float) -> Array:
-    """Scene-linear colours (n, 3) from −0.1 to beyond a domain's end, and each channel alone."""
-    low, high = -0.1, 1.25 * highest
-    ramp = np.linspace(low, high, 1025)[:, None]
-    alone = np.concatenate([ramp * np.eye(3)[channel] for channel in range(3)])
-    return np.concatenate([low + (high - low) * sobol(4096), np.repeat(ramp, 3, axis=1), alone])
 
 
 def verify(
@@ -111,6 +80,37 @@ def verify(
         ops = tuple(replace(op, interpolation=method) if isinstance(op, Cube) else op for op in lut.ops)
         read = replace(lut, ops=ops)(x).astype(np.float32)
     return compare(x, read, reference(x), display_referred)
+
+
+def sample_points(lut: Lut) -> Array:
+    """Points (n, 3) of a LUT's domain, dense where it bends; behind a matrix of a scene-linear space also beyond it."""
+    count = 32768
+    first = lut.ops[0]
+    matrix = first if isinstance(first, Matrix) else Matrix(np.eye(3))
+    low, high = (0.0, 1.0) if lut.shaper is None else (lut.shaper.low, lut.shaper.high)
+    axes = (np.linspace(low, high, 33),) * 3 if lut.cube is None else node_levels(lut.shaper, lut.cube)
+    sequence = sobol(count)
+    spread = np.stack([np.interp(sequence[:, c], np.linspace(0, 1, len(axes[c])), axes[c]) for c in range(3)], axis=1)
+    nodes = np.stack([axes[c][(sequence[: count // 4, c] * len(axes[c])).astype(np.intp)] for c in range(3)], axis=1)
+    step = (high - low) / 65535
+    bends = np.clip(np.concatenate([spread, nodes, nodes + step, nodes - step]), low, high)
+    grey = np.repeat(np.linspace(0.0, 1.0, 1025)[:, None], 3, axis=1)
+    corners = np.array(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0])).reshape(3, -1).T
+    even = np.concatenate([sequence, grey, corners])
+    back = np.linalg.inv(matrix.matrix)
+    if not matrix.is_diagonal:
+        x = (np.concatenate([low + even * (high - low), bends]) - matrix.offset) @ back.T
+        return np.concatenate([x, 2 * x[::8]])  # and what the camera clips
+    reach = np.maximum((high - matrix.offset) * np.diag(back), 1.0)
+    return np.concatenate([even * reach, (bends - matrix.offset) * np.diag(back)])
+
+
+def scene_points(highest: float) -> Array:
+    """Scene-linear colours (n, 3) from −0.1 to beyond a domain's end, and each channel alone."""
+    low, high = -0.1, 1.25 * highest
+    ramp = np.linspace(low, high, 1025)[:, None]
+    alone = np.concatenate([ramp * np.eye(3)[channel] for channel in range(3)])
+    return np.concatenate([low + (high - low) * sobol(4096), np.repeat(ramp, 3, axis=1), alone])
 
 
 def compare(x: Array, read: Single, exact: Array, display_referred: bool = True) -> FileError:
