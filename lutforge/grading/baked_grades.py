@@ -22,35 +22,35 @@ from lutforge.settings import Selector
 
 @dataclass(frozen=True)
 class SettingChange:
-    """What a refinish changes: `given` settings of a camera to those wanted of `look`, the same or another camera.
+    """What a refinish changes: `source`, the settings of a camera, to `target`, those of `look`, the same or another.
 
     ev: exposure change in stops. transfer: RAW → RAW between the two cameras, where one was measured.
     """
 
     camera: CameraProfile
-    given: Selector
+    source: Selector
     look: CameraProfile
-    wanted: Selector
+    target: Selector
     ev: float = 0.0
     transfer: RawTransfer | None = None
 
     @property
     def transform(self) -> Transform:
         """The refinish (6.1), exact to the model."""
-        return match(self.camera, self.given, self.look, self.wanted, self.ev, transfer=self.transfer)
+        return match(self.camera, self.source, self.look, self.target, self.ev, transfer=self.transfer)
 
     @property
     def is_none(self) -> bool:
         """True where both settings render alike."""
-        if self.look is not self.camera or self.ev or self.given.style != self.wanted.style:
+        if self.look is not self.camera or self.ev or self.source.style != self.target.style:
             return False
-        before, after = self.camera.multipliers(self.given), self.camera.multipliers(self.wanted)
+        before, after = self.camera.multipliers(self.source), self.camera.multipliers(self.target)
         return bool(np.allclose(before, after, rtol=1e-4))
 
-    def history(self, source: str) -> str:
-        """What was done, in one line for an image's history. source: what the picture was, settings or RAW."""
+    def history(self, picture: str) -> str:
+        """What was done, in one line for an image's history. picture: what it was, settings or RAW."""
         exposure = f", {self.ev:+g} EV" if self.ev else ""
-        return f"{self.camera.camera}: {source} -> {self.look.camera}: {self.wanted}{exposure}"
+        return f"{self.camera.camera}: {picture} -> {self.look.camera}: {self.target}{exposure}"
 
 
 class BakedGrades:
@@ -66,14 +66,16 @@ class BakedGrades:
 
     def develop(self, change: SettingChange) -> OCIO.CPUProcessor:
         """The processor that renders RAW; highlights, clipped before less exposure darkens them, stay neutral."""
-        camera, given, look, wanted, transfer = change.camera, change.given, change.look, change.wanted, change.transfer
-        before = camera.multipliers(given if look is not camera else wanted)
+        camera = change.camera
+        look = change.look
+        target = change.target
+        before = camera.multipliers(change.source if look is not camera else target)
         k = 2.0**change.ev
-        stages = raw_to_balanced(camera, given, look, wanted, transfer=transfer)
+        stages = raw_to_balanced(camera, change.source, look, target, transfer=change.transfer)
         balanced = through_stages(stages, grid(uniform_levels(2)) / before)
         gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
         exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
-        return Lut((*exposed, *self.baked(look.render_balanced(wanted)).ops)).processor()
+        return Lut((*exposed, *self.baked(look.render_balanced(target)).ops)).processor()
 
     def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
         """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""

@@ -73,11 +73,8 @@ def apply_image(
     if target.exists() and source.exists() and target.samefile(source):
         raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
     if grade.unchanged and target.suffix.lower() == source.suffix.lower():
-        with ImageReader(source) as reader:
-            width, height = reader.spec.width, reader.spec.height
-        with atomic_path(target) as temporary:
-            shutil.copyfile(source, temporary)
-        return GradedImage(source, target, width, height, grade.notes)
+        return _copied(grade, source, target)
+
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
         image, profile = stack.enter_context(_opened(source, target, grade))
@@ -85,6 +82,8 @@ def apply_image(
         if profile:
             converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
             grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
+
+        # What its header and its packets say of its colours.
         check_colours(source, spec)
         packets = Packets() if grade.raw else read_packets(source)
         if image.format == "openexr":  # whose attribute `image_writer` sets
@@ -105,13 +104,18 @@ def apply_image(
             raise ImageError(
                 f"{source}: the picture is in {space}, and this grade is for sRGB; convert it to sRGB first"
             )
+
+        # What the output holds: a further channel that marks what is clipped, in linear files.
         written = oiio.ImageSpec(spec)
         if grade.marks_clipped:
             names = (*spec.channelnames, "clipped")
-            written.nchannels, written.channelnames, written.channelformats = len(names), names, ()
+            written.nchannels = len(names)
+            written.channelnames = names
+            written.channelformats = ()
         output = describe_output(target, written, image.format, grade.history, attributes)
         if grade.marks_clipped:
             output.set_format(oiio.HALF)
+
         threads = None if count == 1 else stack.enter_context(ThreadPoolExecutor(count))
         total = spec.width * spec.height
 
@@ -127,6 +131,7 @@ def apply_image(
             writer = stack.enter_context(image_writer(target, output, start, xmp, iptc))
             broken = _grade_regions(grade, image, writer, threads, region_samples, count > 1)
         parts = image.parts
+
     notes = (
         *grade.notes,
         *notes_on(grade, image.format, spec, output, space, broken),
@@ -135,6 +140,16 @@ def apply_image(
         *notes_on_packets(packets, spec, image.format, format_of(target), jpeg is not None),
     )
     return GradedImage(source, target, spec.width, spec.height, notes)
+
+
+def _copied(grade: Grade, source: Path, target: Path) -> GradedImage:
+    """A picture that has the settings already: its file as it is."""
+    with ImageReader(source) as reader:
+        width = reader.spec.width
+        height = reader.spec.height
+    with atomic_path(target) as temporary:
+        shutil.copyfile(source, temporary)
+    return GradedImage(source, target, width, height, grade.notes)
 
 
 @contextmanager

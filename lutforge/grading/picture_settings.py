@@ -22,18 +22,18 @@ STEADY = 0.02
 
 
 def choose_camera(
-    path: Path, settings: ShotMetadata, cameras: Mapping[str, CameraProfile], asked: bool
+    path: Path, settings: ShotMetadata, cameras: Mapping[str, CameraProfile], is_stated: bool
 ) -> tuple[CameraProfile, tuple[str, ...]]:
     """The profile of the camera that took a picture. cameras: by name in lower case.
 
-    asked: the user names the settings; then a single profile applies to any picture, and the notes say so.
+    is_stated: the user names the settings; then a single profile applies to any picture, and the notes say so.
     """
-    found = cameras.get(settings.camera.lower())
-    if found is not None:
-        return found, ()
+    camera = cameras.get(settings.camera.lower())
+    if camera is not None:
+        return camera, ()
     named = f"is of {settings.camera}" if settings.camera else "does not name its camera"
-    known = ", ".join(camera.camera for camera in cameras.values())
-    if len(cameras) > 1 or not asked:
+    known = ", ".join(profile.camera for profile in cameras.values())
+    if len(cameras) > 1 or not is_stated:
         raise SettingsError(
             f"{path}: the picture {named}, the profile{'s are' if len(cameras) > 1 else ' is'} of {known}; "
             f"name the settings with --from STYLE/WB to use a profile all the same"
@@ -42,22 +42,22 @@ def choose_camera(
 
 
 def source_selector(
-    path: Path, settings: ShotMetadata, camera: CameraProfile, asked: Selector = AS_IT_IS, needed: bool = True
+    path: Path, settings: ShotMetadata, camera: CameraProfile, stated: Selector = AS_IT_IS, needed: bool = True
 ) -> tuple[Selector, tuple[str, ...]]:
-    """The settings of a picture: those asked for, completed by its metadata; and notes.
+    """The settings of a picture: those that the user states, completed by its metadata; and notes.
 
     needed: False where the white balance stays as it is, so that any serves where it is not told.
     """
-    style = asked.style if asked.style != AS_SHOT else settings.style
+    style = stated.style if stated.style != AS_SHOT else settings.style
     if style not in camera.styles:
-        if asked.style != AS_SHOT:
-            camera.selector(asked)  # raises: this error lists the styles
+        if stated.style != AS_SHOT:
+            camera.selector(stated)  # raises: this error lists the styles
         known = f"{camera.camera} has the styles {', '.join(sorted(camera.styles))}"
-        stated = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
+        reason = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
         balances = ", ".join(sorted(camera.white_balances))
-        raise SettingsError(f"{path}: {stated}; {known} and the white balances {balances}: name it with --from")
+        raise SettingsError(f"{path}: {reason}; {known} and the white balances {balances}: name it with --from")
     balance = _balance_of_file(settings, camera)
-    chosen = balance if asked.white_balance in NAMED_BY_FILE else asked.white_balance
+    chosen = balance if stated.white_balance in NAMED_BY_FILE else stated.white_balance
     if chosen is not None:
         given = camera.selector(Selector(style, chosen))
         named_style = settings.style if settings.style != "unknown" else style
@@ -72,20 +72,20 @@ def source_selector(
         named = str(given.white_balance) if same else named
         return given, (f"the file says {named_style}/{named}; it is taken for {given}, as --from says",)
     middle = camera.white_balances.get("auto")
-    if asked.white_balance == "auto" and middle is not None:
+    if stated.white_balance == "auto" and middle is not None:
         r, g, b = middle.multipliers
         text = f"the file does not tell its white balance; that of the middle shot, {r:.3f},{g:g},{b:.3f}, is used"
         return Selector(style, "auto"), (text,)
     if not needed:
         return Selector(style, next(iter(camera.white_balances))), ()
-    stated = "the file does not tell its white balance"
+    reason = "the file does not tell its white balance"
     if settings.white_balance != "unknown":
-        stated = (
+        reason = (
             f'its white balance is "{settings.white_balance}", and the file does not tell which multipliers that were'
         )
     known = ", ".join(sorted(camera.white_balances))
     raise SettingsError(
-        f"{path}: {stated}; put its RAW file beside it, name it with --from {style}/WB, where WB is {known}"
+        f"{path}: {reason}; put its RAW file beside it, name it with --from {style}/WB, where WB is {known}"
         f"{temperatures_of(camera.white_balances)}; `lutforge studio` shows how each looks"
     )
 
@@ -97,8 +97,8 @@ def _balance_of_file(settings: ShotMetadata, camera: CameraProfile) -> str | Kel
     steady = known is not None and known.spread <= STEADY
     if settings.multipliers is not None and not isinstance(camera.provenance, ReferenceRaw):
         r, g, b = (float(value) for value in settings.multipliers)
-        departure = 0.0 if known is None else float(np.max(np.abs(settings.multipliers / known.multipliers - 1)))
-        if not steady or STEADY < departure <= 0.3:  # multipliers that depart further are not believed
+        deviation = 0.0 if known is None else float(np.max(np.abs(settings.multipliers / known.multipliers - 1)))
+        if not steady or STEADY < deviation <= 0.3:  # multipliers that deviate further are not believed
             return Multipliers((r, g, b))
     if steady:
         return name

@@ -46,8 +46,8 @@ class RecipeOfProfiles(Recipe):
     def check(self) -> None:
         """Raise SettingsError or ProfileError where the profiles, or the settings of all pictures, are wrong."""
         for camera in self.cameras.values():
-            if self.asked.style != AS_SHOT and self.asked.white_balance not in NAMED_BY_FILE:
-                camera.selector(self.asked)
+            if self.stated.style != AS_SHOT and self.stated.white_balance not in NAMED_BY_FILE:
+                camera.selector(self.stated)
 
     @cached_property
     def cameras(self) -> dict[str, CameraProfile]:
@@ -60,12 +60,13 @@ class RecipeOfProfiles(Recipe):
         return cameras
 
     @cached_property
-    def asked(self) -> Selector:
-        """What the user says of the pictures' own settings."""
+    def stated(self) -> Selector:
+        """The pictures' own settings, as the user states them."""
         return parse_selector(self.source) if self.source else AS_IT_IS
 
     @cached_property
-    def _wanted(self) -> Selector:
+    def goal(self) -> Selector:
+        """The settings that pictures are graded to."""
         return parse_selector(self.target) if self.target else AS_IT_IS
 
     @cached_property
@@ -88,9 +89,9 @@ class ProfileRecipe(RecipeOfProfiles):
         """Raise SettingsError or ProfileError where the profiles, the transfer or the settings asked for are wrong."""
         super().check()
         for camera in [self._look] if self._look else self.cameras.values():
-            style = self._wanted.style if self._wanted.style != AS_SHOT else next(iter(camera.styles))
+            style = self.goal.style if self.goal.style != AS_SHOT else next(iter(camera.styles))
             first = next(iter(camera.white_balances))
-            camera.selector(Selector(style, self._wanted.white_balance if self.shift is None else first))
+            camera.selector(Selector(style, self.goal.white_balance if self.shift is None else first))
         _ = self._transfer
 
     def grade(self, source: Path) -> Grade:
@@ -100,7 +101,7 @@ class ProfileRecipe(RecipeOfProfiles):
         if source.suffix.lower() in RAW_SUFFIXES:
             return self._developed(source, settings, camera)
         needed = self._look not in (None, camera) or self.shift != Shift()
-        given, doubts = source_selector(source, settings, camera, self.asked, needed)
+        given, doubts = source_selector(source, settings, camera, self.stated, needed)
         change, grades = self.change(camera, given), self.baked_grades
         if change.is_none:  # it is copied, or saved in another format
             nothing = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform())
@@ -115,7 +116,7 @@ class ProfileRecipe(RecipeOfProfiles):
         return Grade(
             grades.processor(lut),
             change.history(str(given)),
-            attributes=_attributes(change.look, change.wanted, given),
+            attributes=_attributes(change.look, change.target, given),
             notes=(*settings.notes, *notes, *doubts),
             lut=lut,
             codes=grades.processor(lut, codes=True),
@@ -130,15 +131,15 @@ class ProfileRecipe(RecipeOfProfiles):
             )
         stated = (settings.style, str(replace(StyleName.parse(settings.style), colour_space="srgb")))
         style = next((name for name in stated if name in camera.styles), next(iter(camera.styles)))
-        asked = Selector(style, self.asked.white_balance)
-        given, notes = source_selector(source, replace(settings, style=style), camera, asked)
-        if self._wanted.style == AS_SHOT and style not in stated:
+        stated_here = Selector(style, self.stated.white_balance)
+        given, notes = source_selector(source, replace(settings, style=style), camera, stated_here)
+        if self.goal.style == AS_SHOT and style not in stated:
             notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
         change = self.change(camera, given)
         return Grade(
             self.baked_grades.develop(change),
             change.history("RAW"),
-            attributes=_attributes(change.look, change.wanted),
+            attributes=_attributes(change.look, change.target),
             raw=True,
             vignettings=camera.vignettings,
             notes=notes,
@@ -147,7 +148,7 @@ class ProfileRecipe(RecipeOfProfiles):
     @cached_property
     def shift(self) -> Shift | None:
         """The step from a picture's own white balance ("as-shot", "as-shot+500K"); None where another is wanted."""
-        balance = str(self._wanted.white_balance)
+        balance = str(self.goal.white_balance)
         name, shift = split_shift(balance) or (balance, Shift())
         return shift if name in NAMED_BY_FILE else None
 
@@ -182,10 +183,10 @@ class ProfileRecipe(RecipeOfProfiles):
         transfer = self._transfer
         if look is camera or (transfer is not None and transfer.source != camera.camera):
             transfer = None
-        style = given.style if self._wanted.style == AS_SHOT else self._wanted.style
+        style = given.style if self.goal.style == AS_SHOT else self.goal.style
         balance = given.white_balance
         if self.shift is None:
-            balance = self._wanted.white_balance
+            balance = self.goal.white_balance
         elif look is not camera:
             light = same_light(camera, given, look)
             if light is not None:
@@ -197,19 +198,27 @@ class ProfileRecipe(RecipeOfProfiles):
             else:
                 # Where the light is unknown to the other camera, any setting that it knows serves to stay neutral.
                 balance = next(iter(look.white_balances))
-        wanted = look.selector(Selector(style, balance))
+        target = look.selector(Selector(style, balance))
         if self.shift not in (None, Shift()):
-            wanted = Selector(style, look.shifted(look.multipliers(wanted), self.shift))
-        return SettingChange(camera, given, look, wanted, self.ev, transfer)
+            target = Selector(style, look.shifted(look.multipliers(target), self.shift))
+        return SettingChange(camera, given, look, target, self.ev, transfer)
 
 
-def _attributes(look: CameraProfile, wanted: Selector, given: Selector | None = None) -> dict[str, object]:
+def _attributes(look: CameraProfile, target: Selector, given: Selector | None = None) -> dict[str, object]:
     """EXIF tags of the new rendering, and the stale ones of the old as None. given: the settings of a picture."""
-    light = LIGHT_SOURCES.get(wanted.white_balance, 0) if isinstance(wanted.white_balance, str) else 255  # other
-    software = software_tag(look.camera, str(wanted))
+    light_source = 255  # EXIF's code of any other
+    if isinstance(target.white_balance, str):
+        light_source = LIGHT_SOURCES.get(target.white_balance, 0)
+    software = software_tag(look.camera, str(target))
     space: Mapping[str, object] = {}
-    if wanted.colour_space == "adobe rgb":
+    if target.colour_space == "adobe rgb":
         space = TELL_ADOBE_RGB
     elif given is not None and given.colour_space == "adobe rgb":
         space = {"ICCProfile": None, "Exif:ColorSpace": IN_SRGB}
-    return {**dict.fromkeys(STALE), "Software": software, "Exif:WhiteBalance": 1, "Exif:LightSource": light, **space}
+    return {
+        **dict.fromkeys(STALE),
+        "Software": software,
+        "Exif:WhiteBalance": 1,
+        "Exif:LightSource": light_source,
+        **space,
+    }

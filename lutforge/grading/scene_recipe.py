@@ -43,8 +43,8 @@ class SceneRecipe(RecipeOfProfiles):
         if not rgb_space(self.space).is_linear:
             raise SettingsError(f"--space {self.space}: encoded; pictures become linear light, such as acescg")
         require_exposure(self.ev)
-        if self._wanted.style != AS_SHOT:
-            helps = f"write --to {AS_SHOT}/{self._wanted.white_balance}"
+        if self.goal.style != AS_SHOT:
+            helps = f"write --to {AS_SHOT}/{self.goal.white_balance}"
             raise SettingsError(f"--to {self.target}: light has no style, only a white balance; {helps}")
         super().check()
         for camera in self.cameras.values():
@@ -56,7 +56,7 @@ class SceneRecipe(RecipeOfProfiles):
             raise SettingsError(f"{source}: a RAW file; --space takes finished pictures")
         settings = read_picture_settings(source)
         camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
-        given, doubts = source_selector(source, settings, camera, self.asked)
+        given, doubts = source_selector(source, settings, camera, self.stated)
         scale = 2.0**self.ev
         if self.by_exposure:
             if not math.isfinite(settings.exposure):
@@ -88,8 +88,8 @@ class SceneRecipe(RecipeOfProfiles):
 
     def _neutral(self, camera: CameraProfile, given: Selector) -> Selector:
         """The setting whose light becomes neutral."""
-        if self._wanted.white_balance not in NAMED_BY_FILE:
-            return camera.selector(Selector(given.style, self._wanted.white_balance))
+        if self.goal.white_balance not in NAMED_BY_FILE:
+            return camera.selector(Selector(given.style, self.goal.white_balance))
         if self.target is not None or not self.by_exposure:
             return given
         known = camera.white_balances

@@ -16,7 +16,7 @@ from lutforge.images.write import IN_ANOTHER_SPACE, SOFTWARE
 
 
 def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:
-    """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
+    """What precedes the graded pixels: the source's segments, with a comment on what was done.
 
     The thumbnail is of the old colours and left out; where the colours get another space, ICC profile and ColorSpace
     change.
@@ -28,14 +28,14 @@ def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:
         segments = with_colours(segments, new if isinstance(new, bytes) else None, adobe_rgb)
     comment = f"{attributes.get('Software', SOFTWARE)}\n{' '.join(grade.history.split())}"
     # What follows the picture, a gain map or a film, is left out, and XMP does not declare it.
-    kept = []
+    retained = []
     for segment in segments:
         if segment.holds((APP1, XMP_SEGMENT)):
             body = XMP_SEGMENT + without_further_pictures(segment.body[len(XMP_SEGMENT) :])
             segment = replace(segment, body=body)
         if not segment.holds((APP2, b"urn:iso:std:iso:ts:21496:-1")):
-            kept.append(segment)
-    return stored_metadata(kept, header.plain, comment)
+            retained.append(segment)
+    return stored_metadata(retained, header.plain, comment)
 
 
 def grade_whole(

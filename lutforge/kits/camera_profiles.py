@@ -6,7 +6,7 @@ from lutforge.kits.dcp import fit_dng_profile, write_dcp
 from lutforge.kits.icc import VARIANTS, fit_icc_profile, write_icc
 from lutforge.kits.kit import Look
 from lutforge.kits.measure import error_of_profile
-from lutforge.luts.check import FileError
+from lutforge.luts.verification import FileError
 
 
 def write_icc_profiles(look: Look, folder: Path) -> dict[str, FileError]:

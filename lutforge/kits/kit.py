@@ -11,9 +11,9 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
-from lutforge.luts.check import FileError
 from lutforge.luts.description import description
 from lutforge.luts.input_and_output import InputAndOutput
+from lutforge.luts.verification import FileError
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.transform import Decode, Encode, MatrixStage, Transform
 

@@ -12,9 +12,9 @@ from lutforge.errors import SettingsError, alternatives
 from lutforge.kits.kit import Kit, KitFiles, Look, setting_of
 from lutforge.kits.luts import baked, described
 from lutforge.kits.measure import colours_of
-from lutforge.luts.check import FileError, compare
 from lutforge.luts.input_and_output import ENCODED, InputAndOutput, input_and_output_of
 from lutforge.luts.reading import read_lut
+from lutforge.luts.verification import FileError, compare
 from lutforge.luts.writers.photo_style import PHOTO_STYLE
 from lutforge.model.camera_profile import CameraProfile, match
 from lutforge.model.transform import Transform

@@ -10,13 +10,13 @@ from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.kits.kit import Look
 from lutforge.kits.measure import error_of_lut
 from lutforge.luts.bake import bake_to
-from lutforge.luts.check import FileError
 from lutforge.luts.description import description
 from lutforge.luts.input_and_output import ENCODED, InputAndOutput, input_and_output_of
 from lutforge.luts.ops import Curve, Matrix
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import FEW
+from lutforge.luts.verification import FileError
 
 
 def write_lut(look: Look, path: Path, source: str, target: str, size: int | None = None, place: str = "") -> FileError:

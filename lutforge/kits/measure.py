@@ -10,9 +10,9 @@ from lutforge.interpolation import Interpolation
 from lutforge.kits.dcp import read_dcp
 from lutforge.kits.icc import read_icc, scene_linear
 from lutforge.kits.kit import Look
-from lutforge.luts.check import FileError, compare
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import file_processor, has_own_reader, read_lut
+from lutforge.luts.verification import FileError, compare
 from lutforge.model.transform import Transform
 from lutforge.sobol import sobol
 

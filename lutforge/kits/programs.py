@@ -15,7 +15,7 @@ from lutforge.kits.luts import write_lut
 from lutforge.kits.rawtherapee import SCRIPT_LINES as RAWTHERAPEE_LINES
 from lutforge.kits.rawtherapee import write_rawtherapee
 from lutforge.luts import command_lines
-from lutforge.luts.check import FileError
+from lutforge.luts.verification import FileError
 from lutforge.ocio.blender import blender_config
 from lutforge.ocio.config import write_config
 

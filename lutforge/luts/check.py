@@ -8,23 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.arrays import Array, ColourFunction, Real, Single
-from lutforge.colour.srgb import delta_e_2000
+from lutforge.arrays import Array
 from lutforge.errors import one_line
-from lutforge.interpolation import Interpolation
 from lutforge.luts.input_and_output import InputAndOutput, read_input_and_output
-from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve, Matrix
-from lutforge.luts.programs import readers_of as programs_of
-from lutforge.luts.reading import file_processor, has_own_reader, is_read_by_ocio, read_lut
+from lutforge.luts.readers import readers_of
+from lutforge.luts.reading import is_read_by_ocio, read_lut
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import node_levels
 from lutforge.luts.text import TEXTS
+from lutforge.luts.verification import Colour, colour_of
 from lutforge.luts.writers.spi import SPI_PAIR
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.sobol import sobol
-
-Colour = tuple[float, float, float]
 
 FALL = 1e-5
 """A step of an output in the wrong direction that is more than rounding."""
@@ -70,14 +64,17 @@ def check_lut(path: str | Path) -> LutReport:
     """Read any LUT file and say what is in it. Raises LutError, one line, where it cannot be read."""
     path = Path(path)
     lut = read_lut(path)
-    other = other_half(path)
-    if other is not None:
-        lut = replace(lut, metadata={**lut.metadata, "pair": other.name})
-    cube, domain = lut.cube, _domain(lut)
+    half = other_half(path)
+    if half is not None:
+        lut = replace(lut, metadata={**lut.metadata, "pair": half.name})
+    cube = lut.cube
+    domain = _domain(lut)
     dialect = ""
     if lut.metadata.get("format") in TEXTS:
         dialect = "1D" if cube is None else "3D" if lut.shaper is None else "1D shaper + 3D"
-    outputs = np.array([[0.0] * 3, [1.0] * 3])  # then those of the last table, behind all that follows it
+
+    # The outputs of the last table, behind all that follows it; of white and black where there is none.
+    outputs = np.array([[0.0] * 3, [1.0] * 3])
     for op in lut.ops:
         outputs = _outputs(op) if isinstance(op, Curve) else op.values if isinstance(op, Cube) else op(outputs)
     beyond = bool(outputs.min() < -1e-6 or outputs.max() > 1 + 1e-6)
@@ -86,17 +83,19 @@ def check_lut(path: str | Path) -> LutReport:
     if cube is not None:
         steps = [np.diff(cube.values[..., channel], axis=channel) for channel in range(3)]
         falling = float(np.mean([np.mean(step < -ALARM / max(step.shape)) for step in steps]))
+
     readers = {"OpenColorIO, Nuke": "cannot read it"}
     if is_read_by_ocio(path, lut):
         readers["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
-    if other is not None:
+    if half is not None:
         order = " and then ".join(path.with_suffix(end).name for end in SPI_PAIR)
         readers = {"one half of a pair": f"{order} are the LUT, the shaper and its cube, in an OpenColorIO config"}
         readers["OpenColorIO, Nuke"] = "reads it"
     readers |= readers_of(lut, dialect, domain)
     if states is not None and states.takes_raw:
         readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
-    black, white = (_triple(colour) for colour in lut(np.array(domain)))
+
+    black, white = (colour_of(colour) for colour in lut(np.array(domain)))
     clipped = None if beyond else float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1)))
     problems = tuple(_problems(lut, domain, falling, outputs, clipped, states))
     lowest, highest = float(outputs.min()), float(outputs.max())
@@ -108,8 +107,8 @@ def other_half(path: Path) -> Path | None:
     suffix = path.suffix.lower()
     if suffix not in SPI_PAIR:
         return None
-    other = path.with_suffix(SPI_PAIR[1 - SPI_PAIR.index(suffix)])
-    return other if other.is_file() else None
+    half = path.with_suffix(SPI_PAIR[1 - SPI_PAIR.index(suffix)])
+    return half if half.is_file() else None
 
 
 def report_lines(report: LutReport) -> list[str]:
@@ -129,10 +128,10 @@ def report_lines(report: LutReport) -> list[str]:
     for name, colour in (("black", report.black), ("white", report.white)):
         lines.append(f"  {name}     {' '.join(f'{v:.5f}' for v in colour)}")
     lines += [f"  problem   {text}" for text in report.problems]
-    alike: dict[str, list[str]] = {}
+    programs_by_verdict: dict[str, list[str]] = {}
     for program, verdict in report.readers.items():
-        alike.setdefault(verdict, []).append(program)
-    lines += [f"  {', '.join(programs)}: {verdict}" for verdict, programs in alike.items()]
+        programs_by_verdict.setdefault(verdict, []).append(program)
+    lines += [f"  {', '.join(programs)}: {verdict}" for verdict, programs in programs_by_verdict.items()]
     return lines
 
 
@@ -141,11 +140,6 @@ def _outputs(curve: Curve) -> Array:
     if curve.inputs is None or curve.inputs.max() < HALF_MAX:
         return curve.outputs
     return curve.outputs[np.all((curve.inputs >= 0) & (curve.inputs <= 1), axis=1)]
-
-
-def _triple(colour: Real) -> Colour:
-    r, g, b = (float(v) for v in colour)
-    return r, g, b
 
 
 def _problems(
@@ -245,148 +239,5 @@ def _domain(lut: Lut) -> tuple[Colour, Colour]:
     if not matrix.is_diagonal or np.any(scale <= 0):
         return (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
     ends = ((end - matrix.offset) / scale for end in (low, high))
-    first, last = (_triple(np.round(end, 9) + 0.0) for end in ends)
+    first, last = (colour_of(np.round(end, 9) + 0.0) for end in ends)
     return first, last
-
-
-# --- What programs beside OpenColorIO make of LUT files: by the table of programs -----------------------------------
-
-
-def kind_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> str:
-    """The kind of a file, by which the table of programs says what each does with it."""
-    suffix, words = lut.metadata.get("format", ""), lut.metadata.get("keywords", "")
-    match suffix, dialect:
-        case ".cube", "1D shaper + 3D":
-            return ".cube, shaper" if "INPUT_RANGE" in words else ".cube, shaper without ranges"
-        case ".cube", "1D":
-            return ".cube, curve"
-        case ".cube", _ if "INPUT_RANGE" in words:
-            return ".cube, range"
-        case ".cube", _ if domain != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
-            return ".cube, domain" if any(domain[0]) else ".cube, domain from 0"
-        case ".csp", _:
-            return ".csp" if lut.shaper is None else ".csp, bent"
-        case ".3dl", _:
-            plain = lut.size == 17 and lut.metadata.get("bits") == "12" and "3DMESH" not in words
-            return ".3dl, 17 nodes, 12 bits" if plain else ".3dl"
-    return suffix
-
-
-def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[str, str]:
-    """What programs other than OpenColorIO make of such a file, by name of the program."""
-    suffix = lut.metadata.get("format", "")
-    if suffix == ".vlt":
-        cameras = {"Panasonic Lumix and VariCam cameras": "read it from their card"}
-        return {**cameras, "other programs": "cannot read it: give them a 3D-only .cube"}
-    if suffix.startswith(("lookup", "strip", "column")):
-        return {
-            "GPUImage and other shaders, game engines": f"read such pictures: {suffix}",
-            "programs of Hald images": "take it for a Hald, if for anything: garbage",
-            "other programs": 'write a .cube for them: `lutforge.read_lut("a.png").write("a.cube")`',
-        }
-    readers = programs_of(kind_of(lut, dialect, domain))
-    if suffix == ".cube" and dialect == "3D" and lut.size not in (17, 33, 65):
-        readers["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {lut.size}"
-    return readers
-
-
-# --- How near a file is to what was baked: read back as its reader evaluates it --------------------------------------
-# OpenColorIO reads the file, or our own reader where it does not know the format, with the interpolation asked for.
-# Files are compared at the same points every time, of which more lie where the LUT bends.
-
-
-def sample_points(lut: Lut) -> Array:
-    """Points (n, 3) of a LUT's domain, dense where it bends; behind a matrix of a scene-linear space also beyond it."""
-    count = 32768
-    first = lut.ops[0]
-    matrix = first if isinstance(first, Matrix) else Matrix(np.eye(3))
-    low, high = (0.0, 1.0) if lut.shaper is None else (lut.shaper.low, lut.shaper.high)
-    axes = (np.linspace(low, high, 33),) * 3 if lut.cube is None else node_levels(lut.shaper, lut.cube)
-    sequence = sobol(count)
-    spread = np.stack([np.interp(sequence[:, c], np.linspace(0, 1, len(axes[c])), axes[c]) for c in range(3)], axis=1)
-    nodes = np.stack([axes[c][(sequence[: count // 4, c] * len(axes[c])).astype(np.intp)] for c in range(3)], axis=1)
-    step = (high - low) / 65535
-    bends = np.clip(np.concatenate([spread, nodes, nodes + step, nodes - step]), low, high)
-    grey = np.repeat(np.linspace(0.0, 1.0, 1025)[:, None], 3, axis=1)
-    corners = np.array(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0])).reshape(3, -1).T
-    even = np.concatenate([sequence, grey, corners])
-    back = np.linalg.inv(matrix.matrix)
-    if not matrix.is_diagonal:
-        x = (np.concatenate([low + even * (high - low), bends]) - matrix.offset) @ back.T
-        return np.concatenate([x, 2 * x[::8]])  # and what the camera clips
-    reach = np.maximum((high - matrix.offset) * np.diag(back), 1.0)
-    return np.concatenate([even * reach, (bends - matrix.offset) * np.diag(back)])
-
-
-@dataclass(frozen=True)
-class FileError:
-    """How far a file is from a reference, on `samples` fixed points of the input cube.
-
-    mean, p99, max: Euclidean norm of the RGB difference (1 = full scale).
-    mean_de00, max_de00: CIEDE2000 with both taken for encoded sRGB; None for outputs that are not for a
-    display. worst: the input (r, g, b) at which the difference is the largest.
-    """
-
-    mean: float
-    p99: float
-    max: float
-    mean_de00: float | None
-    max_de00: float | None
-    samples: int
-    worst: Colour
-
-    def __str__(self) -> str:
-        text = f"mean {self.mean:.2g}, 99 % {self.p99:.2g}, max {self.max:.2g}"
-        if self.mean_de00 is not None and self.max_de00 is not None:
-            text += f"; ΔE00 mean {self.mean_de00:.2g}, max {self.max_de00:.2g}"
-        return text
-
-
-def scene_points(highest: float) -> Array:
-    """Scene-linear colours (n, 3) from −0.1 to beyond a domain's end, and each channel alone."""
-    low, high = -0.1, 1.25 * highest
-    ramp = np.linspace(low, high, 1025)[:, None]
-    alone = np.concatenate([ramp * np.eye(3)[channel] for channel in range(3)])
-    return np.concatenate([low + (high - low) * sobol(4096), np.repeat(ramp, 3, axis=1), alone])
-
-
-def verify(
-    path: str | Path,
-    reference: ColourFunction,
-    lut: Lut | None = None,
-    interpolation: Interpolation | None = None,
-    display_referred: bool = True,
-    scenes: bool = False,
-) -> FileError:
-    """Compare the file, as a reader evaluates it in float32, with a reference.
-
-    lut: the LUT that was written: points near its nodes, and its interpolation; without it, those of the file, and
-    tetrahedral. interpolation: what the file's consumer will use instead. scenes: the input is scene-linear, which has
-    values below 0 and above the file's domain.
-    """
-    path = Path(path)
-    method = interpolation or (lut.interpolation if lut is not None else "tetrahedral")
-    # Rounded to float32 first: both sides get the very same input.
-    x = sample_points(lut or read_lut(path))
-    x = (np.concatenate([x, scene_points(float(x.max()))]) if scenes else x).astype(np.float32).astype(np.float64)
-    if not has_own_reader(path):
-        pair = [path.with_suffix(end) for end in SPI_PAIR]  # in the order in which they are used
-        is_pair = path.suffix.lower() in SPI_PAIR and all(file.is_file() for file in pair)
-        got = x.astype(np.float32)
-        for file in pair if is_pair else [path]:
-            got = evaluate(file_processor(file, method), got)
-    else:
-        read = read_lut(path)
-        ops = tuple(replace(op, interpolation=method) if isinstance(op, Cube) else op for op in read.ops)
-        got = replace(read, ops=ops)(x).astype(np.float32)
-    return compare(x, got, reference(x), display_referred)
-
-
-def compare(x: Array, got: Single, wanted: Array, display_referred: bool = True) -> FileError:
-    """Figures of the difference of two outputs (n, 3) for the inputs x (n, 3)."""
-    norm = np.linalg.norm(got - wanted, axis=1)
-    de00 = delta_e_2000(got.astype(np.float64), wanted) if display_referred else None
-    mean_de00, max_de00 = (None, None) if de00 is None else (float(de00.mean()), float(de00.max()))
-    worst = _triple(x[int(np.argmax(norm if de00 is None else de00))])
-    mean, p99, most = float(norm.mean()), float(np.quantile(norm, 0.99)), float(norm.max())
-    return FileError(mean, p99, most, mean_de00, max_de00, len(got), worst)

@@ -18,8 +18,9 @@ import scipy
 from lutforge.arrays import Array
 from lutforge.interpolation import Levels, apply_curve
 from lutforge.luts.fit_cube import Axes, Function
-from lutforge.luts.shaper import SHAPER_SIZE
-from lutforge.model.lattice import snap_levels
+from lutforge.luts.ops import Op
+from lutforge.luts.shaper import FEW, SHAPER_SIZE, is_even, shaper, shaper_error
+from lutforge.model.lattice import snapped
 from lutforge.sobol import sobol
 
 LINES = 64
@@ -29,16 +30,33 @@ STEPS = 256
 """Steps of each line."""
 
 
+CELL_STEPS = 8
+"""Steps of a short shaper that the narrowest cell must have: a level is then moved by less than a sixteenth of it."""
+
+SHAPER_ERROR = 1e-5
+"""Largest error of a short shaper, of which cubes make about as much: a fifth of a step of 14 bits."""
+
+
 @dataclass(frozen=True, eq=False)
 class FittedAxes:
-    """Node levels of a cube, on the shaper's grid, and a curve (m, 3), in whose values the cube is linear; or none."""
+    """Node levels of a cube, and a curve (m, 3), in whose values the cube is linear; or none.
+
+    entries: of the shaper that holds both, on whose grid the levels lie.
+    """
 
     curve: Array | None
     levels: Levels
+    entries: int
 
     def stretched(self, x: Array) -> Array:
         """Map inputs (…, 3) through the curve, which continues with slope 1 beyond 1."""
         return x if self.curve is None else apply_curve(self.curve, x) + np.maximum(x - 1.0, 0.0)
+
+    def shaper(self, high: float = 1.0) -> tuple[Op, ...]:
+        """Return the curve before the cube, for inputs from 0 to `high`; none where the axes are even from 0 to 1."""
+        if self.curve is None and is_even(self.levels) and high == 1:
+            return ()
+        return (shaper(self.levels, self.entries, self.curve, high),)
 
     def of_cube(self) -> Axes:
         """Return the axes with the node levels behind the curve, where the cube has them."""
@@ -82,6 +100,20 @@ def fit_axes_before_curve(
         return np.asarray(_mean(square**1.5, share, 0.5) ** (1 / 6))
 
     return _axes(lines, share, curve, size, node_density)
+
+
+def slope_weight(output_curve: Array) -> Function:
+    """Return the weight of an error of the cube: the sum of the output curve's squared slopes, also near clipping."""
+    reach, share, margin = 0.003, 0.05, 0.25
+    y = np.repeat(np.linspace(-margin, 1 + margin, 4096)[:, None], 3, axis=1)
+    inside = np.clip(y, 0.0, 1.0)
+    slope = (apply_curve(output_curve, inside + reach) - apply_curve(output_curve, inside - reach)) / (2 * reach)
+    table = slope**2 * np.exp(-0.5 * ((y - inside) / share) ** 2)
+
+    def weight(y: Array) -> Array:
+        return np.asarray(share + apply_curve(table, (y + margin) / (1 + 2 * margin)).sum(axis=-1))
+
+    return weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,15 +174,15 @@ def _axes(
         curve = np.stack([_curve(np.sqrt(_mean(square, share)), t) for square in squares], axis=1)
     even = np.linspace(0.0, 1.0, len(curve))
 
-    levels = []
+    places = []
     for axis, values in enumerate(lines.values):
         mass = _mass(values, t, np.interp(t, even, curve[:, axis]), node_density)
         total = np.concatenate([[0.0], np.cumsum(mass)])
         # Between two levels there is equal mass.
-        levels.append(snap_levels(np.interp(np.linspace(0.0, total[-1], size), total, t), SHAPER_SIZE))
+        places.append(np.interp(np.linspace(0.0, total[-1], size), total, t))
 
     is_straight = len(curve) == 2  # which changes nothing
-    return FittedAxes(None if is_straight else curve, (levels[0], levels[1], levels[2]))
+    return _on_shortest_grid((places[0], places[1], places[2]), None if is_straight else curve)
 
 
 def _mean(values: Array, share: Array, grey: float = 0.25) -> Array:
@@ -184,3 +216,12 @@ def _mass(y: Array, t: Array, u: Array, node_density: Callable[[_Bends], Array])
     total = mass.sum()
     mass = 0.8 * mass / total + 0.2 * step if total > 1e-12 else step  # a fifth of the nodes stays evenly spread
     return np.asarray(mass / mass.sum())
+
+
+def _on_shortest_grid(places: Levels, curve: Array | None) -> FittedAxes:
+    """Node levels on the grid of the shortest shaper that holds them and the curve: a long one makes long files."""
+    short = snapped(places, FEW)
+    narrowest = min(float(np.diff(axis).min()) for axis in short) * (FEW - 1)
+    if narrowest >= CELL_STEPS and shaper_error(short, FEW, curve) <= SHAPER_ERROR:
+        return FittedAxes(curve, short, FEW)
+    return FittedAxes(curve, snapped(places, SHAPER_SIZE), SHAPER_SIZE)

@@ -12,7 +12,7 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError, LutError
-from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
+from lutforge.interpolation import Interpolation, Levels, interpolate
 from lutforge.model.lattice import grid
 from lutforge.sobol import sobol
 from lutforge.solvers.lattice_regression import Prior, fit_lattice
@@ -69,20 +69,6 @@ def fit_cube_before_curve(
     missed = np.sum((interpolate(task.x, task.knots, values, method) - task.y) ** 2, axis=1)
     error = np.sqrt(weight(task.y) * missed)
     return task.with_ends(task.solved(task.weight * lawson(error, 0.75), values))
-
-
-def slope_weight(output_curve: Array) -> Function:
-    """Return the weight of an error of the cube: the sum of the output curve's squared slopes, also near clipping."""
-    reach, share, margin = 0.003, 0.05, 0.25
-    y = np.repeat(np.linspace(-margin, 1 + margin, 4096)[:, None], 3, axis=1)
-    inside = np.clip(y, 0.0, 1.0)
-    slope = (apply_curve(output_curve, inside + reach) - apply_curve(output_curve, inside - reach)) / (2 * reach)
-    table = slope**2 * np.exp(-0.5 * ((y - inside) / share) ** 2)
-
-    def weight(y: Array) -> Array:
-        return np.asarray(share + apply_curve(table, (y + margin) / (1 + 2 * margin)).sum(axis=-1))
-
-    return weight
 
 
 @dataclass(frozen=True, eq=False)

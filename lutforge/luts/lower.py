@@ -209,14 +209,6 @@ def _without_first_cells(lattice: Lattice, input_matrix: Array, output_curve: Ar
     return to_axes, SegmentOnLevels(lambda x: on_axes.cube_values(first + left * x), (r, g, b), output_curve)
 
 
-def _exact_lattice(parts: Parts, target: Target) -> Lattice | None:
-    """The lattice of a transform, where it has the size and the interpolation of a target."""
-    lattice = parts.lattice
-    if lattice is None or set(lattice.size) != {target.size or lattice.size[0]}:
-        return None
-    return lattice if target.interpolation in (None, lattice.interpolation) else None
-
-
 def _folded_lattice(parts: Parts, target: Target) -> tuple[Op, ...]:
     """A lattice with its gain in the shaper and its matrix in the cube; nothing where it is not one as it stands."""
     lattice = _exact_lattice(parts, target)
@@ -232,3 +224,11 @@ def _folded_lattice(parts: Parts, target: Target) -> tuple[Op, ...]:
     levels = levels_behind_gain(node_levels(curve, cube), gain)
     values = Lut(ops)(np.clip(grid(levels) * gain, 0.0, 1.0)) @ parts.matrix.T
     return shaper(levels), Cube(values, cube.interpolation)
+
+
+def _exact_lattice(parts: Parts, target: Target) -> Lattice | None:
+    """The lattice of a transform, where it has the size and the interpolation of a target."""
+    lattice = parts.lattice
+    if lattice is None or set(lattice.size) != {target.size or lattice.size[0]}:
+        return None
+    return lattice if target.interpolation in (None, lattice.interpolation) else None

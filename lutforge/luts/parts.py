@@ -17,6 +17,33 @@ from lutforge.model.response import Response
 from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Stage, Transform, through_stages
 
 
+def curve_alone(transform: ColourFunction) -> tuple[Op, ...]:
+    """Return the operations of a transform that is one response beside gains and matrices; none of any other."""
+    ops: list[Op] = []
+    for stage in transform.stages if isinstance(transform, Transform) else ():
+        match stage:
+            case Gain():
+                ops.append(Matrix(np.diag(stage.factors)))
+            case MatrixStage():
+                ops.append(Matrix(stage.matrix))
+            case Clip():
+                ops.append(Range())
+            case Decode(Response() as response):
+                # Three entries between two of its own: a reader that lays a spline through them makes the same of it.
+                even = np.linspace(0.0, 1.0, 4 * len(response.inverse) - 3)[:, None].repeat(3, axis=1)
+                ops.append(Curve(response.linearize(even)))
+            case Encode(Response() as response):
+                low = response.inverse[0]
+                span = response.inverse[-1] - low
+                ops.append(Matrix(np.diag(1 / span), -low / span))
+                ops.append(Curve(output_curve_of(response)[1]))
+            case GamutMap() if stage.is_identity:
+                pass
+            case _:
+                return ()
+    return tuple(ops) if sum(isinstance(op, Curve) for op in ops) == 1 else ()
+
+
 @dataclass(frozen=True, eq=False)
 class Parts:
     """A transform as matrix · output_curve(cube_values(gain · before · x)); a cube is to hold `cube_values`.
@@ -76,6 +103,14 @@ def parts_of(transform: ColourFunction) -> Parts:
     return Parts(checked(lambda x: through_stages(body, x)), gain, matrix, before, curve, lattice=lattice)
 
 
+def output_curve_of(response: Response) -> tuple[Function, Array]:
+    """Linear values scaled to [0, 1] where f begins and ends, and f from there, (SHAPER_SIZE, 3)."""
+    low = response.inverse[0]
+    span = response.inverse[-1] - low
+    even = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None]
+    return lambda y: (y - low) / span, response.encode(low + even * span)
+
+
 def _input_curve(body: Sequence[Stage], otherwise: Array | None) -> Array | None:
     """f⁻¹ from 0 to 1 of a camera's response that comes first, with a little of a straight line, so that it rises."""
     match body:
@@ -85,54 +120,22 @@ def _input_curve(body: Sequence[Stage], otherwise: Array | None) -> Array | None
     return otherwise
 
 
-def curve_alone(transform: ColourFunction) -> tuple[Op, ...]:
-    """Return the operations of a transform that is one response beside gains and matrices; none of any other."""
-    ops: list[Op] = []
-    for stage in transform.stages if isinstance(transform, Transform) else ():
-        match stage:
-            case Gain():
-                ops.append(Matrix(np.diag(stage.factors)))
-            case MatrixStage():
-                ops.append(Matrix(stage.matrix))
-            case Clip():
-                ops.append(Range())
-            case Decode(Response() as response):
-                # Three entries between two of its own: a reader that lays a spline through them makes the same of it.
-                even = np.linspace(0.0, 1.0, 4 * len(response.inverse) - 3)[:, None].repeat(3, axis=1)
-                ops.append(Curve(response.linearize(even)))
-            case Encode(Response() as response):
-                low = response.inverse[0]
-                span = response.inverse[-1] - low
-                ops.append(Matrix(np.diag(1 / span), -low / span))
-                ops.append(Curve(output_curve_of(response)[1]))
-            case GamutMap() if stage.is_identity:
-                pass
-            case _:
-                return ()
-    return tuple(ops) if sum(isinstance(op, Curve) for op in ops) == 1 else ()
-
-
-def output_curve_of(response: Response) -> tuple[Function, Array]:
-    """Linear values scaled to [0, 1] where f begins and ends, and f from there, (SHAPER_SIZE, 3)."""
-    low = response.inverse[0]
-    span = response.inverse[-1] - low
-    even = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None]
-    return lambda y: (y - low) / span, response.encode(low + even * span)
-
-
 def checked(function: Function) -> Function:
-    """Evaluate a function in blocks that stay in cache. Raises LutError on another shape or numbers not finite."""
+    """Return a function that is evaluated in blocks which stay in cache, at inputs of 1 at most.
+
+    A node level before a gain is rounded up, beyond what clips. Raises LutError on another shape or numbers not finite.
+    """
 
     def evaluated(x: Array) -> Array:
-        flat = x.reshape(-1, 3)
+        flat = np.minimum(x, 1.0).reshape(-1, 3)
         y = np.empty_like(flat)
         for start in range(0, len(flat), 1 << 15):
-            part = flat[start : start + (1 << 15)]
-            result = np.asarray(function(part), dtype=np.float64)
-            if result.shape != part.shape:
-                raise LutError(f"the transform made shape {result.shape} of {part.shape}; it must keep the shape")
+            block = flat[start : start + (1 << 15)]
+            result = np.asarray(function(block), dtype=np.float64)
+            if result.shape != block.shape:
+                raise LutError(f"the transform made shape {result.shape} of {block.shape}; it must keep the shape")
             if not np.all(np.isfinite(result)):
-                worst = part[np.flatnonzero(~np.all(np.isfinite(result), axis=1))[0]]
+                worst = block[np.flatnonzero(~np.all(np.isfinite(result), axis=1))[0]]
                 raise LutError(f"the transform gives a number that is not finite at {np.round(worst, 4).tolist()}")
             y[start : start + (1 << 15)] = result
         return y.reshape(x.shape)

@@ -38,19 +38,31 @@ def shaper(levels: Levels, size: int = SHAPER_SIZE, axis_curve: Array | None = N
                 f"LUT: node levels are not multiples of 1/{size - 1}, so a shaper of {size} entries cannot hold them; "
                 "snap them before the fit"
             )
-    at = np.linspace(0.0, 1.0, size)
+    return Curve(_spread(levels, np.linspace(0.0, 1.0, size), axis_curve), 0.0, high)
+
+
+def shaper_error(levels: Levels, size: int, axis_curve: Array | None) -> float:
+    """The largest error of a shaper of `size` entries, half way between them; arguments and errors as of `shaper`."""
+    half_way = (np.arange(size - 1) + 0.5) / (size - 1)
+    exact = _spread(levels, half_way, axis_curve)
+    return float(np.abs(shaper(levels, size, axis_curve)(half_way[:, None].repeat(3, axis=1)) - exact).max())
+
+
+def _spread(levels: Levels, at: Array, axis_curve: Array | None) -> Array:
+    """The mapping (n, 3) of node levels to even steps, per channel, at shares of the domain (n,)."""
     columns = []
     for c, axis in enumerate(levels):
-        x, knots = at, axis
+        x = at
+        knots = axis
         if axis_curve is not None:
             even = np.linspace(0.0, 1.0, len(axis_curve))
-            x, knots = np.interp(at, even, axis_curve[:, c]), np.interp(axis, even, axis_curve[:, c])
-            # Beyond the domain the curve runs straight on, so that a last level out there is told from those before.
-            knots = knots + np.maximum(axis - 1.0, 0.0)
+            x = np.interp(at, even, axis_curve[:, c])
+            # Beyond the domain the curve runs straight on, so that a last level out there differs from those before.
+            knots = np.interp(axis, even, axis_curve[:, c]) + np.maximum(axis - 1.0, 0.0)
             if not np.all(np.diff(knots) > 0):
                 raise LutError("LUT: the axis curve does not rise from one node level to the next")
         columns.append(np.interp(x, knots, np.linspace(0.0, 1.0, len(axis))))
-    return Curve(np.stack(columns, axis=1), 0.0, high)
+    return np.stack(columns, axis=1)
 
 
 def node_levels(curve: Curve | None, cube: Cube) -> Levels:

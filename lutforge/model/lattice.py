@@ -17,7 +17,7 @@ from lutforge.interpolation import Interpolation, Levels, apply_curve, interpola
 class Lattice:
     """Node levels per axis and the output value at each node; evaluation only.
 
-    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. input_matrix: (3, 4), maps
+    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. input_matrix: (3, 4) maps
     colours x to the axes, A x + b with A its first three columns, or None where they are the axes' own. output_curve:
     (m, 3), after the interpolated values, at m even steps from 0 to 1, or None; it is not the camera response f.
     Raises ProfileError where the shapes disagree, a level does not increase, an output curve falls, a matrix cannot be

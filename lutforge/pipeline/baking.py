@@ -17,7 +17,6 @@ from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, write_icc
 from lutforge.kits.kit import look_of, setting_of
 from lutforge.kits.measure import error_of_profile
 from lutforge.luts.bake import bake_steps, bake_to, bake_within
-from lutforge.luts.check import FileError, verify
 from lutforge.luts.description import description
 from lutforge.luts.formats import format_of, write
 from lutforge.luts.forms import FORMS, Form
@@ -25,6 +24,7 @@ from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, InputAndOutput, i
 from lutforge.luts.lower import takes_scenes
 from lutforge.luts.programs import Program, Target, files_for, program_named, target_of
 from lutforge.luts.sequence import Lut
+from lutforge.luts.verification import FileError, verify
 from lutforge.luts.writers.process_list import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import Pictures
@@ -34,7 +34,8 @@ from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.settings import StyleName
 
-CAMERA_PROFILES = (".icc", ".icm", ".dcp")
+ICC_PROFILES = (".icc", ".icm")
+CAMERA_PROFILES = (*ICC_PROFILES, ".dcp")
 
 BALANCED = "input: camera RAW behind its white balance, which the RAW developer sets: one profile for all of a style"
 
@@ -60,6 +61,79 @@ class BakedLut(Lut):
 
     def __str__(self) -> str:
         return "\n".join([super().__str__(), *map(str, self.files), *(f"note: {note}" for note in self.notes)])
+
+
+def bake_files(
+    profile: CameraProfile | str | Path,
+    request: TransformRequest,
+    outputs: Sequence[str | Path] = (),
+    *,
+    program: str | None = None,
+    size: int | None = None,
+    tolerance: float | None = None,
+    interpolation: str | None = None,
+    colours: bool = False,
+    clf_version: str | None = None,
+    progress: Progress = silent,
+) -> tuple[tuple[BakedFile, ...], tuple[str, ...]]:
+    """Bake a transform of a profile to LUT files as `bake` does, and to ICC and DNG camera profiles.
+
+    Returned are the files, the most exact first, and what the user should know of them. colours: of an ICC profile, the
+    look without its tone curve, scene-linear. Raises ProfileError, and what `bake` does.
+    """
+    inputs = [path for path in (profile, request.look, request.transfer) if isinstance(path, str | Path)]
+    paths = [check_output(path, inputs=inputs) for path in outputs]
+    if not paths and program is None:
+        raise LutError(
+            "no output: name a file with -o, for example -o look.cube or -o look.clf; or a program with --for"
+        )
+    profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
+    luts = [path for path in paths if path not in profiles]
+    if colours and not (paths and all(path.suffix.lower() in ICC_PROFILES for path in paths)):
+        raise SettingsError("--colours goes with an ICC profile: -o look.icc")
+
+    camera = as_profile(profile)
+    if request.target is not None and profiles:
+        request = replace(request, target=setting_of(camera, request.target))
+    transform = choose_transform(camera, request)
+
+    for path in profiles:
+        _require_camera_profile(path, camera, transform.purpose, program)
+    if profiles and not luts:
+        return tuple(_bake_camera_profile(camera, request, path, colours) for path in profiles), (BALANCED,)
+
+    if isinstance(profile, str | Path):
+        _require_fed(program, transform.purpose, str(profile))
+    baked = bake(
+        transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation,
+        clf_version=clf_version, progress=progress,
+    )  # fmt: skip
+
+    files = [*baked.files, *(_bake_camera_profile(camera, request, path, colours) for path in profiles)]
+    return tuple(sorted(files, key=lambda file: file.error.mean)), baked.notes
+
+
+def _require_camera_profile(path: Path, camera: CameraProfile, purpose: Purpose, program: str | None) -> None:
+    """Raise LutError where a camera profile cannot be made of a transform, or its program does not read it."""
+    suffix = path.suffix.lower()
+    if isinstance(camera.provenance, Pictures):
+        raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.provenance}")
+    if (purpose.kind, purpose.space) != ("render", "raw"):
+        raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
+    if program is not None and suffix.replace(".icm", ".icc") not in program_named(program).reads:
+        raise LutError(f"{path}: {program} does not read {suffix} files")
+
+
+def _bake_camera_profile(camera: CameraProfile, request: TransformRequest, path: Path, colours: bool) -> BakedFile:
+    """Write a camera profile of a look, read it back, and compare it with the model behind white balance."""
+    look = look_of(camera, request.target or "")
+    if path.suffix.lower() == ".dcp":
+        write_dcp(fit_dng_profile(look), path)
+        summary = f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}"
+    else:
+        write_icc(fit_icc_profile(look, VARIANTS[colours]), path)
+        summary = f"ICC profile, {NODES}³ nodes, to Lab"
+    return BakedFile(path, summary, error_of_profile(path, look, colours))
 
 
 def bake(
@@ -204,6 +278,27 @@ def _plan(
     )
 
 
+def _require_fed(program: str | None, purpose: Purpose, profile: str = "camera.npz") -> None:
+    """Raise SettingsError where a program feeds no LUT with camera RAW. profile: the file that a kit is made of."""
+    if program is not None and purpose.kind == "render" and program_named(program).develops:
+        helps = f"make a kit for it, lutforge kit {profile} --to {purpose.target} --for {program.lower()} -o kit"
+        raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
+
+
+def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict[Path, str | None], list[str]]:
+    """Files to write, each once, and the program of each; without names, those that suit the program; and notes."""
+    named = {} if paths or program is None else files_for(program, title)
+    for path in named:
+        check_output(path)
+    notes = []
+    for path in paths:
+        if path.resolve() in {known.resolve() for known in named}:
+            notes.append(f"{path}: named twice, written once")
+            continue
+        named[path] = program
+    return named, notes
+
+
 def _ends(purpose: Purpose) -> InputAndOutput | None:
     """Input and output of a transform of a profile; none of any other function."""
     if not purpose.kind:
@@ -217,6 +312,17 @@ def _comments(purpose: Purpose, ends: InputAndOutput | None, reader: Program | N
     place = "" if reader is None else reader.use
     settings = [f"camera and settings: {title}"] if purpose.kind else []
     return description(ends, place, [*settings, *purpose.comments])
+
+
+def _clf_metadata(version: str | None, paths: Iterable[Path]) -> dict[str, str]:
+    """What a LUT holds so that it is written in a version of CLF. Raises SettingsError on an unknown one."""
+    if version is None:
+        return {}
+    if str(version) not in ("3", "3.0"):
+        raise SettingsError(f'unknown CLF version "{version}": 3, or none for SMPTE ST 2136-1')
+    if not any(path.suffix.lower() == ".clf" for path in paths):
+        raise SettingsError("--clf-version goes with a .clf: -o look.clf")
+    return {CLF_NAMESPACE: AMPAS_CLF_3}
 
 
 def _fitted(plan: _Plan, task: _Task, progress: Progress) -> Lut:
@@ -288,99 +394,3 @@ def _notes_on_difference(purpose: Purpose, file: BakedFile) -> list[str]:
     else:
         return []
     return [f"{file.path}: the largest difference is at light {place}; a .clf is closer"]
-
-
-def bake_files(
-    profile: CameraProfile | str | Path,
-    request: TransformRequest,
-    outputs: Sequence[str | Path] = (),
-    *,
-    program: str | None = None,
-    size: int | None = None,
-    tolerance: float | None = None,
-    interpolation: str | None = None,
-    colours: bool = False,
-    clf_version: str | None = None,
-    progress: Progress = silent,
-) -> tuple[tuple[BakedFile, ...], tuple[str, ...]]:
-    """Bake a transform of a profile to LUT files as `bake` does, and to ICC and DNG camera profiles.
-
-    Returned are the files, the most exact first, and what the user should know of them. colours: of an ICC profile, the
-    look without its tone curve, scene-linear. Raises ProfileError, and what `bake` does.
-    """
-    inputs = [path for path in (profile, request.look, request.transfer) if isinstance(path, str | Path)]
-    paths = [check_output(path, inputs=inputs) for path in outputs]
-    if not paths and program is None:
-        raise LutError(
-            "no output: name a file with -o, for example -o look.cube or -o look.clf; or a program with --for"
-        )
-    camera = as_profile(profile)
-    if request.target is not None and any(path.suffix.lower() in CAMERA_PROFILES for path in paths):
-        request = replace(request, target=setting_of(camera, request.target))
-    transform = choose_transform(camera, request)
-    purpose = transform.purpose
-    profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
-    for path in profiles:
-        if isinstance(camera.provenance, Pictures):
-            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.provenance}")
-        if (purpose.kind, purpose.space) != ("render", "raw"):
-            raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
-        if program is not None and path.suffix.lower().replace(".icm", ".icc") not in program_named(program).reads:
-            raise LutError(f"{path}: {program} does not read {path.suffix.lower()} files")
-    if colours and not (paths and all(path.suffix.lower() in CAMERA_PROFILES[:2] for path in paths)):
-        raise SettingsError("--colours goes with an ICC profile: -o look.icc")
-    luts = [path for path in paths if path not in profiles]
-    if profiles and not luts:
-        return tuple(_bake_camera_profile(camera, request, path, colours) for path in profiles), (BALANCED,)
-    if isinstance(profile, str | Path):
-        _require_fed(program, transform.purpose, str(profile))
-    baked = bake(
-        transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation,
-        clf_version=clf_version, progress=progress,
-    )  # fmt: skip
-    files = [*baked.files, *(_bake_camera_profile(camera, request, path, colours) for path in profiles)]
-    return tuple(sorted(files, key=lambda file: file.error.mean)), baked.notes
-
-
-def _require_fed(program: str | None, purpose: Purpose, profile: str = "camera.npz") -> None:
-    """Raise SettingsError where a program feeds no LUT with camera RAW. profile: the file that a kit is made of."""
-    if program is not None and purpose.kind == "render" and program_named(program).develops:
-        helps = f"make a kit for it, lutforge kit {profile} --to {purpose.target} --for {program.lower()} -o kit"
-        raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
-
-
-def _bake_camera_profile(camera: CameraProfile, request: TransformRequest, path: Path, colours: bool) -> BakedFile:
-    """Write a camera profile of a look, read it back, and compare it with the model behind white balance."""
-    look = look_of(camera, request.target or "")
-    if path.suffix.lower() == ".dcp":
-        write_dcp(fit_dng_profile(look), path)
-        summary = f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}"
-    else:
-        write_icc(fit_icc_profile(look, VARIANTS[colours]), path)
-        summary = f"ICC profile, {NODES}³ nodes, to Lab"
-    return BakedFile(path, summary, error_of_profile(path, look, colours))
-
-
-def _clf_metadata(version: str | None, paths: Iterable[Path]) -> dict[str, str]:
-    """What a LUT holds so that it is written in a version of CLF. Raises SettingsError on an unknown one."""
-    if version is None:
-        return {}
-    if str(version) not in ("3", "3.0"):
-        raise SettingsError(f'unknown CLF version "{version}": 3, or none for SMPTE ST 2136-1')
-    if not any(path.suffix.lower() == ".clf" for path in paths):
-        raise SettingsError("--clf-version goes with a .clf: -o look.clf")
-    return {CLF_NAMESPACE: AMPAS_CLF_3}
-
-
-def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict[Path, str | None], list[str]]:
-    """Files to write, each once, and the program of each; without names, those that suit the program; and notes."""
-    named = {} if paths or program is None else files_for(program, title)
-    for path in named:
-        check_output(path)
-    notes = []
-    for path in paths:
-        if path.resolve() in {known.resolve() for known in named}:
-            notes.append(f"{path}: named twice, written once")
-            continue
-        named[path] = program
-    return named, notes

@@ -125,7 +125,7 @@ class Grading:
 
     def commands(self) -> Iterator[str | Failure]:
         """The oiiotool lines that grade as `run` would, for a POSIX shell, or why there is none."""
-        from lutforge.grading.batch import oiiotool_commands
+        from lutforge.grading.oiiotool_commands import oiiotool_commands
 
         if self.space is not None:
             raise SettingsError("--print-commands goes without --space: oiiotool cannot mark what is clipped")

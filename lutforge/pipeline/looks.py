@@ -57,7 +57,7 @@ def slow_steps(profile: CameraProfile, look: ChosenLook) -> tuple[Transform, ...
 def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
     """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
     change = change_of(profile, look)
-    same = not look.ev and str(change.given) == str(change.wanted)
+    same = not look.ev and str(change.source) == str(change.target)
     return None if same else grades_of(profile).refinish(change)
 
 

@@ -106,6 +106,6 @@ def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> P
     notes: tuple[str, ...] = ()
     selector, style = None, settings.style if settings.style in profile.styles else ""
     with suppress(SettingsError):
-        choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
+        choose_camera(path, settings, {profile.camera.lower(): profile}, is_stated=False)
         selector, notes = source_selector(path, settings, profile)
     return Photograph(path, picture, selector, style, (*settings.notes, *notes))

@@ -98,7 +98,7 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
         iso=raw.iso if math.isfinite(raw.iso) and raw.iso != 65535 else iso or raw.iso,
         notes=tuple(notes), lens=raw.lens or str(shot_tags.get(_LENS, "")).strip(),
         focal_mm=raw.focal_mm, aperture=raw.aperture, d65=raw.d65,
-        dng_camera=one_line(str(found.get(_UNIQUE_CAMERA_MODEL, "")), 120),
+        dng_camera=one_line(str(shot_tags.get(_UNIQUE_CAMERA_MODEL, "")), 120),
     )  # fmt: skip
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
 
-from lutforge.grading.batch import apply_batch, oiiotool_commands, plan_jobs
+from lutforge.grading.batch import apply_batch, plan_jobs
 from lutforge.grading.grade import ConfigRecipe, Grade, LutRecipe, Recipe, ViewRecipe
 from lutforge.grading.inputs import Failure
+from lutforge.grading.oiiotool_commands import oiiotool_commands
 from lutforge.images.read import read_image
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut

@@ -16,19 +16,20 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake_steps, bake_to
-from lutforge.luts.check import verify
 from lutforge.luts.forms import FORMS, Form
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.programs import Target
 from lutforge.luts.reading import file_processor
-from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.luts.shaper import FEW, SHAPER_SIZE
+from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.response import Response
 from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Purpose, Stage, Transform
 from lutforge.pipeline.baking import bake
+from tests.cases.profiles import small_profile
 from tests.cases.samples import made_samples
 
 MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.5, 1.5]])
@@ -195,6 +196,14 @@ def test_each_form_is_a_fit_of_its_own(tmp_path: Path, name: str) -> None:
     assert verify(tmp_path / name, lut, lut).max < (3e-4 if name == "a.3dl" else 2e-5)
 
 
+def test_a_shaper_is_as_long_as_it_needs() -> None:
+    def steep(x: ArrayLike) -> Array:
+        return np.asarray((np.asarray(x) + 1e-5) ** 0.3)
+
+    lengths = [len(shaper.outputs) for f in (refinish(), steep) if (shaper := bake(f, size=17, form="shaper").shaper)]
+    assert lengths == [FEW, SHAPER_SIZE]
+
+
 @pytest.mark.parametrize("gain", [(2.0, 1.0, 1.5), (0.7, 1.0, 3.1)])
 def test_a_white_balance_in_the_shaper_is_fitted_with_it(tmp_path: Path, gain: tuple[float, float, float]) -> None:
     """The file is the model that was fitted, and no worse than with the gain apart."""
@@ -352,6 +361,18 @@ def test_other_files_span_the_range_of_the_camera(tmp_path: Path, footage: Trans
         np.testing.assert_allclose(got, lut(x), atol=1e-3 if name == "a.csp" else 5e-5)
         assert delta_e_2000(got.astype(np.float64), footage(x)).mean() < 0.25
     assert verify(tmp_path / name, footage, lut).mean < 0.005
+
+
+def test_the_printed_error_counts_negatives_and_what_clips_a_channel_at_a_time(tmp_path: Path) -> None:
+    model = through_camera(small_profile(), "standard/daylight", "acescg")
+    lut = bake(model, tmp_path / "a.resolve.cube", size=9)
+    (file,) = lut.files
+    assert lut.shaper is not None
+    ramp = np.linspace(-0.1, 1.25 * lut.shaper.high, 500)[:, None]
+    for channel in range(3):
+        x = (ramp * np.eye(3)[channel]).astype(np.float32).astype(np.float64)
+        off = np.linalg.norm(evaluate(file_processor(file.path), x) - model(x), axis=1)
+        assert off.max() <= 1.01 * file.error.max
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.3dl"])

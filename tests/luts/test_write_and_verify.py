@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array
 from lutforge.errors import ImageError, LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.check import verify
 from lutforge.luts.formats import FORMATS
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
@@ -19,6 +18,7 @@ from lutforge.luts.programs import PROGRAMS, files_for, target_of
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, shaper
+from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.pipeline.baking import bake

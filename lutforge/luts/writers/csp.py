@@ -10,11 +10,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lutforge.arrays import Array
+from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.shaper import node_levels
 from lutforge.luts.writers.text import plain, rows, rows_of_cube, write_text
 
 if TYPE_CHECKING:
     from lutforge.luts.sequence import Lut  # which is written by these functions
+
+KNOTS = 16384
+"""Even steps of a curve that are written."""
 
 
 def write_csp(lut: Lut, path: Path) -> None:
@@ -27,15 +32,26 @@ def write_csp(lut: Lut, path: Path) -> None:
     notes = [line for line in (plain(text) for text in (lut.title, *lut.comments)) if line]
     lines = ["CSPLUTV100", "3D", "", "BEGIN METADATA", *notes, "END METADATA", ""]
     for channel in range(3):
-        x = y = np.array([0.0, 1.0])
-        if curve is not None and curve.inputs is not None:
-            x, y = curve.inputs[:, channel], curve.outputs[:, channel]
-        elif curve is not None:
-            span, last = curve.high - curve.low, len(curve.outputs) - 1
-            node = np.rint((node_levels(curve, cube)[channel] - curve.low) / span * last).astype(np.int64)
-            even = np.linspace(0, last, min(16384, last + 1)).astype(np.int64)
-            index = np.unique(np.clip(np.concatenate([even, node, node - 1, node + 1]), 0, last))
-            x, y = curve.low + index / last * span, curve.outputs[index, channel]
+        x, y = _prelut(curve, cube, channel)
         lines += [str(len(x)), " ".join(f"{v:.9f}" for v in x), " ".join(f"{v:.9f}" for v in y)]
     lines += ["", f"{cube.size} {cube.size} {cube.size}"]
     write_text(path, "\n".join(lines) + "\n" + rows(rows_of_cube(cube.values)))
+
+
+def _prelut(curve: Curve | None, cube: Cube, channel: int) -> tuple[Array, Array]:
+    """The knots (m,) of a channel's curve and its values there."""
+    if curve is None:
+        return np.array([0.0, 1.0]), np.array([0.0, 1.0])
+    if curve.inputs is not None:
+        return curve.inputs[:, channel], curve.outputs[:, channel]
+
+    # Even steps, and between those of a short curve more beside the nodes, where it bends.
+    entries = len(curve.outputs)
+    fine = 1 if entries >= KNOTS else 4
+    last = fine * (entries - 1)
+    span = curve.high - curve.low
+    node = fine * np.rint((node_levels(curve, cube)[channel] - curve.low) / span * (entries - 1)).astype(np.int64)
+    even = fine * np.linspace(0, entries - 1, min(KNOTS, entries)).astype(np.int64)
+    index = np.unique(np.clip(np.concatenate([even, node, node - fine, node + fine, node - 1, node + 1]), 0, last))
+    values = np.interp(index, fine * np.arange(entries), curve.outputs[:, channel])
+    return curve.low + index / last * span, values

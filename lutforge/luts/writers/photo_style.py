@@ -14,7 +14,7 @@ PHOTO_STYLE = "photo style"
 def photo_style(lut: Lut) -> list[str]:
     """The line that names the picture style that a LUT lies on in a Lumix body, where it is made for one.
 
-    It has no blank behind "#", and stands in the second line; without it bodies take V-Log for the base.
+    It has no blank behind "#", and is the second line; without it bodies take V-Log for the base.
     """
     style = lut.metadata.get(PHOTO_STYLE)
     return [] if style is None else [f"#LUMIXPHOTOSTYLE {style}"]

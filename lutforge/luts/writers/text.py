@@ -16,22 +16,9 @@ SHAPER_DIGITS = 9
 """Decimals of a number in a curve, which a cube behind it magnifies by its steepness."""
 
 
-def write_text(path: Path, text: str, encoding: str = "ascii") -> None:
-    """Write a text file atomically, with line feeds on every system."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding=encoding, newline="\n")
-
-
-def plain(text: str, limit: int = 200) -> str:
-    """One line of printable ASCII without double quotes, at most `limit` characters."""
-    decomposed = unicodedata.normalize("NFKD", " ".join(text.split()).replace("Δ", "d"))
-    kept = "".join(c for c in decomposed if not unicodedata.combining(c))
-    return kept.replace('"', "'").encode("ascii", "replace").decode()[:limit]
-
-
-def comment_lines(title: str, comments: tuple[str, ...]) -> list[str]:
-    """Title and comments as lines that begin with "# "; empty ones are left out."""
-    return [f"# {plain(line)}" for line in (title, *comments) if plain(line)]
+def rows_of_cube(values: Array) -> Array:
+    """Node values (N, N, N, 3) as rows (n, 3) whose red index advances first."""
+    return np.ascontiguousarray(values.transpose(2, 1, 0, 3)).reshape(-1, 3)
 
 
 def rows(values: ArrayLike, digits: int = DIGITS) -> str:
@@ -40,11 +27,24 @@ def rows(values: ArrayLike, digits: int = DIGITS) -> str:
     return (f"%.{digits}f %.{digits}f %.{digits}f\n" * len(numbers)) % tuple(numbers.ravel().tolist())
 
 
+def comment_lines(title: str, comments: tuple[str, ...]) -> list[str]:
+    """Title and comments as lines that begin with "# "; empty ones are left out."""
+    return [f"# {plain(line)}" for line in (title, *comments) if plain(line)]
+
+
+def plain(text: str, limit: int = 200) -> str:
+    """One line of printable ASCII without double quotes, at most `limit` characters."""
+    decomposed = unicodedata.normalize("NFKD", " ".join(text.split()).replace("Δ", "d"))
+    bare = "".join(c for c in decomposed if not unicodedata.combining(c))
+    return bare.replace('"', "'").encode("ascii", "replace").decode()[:limit]
+
+
+def write_text(path: Path, text: str, encoding: str = "ascii") -> None:
+    """Write a text file atomically, with line feeds on every system."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding=encoding, newline="\n")
+
+
 def cube_of_rows(table: Array, size: int) -> Array:
     """Rows whose red index advances first → (N, N, N, 3)."""
     return np.ascontiguousarray(table.reshape(size, size, size, 3).transpose(2, 1, 0, 3))
-
-
-def rows_of_cube(values: Array) -> Array:
-    """Node values (N, N, N, 3) as rows (n, 3) whose red index advances first."""
-    return np.ascontiguousarray(values.transpose(2, 1, 0, 3)).reshape(-1, 3)

@@ -1,0 +1,43 @@
+"""What programs beside OpenColorIO make of LUT files: by the table of programs."""
+
+from lutforge.luts.programs import readers_of as programs_of
+from lutforge.luts.sequence import Lut
+from lutforge.luts.verification import Colour
+
+
+def kind_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> str:
+    """The kind of a file, by which the table of programs says what each does with it."""
+    suffix, words = lut.metadata.get("format", ""), lut.metadata.get("keywords", "")
+    match suffix, dialect:
+        case ".cube", "1D shaper + 3D":
+            return ".cube, shaper" if "INPUT_RANGE" in words else ".cube, shaper without ranges"
+        case ".cube", "1D":
+            return ".cube, curve"
+        case ".cube", _ if "INPUT_RANGE" in words:
+            return ".cube, range"
+        case ".cube", _ if domain != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
+            return ".cube, domain" if any(domain[0]) else ".cube, domain from 0"
+        case ".csp", _:
+            return ".csp" if lut.shaper is None else ".csp, bent"
+        case ".3dl", _:
+            plain = lut.size == 17 and lut.metadata.get("bits") == "12" and "3DMESH" not in words
+            return ".3dl, 17 nodes, 12 bits" if plain else ".3dl"
+    return suffix
+
+
+def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[str, str]:
+    """What programs other than OpenColorIO make of such a file, by name of the program."""
+    suffix = lut.metadata.get("format", "")
+    if suffix == ".vlt":
+        cameras = {"Panasonic Lumix and VariCam cameras": "read it from their card"}
+        return {**cameras, "other programs": "cannot read it: give them a 3D-only .cube"}
+    if suffix.startswith(("lookup", "strip", "column")):
+        return {
+            "GPUImage and other shaders, game engines": f"read such pictures: {suffix}",
+            "programs of Hald images": "take it for a Hald, if for anything: garbage",
+            "other programs": 'write a .cube for them: `lutforge.read_lut("a.png").write("a.cube")`',
+        }
+    readers = programs_of(kind_of(lut, dialect, domain))
+    if suffix == ".cube" and dialect == "3D" and lut.size not in (17, 33, 65):
+        readers["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {lut.size}"
+    return readers
