@@ -90,6 +90,16 @@ def test_no_film_and_no_gain_map_is_declared_that_is_not_there() -> None:
     assert without_further_pictures(xmp) == b'<rdf:Description xmp:Rating="3"></rdf:Description>'
 
 
+@pytest.mark.parametrize("part", [b" ", b" hdrgm:a ", b"<Container:Directory ", b"</Container:Directory "])
+def test_a_long_packet_is_looked_through_once(part: bytes) -> None:
+    """Cameras pad packets with 64 KB of spaces; a search that began anew at each byte of 8 MB would take hours."""
+    packet = b"<rdf:Description" + part * ((8 << 20) // len(part)) + b"/>"
+    assert without_further_pictures(packet) == packet
+    assert not declares_film(packet)
+    padded = packet.replace(b"/>", b' hdrgm:Version="1.0"/>')
+    assert without_further_pictures(padded).rstrip(b" />") == packet.rstrip(b" />")
+
+
 def test_an_animated_png_is_said(tmp_path: Path) -> None:
     frames = [Image.new("RGB", (20, 20), colour) for colour in ("red", "blue")]
     frames[0].save(tmp_path / "a.png", save_all=True, append_images=frames[1:])
