@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
 
-.PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field clean
+.PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field figures clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
@@ -52,6 +52,12 @@ fleet: .venv/ready
 field: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m tests.benchmarks.field $(FIELD)
+
+# Every figure that README and guide state, measured on this machine and written into them, in some hours; of an earlier
+# run but for a part: FIGURES="--only speed".
+figures: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	$(BIN)/python -m tests.benchmarks.figures $(FIGURES)
 
 .venv/ready: pyproject.toml constraints.txt
 	@echo "Installing LutForge and what it needs into .venv: about 1.5 GB, two minutes."

@@ -29,8 +29,8 @@ _TIFF_XMP = 700
 _LARGEST = 1 << 24
 """Bytes of a packet that is read."""
 
-# A packet is padded with tens of thousands of spaces, and one that is not trusted may repeat anything: each pattern looks
-# at a byte a fixed number of times. (?<!\s) begins at the first space of a run alone.
+# A packet is padded with tens of thousands of spaces, and one that is not trusted may repeat anything: each pattern
+# looks at a byte a fixed number of times. (?<!\s) begins at the first space of a run alone.
 _GAIN_MAP = re.compile(rb"(?<!\s)\s+hdrgm:\w+\s*=\s*(\"[^\"]*\"|'[^']*')")
 _MOTION = re.compile(
     rb"(?<!\s)\s+(?:GCamera|Camera|OpCamera|MiCamera):(?:MotionPhoto|MicroVideo)\w*\s*=\s*(\"[^\"]*\"|'[^']*')"

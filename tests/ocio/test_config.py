@@ -73,7 +73,7 @@ Written = tuple[CameraProfile, OCIO.Config, Path, dict[str, Lut]]
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     profile = made_profile()
-    path = written_config.write_config([profile], tmp_path_factory.mktemp("config"))
+    path = written_config.write_config([profile], tmp_path_factory.mktemp("config"), inverse_size=33)
     luts = {file.name: read_lut(file) for file in (path.parent / "luts").iterdir()}
     return profile, load_config(path), path, luts
 
