@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
 
-.PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field figures clean
+.PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field figures hosts clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
@@ -21,9 +21,9 @@ docs: .venv/ready
 test: .venv/ready
 	$(TESTS) -m "not slow"
 
-# Everything, the long tests too.
+# Everything, the long tests too, and the share of lines that they run, whose least is in pyproject.toml.
 test-all: .venv/ready
-	$(TESTS)
+	$(TESTS) --cov --cov-report=term
 
 check: .venv/ready
 	$(BIN)/ruff format --check .
@@ -58,6 +58,13 @@ field: .venv/ready
 figures: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m tests.benchmarks.figures $(FIGURES)
+
+# The programs that read our files, run as installed here, and the guide's table of what they do; -rs names those that
+# are missing.
+hosts: .venv/ready
+	$(BIN)/python -m pytest -rs tests/luts/test_other_readers.py tests/luts/test_command_lines.py tests/luts/test_picture.py \
+	  tests/grading/test_commands.py tests/kits/test_programs.py tests/ocio/test_versions.py tests/ocio/test_blender.py
+	$(BIN)/python -m tests.cases.program_table
 
 .venv/ready: pyproject.toml constraints.txt
 	@echo "Installing LutForge and what it needs into .venv: about 1.5 GB, two minutes."

@@ -15,8 +15,10 @@ from packaging.requirements import Requirement
 
 import lutforge as lf
 from lutforge.kits.programs import KITS
+from lutforge.luts.programs import PROGRAMS
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.page_figures import blocks_of, read_figures, read_templates, with_figures
+from tests.cases.program_table import table
 from tests.cases.samples import samples_of_settings
 from tests.conftest import CommandLine
 
@@ -105,6 +107,13 @@ def test_the_pages_hold_the_figures_that_were_measured_last() -> None:
         assert len(blocks_of(text)) == text.count("<!-- figures:") == text.count("<!-- end of figures"), page.name
         blocks |= set(blocks_of(text))
     assert blocks == set(templates)
+
+
+def test_the_page_of_files_says_of_programs_what_check_says() -> None:
+    text = (ROOT / "examples" / "guide" / "files.md").read_text(encoding="utf-8")
+    assert table() in text, "python -m tests.cases.program_table"
+    for program in PROGRAMS.values():
+        assert not program.does or f"| {program.title} |" in text
 
 
 def test_every_place_that_names_pythons_names_the_same() -> None:
