@@ -31,7 +31,7 @@ check: .venv/ready
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Further versions of OpenColorIO, oiiotool and Blender for the tests, in the user's cache: 2.3 GB. Without them tests skip.
+# Further versions of OpenColorIO, oiiotool and Blender, and a reader of CLF, for the tests, in the user's cache: 2.3 GB. Without them tests skip.
 other-versions: .venv/ready
 	$(BIN)/python -m tests.cases.other_versions
 
