@@ -1,6 +1,7 @@
 """Other versions of OpenColorIO, OpenImageIO and Blender, and a reader of CLF, each in an environment of its own.
 
-`python -m tests.cases.other_versions`, or `make other-versions`, installs them in the user's cache; tests skip those that are missing.
+`python -m tests.cases.other_versions`, or `make other-versions`, installs them in the user's cache; tests skip those
+that are missing.
 """
 
 import shutil
