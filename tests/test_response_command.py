@@ -30,7 +30,7 @@ from tests.conftest import CommandLine
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 GAMMA = 1.8
-TIMES, _, IMAGES = bracket(lambda light: light ** (1 / GAMMA))
+TIMES, _, IMAGES = bracket(lambda light: light ** (1 / GAMMA), cells=24)
 
 
 @pytest.fixture(scope="module")

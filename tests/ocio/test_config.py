@@ -54,7 +54,7 @@ def made_profile(camera: str = "Nikon D40", nodes: int = 17) -> CameraProfile:
     return CameraProfile(camera, MATRIX, balances, {"standard": standard, "vivid": vivid})
 
 
-SMALL = 17
+SMALL = 9
 
 
 def write_config(profiles: Sequence[CameraProfile], target: Path, **options: Any) -> Path:
@@ -571,7 +571,7 @@ def names(longest: int) -> st.SearchStrategy[str]:
     return st.text(max_size=longest).filter(str.isprintable)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(names(80), min_size=1, max_size=3), names(30), names(30))
 def test_any_names_give_spaces_of_their_own(cameras: list[str], style: str, balance: str) -> None:
     profiles = [

@@ -84,6 +84,7 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     kind = chart_kind("classic")
     for file in photograph_chart(camera, kind, reflectances(kind.spectra), there / "chart"):
         shutil.copy(file, there / "bracket")
+    shutil.copy(sorted((there / "chart").iterdir())[2], there / "chart.jpg")
     frames = photograph_chart(camera, kind, reflectances(kind.spectra), there, (-3, -2, -1, 0, 1))
     for number, file in enumerate(frames):
         Image.open(file).save(there / f"frame_{number}.png")

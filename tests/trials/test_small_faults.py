@@ -154,7 +154,7 @@ def test_a_picture_in_another_space_is_converted_to_srgb(lutforge: CommandLine, 
     pixels = np.divide(codes, 255, dtype=np.float32)
     write_image(deep, pixels, Image(pixels, spec))
     settings = ("--from", "standard/daylight", "--to", "vivid/tungsten")
-    lutforge("bake", profile, "refinish", *settings, "-o", tmp_path / "a.cube", "-o", tmp_path / "a.clf")
+    lutforge("bake", profile, "refinish", *settings, "--size", 17, "-o", tmp_path / "a.cube", "-o", tmp_path / "a.clf")
     for name, grade in (("cube", [tmp_path / "a.cube"]), ("clf", [tmp_path / "a.clf"]), ("profile", [profile])):
         chosen = settings if name == "profile" else ()
         run = lutforge("apply", *grade, wide, *chosen, "-o", tmp_path / name)
