@@ -1,10 +1,11 @@
 """Every measured figure that README and guide state: measured in one run, kept in a file, and written into the pages.
 
-    python -m tests.benchmarks.figures [--only WORD …] [--keep DIR]
+    python -m tests.benchmarks.figures [--only WORD …] [--within WORD …] [--keep DIR]
 
 Each part is a benchmark in a process of its own; its figures go to figures.json beside the guide, with the name of this
-machine. `--only` measures the parts whose names hold a word, and none for a word that no name holds; the figures of the
-others stay. Then the pages are written. All parts take some hours on an idle machine of two cores.
+machine. `--only` measures the parts whose names hold a word, and none for a word that no name holds; `--within` measures
+what the words choose within a part (`--only speed --within start`). All other figures stay, and those of a part that were
+not measured are named. Then the pages are written. All parts take some hours on an idle machine of two cores.
 """
 
 import argparse
@@ -23,8 +24,8 @@ from tests.cases.page_figures import keep_figures, read_figures, write_pages
 PARTS = ("accuracy", "speed", "lattices", "field", "fleet", "installation")
 """Modules beside this one; each takes `--json FILE`."""
 
-KEEPING = ("accuracy", "field")
-"""Those that take `--keep DIR`, too."""
+KEEPING, CHOOSING = ("accuracy", "field"), ("accuracy", "speed", "fleet", "installation")
+"""Those that take `--keep DIR`, too, and those that take `--only WORD …`."""
 
 
 def machine() -> str:
@@ -37,12 +38,13 @@ def machine() -> str:
     return f"{model}, {os.cpu_count()} cores, {platform.system()}"
 
 
-def measured(part: str, keep: Path) -> dict[str, float]:
+def measured(part: str, keep: Path, within: list[str]) -> dict[str, float]:
     """The figures of a part; what it prints is shown. Raises RuntimeError where it wrote none."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "figures.json"
         words = [f"tests.benchmarks.{part}", "--json", str(file)]
         words += ["--keep", str(keep)] if part in KEEPING else []
+        words += ["--only", *within] if within and part in CHOOSING else []
         subprocess.run([sys.executable, "-m", *words], cwd=ROOT)  # a status of 1 says that a figure misses its limit
         if not file.exists():
             raise RuntimeError(f"{part}: measured nothing")
@@ -54,6 +56,7 @@ def main() -> int:
     """Measure the parts, and write the pages; 1 where a part failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", default=[], metavar="WORD", help="the parts whose names hold a word")
+    parser.add_argument("--within", nargs="+", default=[], metavar="WORD", help="what is measured within these parts")
     parser.add_argument("--keep", type=Path, help="a folder: what is made there is used again by the next run")
     arguments = parser.parse_args()
 
@@ -63,12 +66,16 @@ def main() -> int:
             if not chosen(part, arguments.only):
                 continue
             try:
-                figures = measured(part, keep)
+                figures = measured(part, keep, arguments.within)
             except RuntimeError as error:
                 print(error, file=sys.stderr)
                 failed += 1
                 continue
-            parts[part] = {"machine": machine(), "figures": figures}
+            before = parts.get(part, {"figures": {}})["figures"]
+            old = [name for name in before if name not in figures]
+            if old:
+                print(f"{part}: not measured now: {', '.join(old)}", file=sys.stderr)
+            parts[part] = {"machine": machine(), "figures": before | figures}
             keep_figures(parts)
 
     for page in write_pages():
