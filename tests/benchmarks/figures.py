@@ -3,9 +3,10 @@
     python -m tests.benchmarks.figures [--only WORD …] [--within WORD …] [--keep DIR]
 
 Each part is a benchmark in a process of its own; its figures go to figures.json beside the guide, with the name of this
-machine. `--only` measures the parts whose names hold a word, and none for a word that no name holds; `--within` measures
-what the words choose within a part (`--only speed --within start`). All other figures stay, and those of a part that were
-not measured are named. Then the pages are written. All parts take some hours on an idle machine of two cores.
+machine. `--only` measures the parts whose names hold a word, and none for a word that no name holds; `--within`
+measures what the words choose within a part (`--only speed --within start`). All other figures stay, and those of a
+part that were not measured are named. Then the pages are written. All parts take some hours on an idle machine of two
+cores.
 """
 
 import argparse
