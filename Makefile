@@ -1,7 +1,8 @@
 # Everything runs inside .venv, which the first target that needs it makes.
 PYTHON ?= python3
 BIN := .venv/bin
-TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
+# Byte code is kept whatever the environment says: tests start many processes, which else compile every module.
+TESTS := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
 
 .PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field figures hosts clean
 

@@ -177,6 +177,7 @@ def test_greys_decide_which_curve_is_taken(known: str, greys: int) -> None:
         fit_one_exposure(response.encode(linear[usable]), colours[usable], np.zeros(usable.sum(), bool), matrix)
 
 
+@pytest.mark.slow
 def test_the_refusal_of_four_pictures_names_those_without_a_chart_in_two_lines(tmp_path: Path) -> None:
     pytest.importorskip("cv2", reason="OpenCV finds charts: pip install 'lutforge[chart]'")
     kind = chart_kind("classic")

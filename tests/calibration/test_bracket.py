@@ -29,6 +29,7 @@ def _next_stop(response: Response, codes: np.ndarray) -> np.ndarray:
     return response.encode(2.0 * response.linearize(np.stack([codes] * 3, axis=1)))
 
 
+@pytest.mark.slow
 def test_a_real_bracket(window: BracketFit) -> None:
     """Its curve predicts the next shot better than plain ones; EMoR and the spline say the same of it."""
     assert np.all(np.diff(window.response.inverse, axis=0) >= 0)
