@@ -1,9 +1,10 @@
 # Everything runs inside .venv, which the first target that needs it makes.
 PYTHON ?= python3
 BIN := .venv/bin
-TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
+# Byte code is kept whatever the environment says: tests start many processes, which else compile every module.
+TESTS := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
 
-.PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field clean
+.PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field figures hosts clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
@@ -21,9 +22,9 @@ docs: .venv/ready
 test: .venv/ready
 	$(TESTS) -m "not slow"
 
-# Everything, the long tests too.
+# Everything, the long tests too, and the share of lines that they run, whose least is in pyproject.toml.
 test-all: .venv/ready
-	$(TESTS)
+	$(TESTS) --cov --cov-report=term
 
 check: .venv/ready
 	$(BIN)/ruff format --check .
@@ -31,7 +32,7 @@ check: .venv/ready
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Further versions of OpenColorIO, oiiotool and Blender for the tests, in the user's cache: 2.3 GB. Without them tests skip.
+# Further versions of OpenColorIO, oiiotool and Blender, and a reader of CLF, for the tests, in the user's cache: 2.3 GB. Without them tests skip.
 other-versions: .venv/ready
 	$(BIN)/python -m tests.cases.other_versions
 
@@ -52,6 +53,19 @@ fleet: .venv/ready
 field: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m tests.benchmarks.field $(FIELD)
+
+# Every figure that README and guide state, measured on this machine and written into them, in some hours; of an earlier
+# run but for a part: FIGURES="--only speed".
+figures: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	$(BIN)/python -m tests.benchmarks.figures $(FIGURES)
+
+# The programs that read our files, run as installed here, and the guide's table of what they do; -rs names those that
+# are missing.
+hosts: .venv/ready
+	$(BIN)/python -m pytest -rs tests/luts/test_other_readers.py tests/luts/test_command_lines.py tests/luts/test_picture.py \
+	  tests/grading/test_commands.py tests/kits/test_programs.py tests/ocio/test_versions.py tests/ocio/test_blender.py
+	$(BIN)/python -m tests.cases.program_table
 
 .venv/ready: pyproject.toml constraints.txt
 	@echo "Installing LutForge and what it needs into .venv: about 1.5 GB, two minutes."

@@ -11,6 +11,7 @@ import pytest
 from lutforge.cli.main import main
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.published_model import import_published
+from lutforge.ocio import config
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from tests.cases.real_data import CHARTS, S40, PublishedPairs, read_published_pairs
@@ -74,6 +75,22 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     run = subprocess.run(command, capture_output=True, text=True, timeout=540)
     assert run.returncode == 0, run.stderr
     return folder, run.stdout
+
+
+@pytest.fixture
+def small_inverses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Configs get a JPEG → scene of 9 nodes per axis instead of 49: a hundredth of the work, where only form counts."""
+    for function in (config.write_config, config.build_config):
+        defaults = function.__kwdefaults__
+        assert defaults is not None
+        monkeypatch.setitem(defaults, "inverse_size", 9)
+
+
+@pytest.fixture
+def small_profiles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """ICC profiles get a cube of 9 nodes per axis instead of 65, where only form counts."""
+    monkeypatch.setattr("lutforge.kits.icc.NODES", 9)
+    monkeypatch.setattr("lutforge.kits.icc.WIDEST", 1.0)
 
 
 @pytest.fixture

@@ -15,7 +15,10 @@ from packaging.requirements import Requirement
 
 import lutforge as lf
 from lutforge.kits.programs import KITS
+from lutforge.luts.programs import PROGRAMS
 from lutforge.simulate.camera import nikon_d5100
+from tests.cases.page_figures import blocks_of, read_figures, read_templates, with_figures
+from tests.cases.program_table import table
 from tests.cases.samples import samples_of_settings
 from tests.conftest import CommandLine
 
@@ -94,6 +97,25 @@ def test_the_readme_is_short_and_its_figures_are_those_of_the_guide() -> None:
         assert figure in tables or figure.endswith(" of 10"), figure  # counted in a column of the tables
 
 
+def test_the_pages_hold_the_figures_that_were_measured_last() -> None:
+    """A figure that was changed by hand, a block that was damaged, and one that no page has any more are found."""
+    templates, parts = read_templates(), read_figures()
+    blocks: set[str] = set()
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert with_figures(text, templates, parts) == text, f"{page.name}: make figures FIGURES='--only none'"
+        assert len(blocks_of(text)) == text.count("<!-- figures:") == text.count("<!-- end of figures"), page.name
+        blocks |= set(blocks_of(text))
+    assert blocks == set(templates)
+
+
+def test_the_page_of_files_says_of_programs_what_check_says() -> None:
+    text = (ROOT / "examples" / "guide" / "files.md").read_text(encoding="utf-8")
+    assert table() in text, "python -m tests.cases.program_table"
+    for program in PROGRAMS.values():
+        assert not program.does or f"| {program.title} |" in text
+
+
 def test_every_place_that_names_pythons_names_the_same() -> None:
     """Pip's bounds, classifiers, workflows, what is resolved, and the pages."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -120,6 +142,7 @@ def test_each_python_has_one_line_of_dependencies_per_package() -> None:
         assert sorted(applied) == sorted({one.name for one in requirements}), minor
 
 
+@pytest.mark.usefixtures("small_inverses")
 def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code = README.split("```python\n", 1)[1].split("```", 1)[0]
     samples_of_settings(nikon_d5100(), 2, balances=("tungsten", "daylight")).save(tmp_path / "samples.csv")

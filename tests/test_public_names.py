@@ -72,6 +72,7 @@ def test_signatures_are_read_in_a_line() -> None:
                 assert inspect.getdoc(member), (name, member)
 
 
+@pytest.mark.usefixtures("small_inverses")
 def test_what_is_no_profile_setting_or_number_is_one_plain_line(tmp_path: Path) -> None:
     profile, colours = small_profile(), np.full((2, 3), 0.5)
     wrong: Any = None

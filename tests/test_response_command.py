@@ -9,23 +9,30 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import pytest
 
 import lutforge as lf
+from lutforge.calibration.curve_basis import srgb_response
+from lutforge.calibration.one_exposure import fit_one_exposure
 from lutforge.cli.profiles import response as response_command
-from lutforge.colour.spectra import chart_reflectances, reflectances
+from lutforge.colour.rgb_spaces import matrix_between
+from lutforge.colour.spectra import chart_reflectances, reflectances, surface_reflectances
+from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import CalibrationError, LutForgeError
-from lutforge.pipeline.response import parse_times, write_input_transform
+from lutforge.model.emor import inverse_emor
+from lutforge.model.provenance import Chart
+from lutforge.model.response import Response
+from lutforge.pipeline.response import SPACE, parse_times, write_input_transform
 from lutforge.reports.report import build_report
-from lutforge.samples.chart import chart_kind
+from lutforge.samples.chart import ChartKind, chart_kind
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.cases.brackets import bracket
 from tests.cases.charts import BORDER, PITCH, photograph_chart
-from tests.cases.input_transforms import errors
+from tests.cases.input_transforms import error_of, errors
 from tests.conftest import CommandLine
 
 # colour-science tells of optional packages when it is imported
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 GAMMA = 1.8
-TIMES, _, IMAGES = bracket(lambda light: light ** (1 / GAMMA))
+TIMES, _, IMAGES = bracket(lambda light: light ** (1 / GAMMA), cells=24)
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +122,77 @@ def test_the_whole_way_on_the_command_line(tmp_path: Path, lutforge: CommandLine
     config = OCIO.Config.CreateFromFile(str(tmp_path / "config" / "config.ocio"))
     there = config.getProcessor("Drone 7 JPEG standard auto", "ACES2065-1").getDefaultCPUProcessor()
     np.testing.assert_allclose([there.applyRGB(grey.tolist()) for grey in greys], light, rtol=0.05, atol=0.01)
+
+
+def outlined(kind: ChartKind) -> str:
+    """The corners of a photographed chart as `--corners` takes them."""
+    return " ".join(f"{x:g},{y:g}" for x, y in BORDER + PITCH * kind.outline)
+
+
+def test_one_picture_of_a_chart_gives_a_transform_that_is_called_approximate(
+    tmp_path: Path, lutforge: CommandLine
+) -> None:
+    """Nearer to the light of other surfaces than what a user has without it: the JPEG taken for plain sRGB."""
+    camera, kind = nikon_d5100(), chart_kind("classic")
+    (file,) = photograph_chart(camera, kind, chart_reflectances(), tmp_path, (-1.0,))
+    PIL.Image.open(file).save(tmp_path / "no_exif.jpg", quality=98)
+    words = ("--chart", "classic", "--light", "5200K", "--corners", outlined(kind), "-o", tmp_path / "camera.npz")
+    for picture in (file, tmp_path / "no_exif.jpg"):
+        said = lutforge("response", picture, *words).stdout
+        assert "approximate" in said and "EMoR's mean curve" in said and "ΔE00" in said
+    profile = lf.load_profile(tmp_path / "camera.npz")
+    assert any("approximate" in note for note in profile.notes)
+    assert profile.provenance == Chart("classic", "5200K", SPACE)
+    to_space = matrix_between("linear-srgb", SPACE).T
+    (balance,) = profile.white_balances
+    ours, plain = (
+        error_of(method, camera, surface_reflectances(), "daylight", "daylight")
+        for method in (profile.linearize(f"standard/{balance}"), lambda codes: srgb_decode(codes) @ to_space)
+    )
+    assert ours < 0.75 * plain
+    clf = tmp_path / "input.clf"
+    lutforge("bake", tmp_path / "camera.npz", "linearize", "--from", f"standard/{balance}", "--space", SPACE, "-o", clf)
+    greys = camera.render(
+        camera.expose(chart_reflectances()[19:23], "daylight", camera.nominal_exposure_s / 2), "standard", "daylight"
+    )
+    light = lf.read_lut(clf)(greys)
+    assert np.abs(light / light[:, 1:2] - 1).max() < 0.05
+
+
+@pytest.mark.parametrize("greys", [3, 6])
+@pytest.mark.parametrize("known", ["sRGB", "EMoR"])
+def test_greys_decide_which_curve_is_taken(known: str, greys: int) -> None:
+    rng = np.random.default_rng(0)
+    neutral = np.repeat(np.geomspace(0.04, 0.8, greys)[:, None], 3, axis=1)
+    colours = np.vstack([neutral, rng.uniform(0.05, 0.8, (18, 3))])
+    grey = np.arange(len(colours)) < greys
+    matrix = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.3, 1.3]])
+    mean = Response(np.repeat(inverse_emor().mean[:, None], 3, axis=1))
+    response = srgb_response() if known == "sRGB" else mean
+    linear = 0.6 * colours * (0.9, 1.0, 1.1) @ matrix.T
+    usable = np.all((linear > 0.01) & (linear < 1.0), axis=1)
+    fit = fit_one_exposure(response.encode(linear[usable]), colours[usable], grey[usable], matrix)
+    assert known in fit.curve and fit.spread < 0.02
+    np.testing.assert_allclose(fit.multipliers, (0.9, 1.0, 1.1), rtol=0.01)
+    np.testing.assert_allclose(fit.matrix, matrix, atol=0.05)
+    with pytest.raises(CalibrationError, match="unclipped grey patches"):
+        fit_one_exposure(response.encode(linear[usable]), colours[usable], np.zeros(usable.sum(), bool), matrix)
+
+
+@pytest.mark.slow
+def test_the_refusal_of_four_pictures_names_those_without_a_chart_in_two_lines(tmp_path: Path) -> None:
+    pytest.importorskip("cv2", reason="OpenCV finds charts: pip install 'lutforge[chart]'")
+    kind = chart_kind("classic")
+    files = photograph_chart(nikon_d5100(), kind, chart_reflectances(), tmp_path, (-2.0, -1.0, 0.0, 1.0))
+    for file in files[1:]:
+        with PIL.Image.open(file) as picture:
+            exif = picture.getexif()
+            PIL.Image.new("RGB", picture.size, (90, 90, 90)).save(file, exif=exif)
+    with pytest.raises(CalibrationError) as raised:
+        write_input_transform(files, tmp_path / "camera.npz", kind, "5200K")
+    said = str(raised.value)
+    assert all(file.name in said for file in files[1:]) and files[0].name not in said
+    assert len(said) <= 2 * 120
 
 
 def test_a_chart_that_no_detector_knows_needs_its_corners(tmp_path: Path) -> None:

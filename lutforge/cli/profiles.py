@@ -176,8 +176,17 @@ def response(
 
     output = named_or_new(output, "camera.npz")
     words = (times or "", camera, all_colours, chart or "", light or "", corners or "")
+    request = ResponseRequest(tuple(bracket), *words)
+    if request.is_one_picture:
+        with progress_bar("response") as progress:
+            approximate = request.approximate(output, progress)
+        made = approximate.profile
+        selector = f"{next(iter(made.styles))}/{next(iter(made.white_balances))}"
+        say(f"{output}: {made.camera}, {selector}", *approximate.told)
+        say(f"next: lutforge bake {output} linearize --from {selector} --space aces2065-1 -o input.clf")
+        return
     with progress_bar("response") as progress:
-        fitted = ResponseRequest(tuple(bracket), *words).fit(output, progress)
+        fitted = request.fit(output, progress)
     fit, profile, exposures, samples = fitted.fit, fitted.profile, fitted.exposure_s, fitted.samples
     (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
     least, error = min(exposures.values()), fit.exposure_error

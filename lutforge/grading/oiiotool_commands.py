@@ -8,10 +8,10 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError, LutForgeError
-from lutforge.grading.jobs import Job
 from lutforge.grading.grade import Grade, Recipe
 from lutforge.grading.image_colours import check_colours
 from lutforge.grading.inputs import Failure
+from lutforge.grading.jobs import Job
 from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.images.write import SOFTWARE, describe_output, keeps_orientation
 from lutforge.luts.sequence import Lut

@@ -39,19 +39,26 @@ LARGEST_JPEG_PACKET = 65_000
 _LARGEST = 1 << 24
 """Bytes of a packet that is read."""
 
-_GAIN_MAP = re.compile(rb"\s+hdrgm:\w+\s*=\s*(\"[^\"]*\"|'[^']*')")
+# A packet is padded with tens of thousands of spaces, and one that is not trusted may repeat anything: each pattern
+# looks at a byte a fixed number of times. (?<!\s) begins at the first space of a run alone.
+_GAIN_MAP = re.compile(rb"(?<!\s)\s+hdrgm:\w+\s*=\s*(\"[^\"]*\"|'[^']*')")
 _MOTION = re.compile(
-    rb"\s+(?:GCamera|Camera|OpCamera|MiCamera):(?:MotionPhoto|MicroVideo)\w*\s*=\s*(\"[^\"]*\"|'[^']*')"
+    rb"(?<!\s)\s+(?:GCamera|Camera|OpCamera|MiCamera):(?:MotionPhoto|MicroVideo)\w*\s*=\s*(\"[^\"]*\"|'[^']*')"
 )
 _MOTION_ELEMENT = re.compile(rb"<((?:GCamera|Camera):(?:MotionPhoto|MicroVideo)\w*)>[^<]*</\1>")
-_DIRECTORY = re.compile(rb"<(Container:Directory)\b.*?</\1\s*>", re.DOTALL)
+_DIRECTORY = re.compile(rb"<Container:Directory\b.*?</Container:Directory\s*>", re.DOTALL)
+_DIRECTORY_END = re.compile(rb"</Container:Directory\s*>")
 
 
 def without_further_pictures(xmp: bytes) -> bytes:
     """An XMP packet that declares no gain map, film or other item behind the picture (Ultra HDR, motion photos)."""
-    for declared in (_GAIN_MAP, _MOTION, _MOTION_ELEMENT, _DIRECTORY):
+    for declared in (_GAIN_MAP, _MOTION, _MOTION_ELEMENT):
         xmp = declared.sub(b"", xmp)
-    return xmp
+
+    # Behind the last end of a list no search for one begins, which would go through the rest of the packet in vain.
+    ends = [end.end() for end in _DIRECTORY_END.finditer(xmp)]
+    last = ends[-1] if ends else 0
+    return _DIRECTORY.sub(b"", xmp[:last]) + xmp[last:]
 
 
 def declares_film(xmp: bytes) -> bool:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
@@ -13,7 +14,10 @@ from lutforge.kits.kit import Look
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import file_processor, has_own_reader, read_lut
 from lutforge.luts.verification import FileError, compare
+from lutforge.model.camera_profile import through_camera
 from lutforge.model.transform import Transform
+from lutforge.ocio.cameras import name_cameras
+from lutforge.ocio.check import load_config
 from lutforge.sobol import sobol
 
 BELOW, ABOVE = -0.1, 4.0
@@ -45,6 +49,20 @@ def error_of_lut(
         light = space.linearize(got) @ matrix_between(space.linear.name, "linear-srgb").T
         got = rgb_space("srgb").encode(np.clip(light, 0.0, 1.0))
     return compare(x, np.clip(got, 0.0, 1.0).astype(np.float32), jpeg(x))
+
+
+def error_of_view(path: Path, look: Look, display: str) -> FileError:
+    """The error of a style's view in an OpenColorIO config, on scene-linear colours (ACEScg) with its display."""
+    (camera,) = name_cameras([look.profile])
+    jpeg = through_camera(look.profile, f"{look.style}/{camera.own}", "acescg")
+    x = colours_of("acescg", jpeg)
+
+    # Every config has the camera's RAW under the same name, and not every one a space for ACEScg.
+    to_raw = np.linalg.inv(camera.to_reference(None)) @ matrix_between("acescg", "aces2065-1")
+    shown = np.ascontiguousarray(x @ to_raw.T, dtype=np.float32)
+    view = (display, f"{camera.name} {camera.styles[look.style]}", OCIO.TRANSFORM_DIR_FORWARD)
+    load_config(path).getProcessor(camera.raw(), *view).getDefaultCPUProcessor().applyRGB(shown)
+    return compare(x, np.clip(shown, 0.0, 1.0), jpeg(x))
 
 
 def colours_of(source: str, jpeg: Transform) -> Array:

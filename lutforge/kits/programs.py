@@ -12,6 +12,7 @@ from lutforge.kits.darktable import write_darktable
 from lutforge.kits.kit import Kit, KitFiles, Look, Script, Source, write_script
 from lutforge.kits.lumix import lumix_kit
 from lutforge.kits.luts import write_lut
+from lutforge.kits.measure import error_of_view
 from lutforge.kits.rawtherapee import SCRIPT_LINES as RAWTHERAPEE_LINES
 from lutforge.kits.rawtherapee import write_rawtherapee
 from lutforge.luts import command_lines
@@ -34,7 +35,7 @@ def _blender(look: Look, folder: Path) -> KitFiles:
         "Start Blender by blender.sh, or with the environment variable OCIO set to ocio/config.ocio.",
         f'Render properties → Color Management: display device "{display}", view transform "{look.title}".',
     ]
-    return KitFiles(steps, {})
+    return KitFiles(steps, {f"{look.title} in ocio": error_of_view(folder / "ocio" / "config.ocio", look, display)})
 
 
 def _fed(

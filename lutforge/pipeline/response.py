@@ -14,16 +14,21 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.arrays import Array, Pixels
+from lutforge.arrays import Array, Mask, Pixels
 from lutforge.calibration.bracket import BracketFit, fit_bracket
 from lutforge.calibration.exposure_pairs import NEAR_AN_END, ExposurePairs, pairs_of_bracket, pairs_of_samples
+from lutforge.calibration.one_exposure import fit_one_exposure
 from lutforge.calibration.options import BETA
 from lutforge.colour.rgb_spaces import matrix_between
-from lutforge.colour.srgb import srgb_encode
+from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.gamut_map import identity_gamut_map
+from lutforge.model.profile import CameraModel, PictureStyle
+from lutforge.model.provenance import Chart
 from lutforge.model.response_profile import profile_of_response
+from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, several
@@ -249,13 +254,14 @@ def write_input_transform(
     try:
         fit = fit_bracket(pairs_of_samples(samples))
     except CalibrationError as error:
+        reason = str(error).partition(";")[0]  # what else it says is of scenes without a chart
         advice = "a chart's greys are unsaturated where the white balance is set to the light"
-        raise CalibrationError(f"{error}; {advice}{_not_charted(names, charted, corners)}") from None
+        raise CalibrationError(f"{reason}; {advice}{_not_charted(names, charted, corners)}") from None
     true = np.array([fit.exposure_error.get(name, 1.0) for name in names]) * times
     colours = kind.linear_srgb(light) @ matrix_between("linear-srgb", SPACE).T
     # What the camera makes of the chart's greys tells its white balance beside the light, and where its white is.
     reflected = colours[patch] * true[shot, None]
-    grey = 1.0 - reflected.min(axis=1) / reflected.max(axis=1) < 0.12
+    grey = _grey(reflected)
     if np.count_nonzero(grey) < 6:
         raise CalibrationError(
             "too few unclipped grey patches: take steps of at most two stops, some of them darker"
@@ -275,6 +281,68 @@ def write_input_transform(
     if output is not None:
         profile.save(output)
     return FittedResponse(profile, fit, dict(zip(names, times, strict=True)), samples, level, charted)
+
+
+def _grey(colours: Array) -> Mask:
+    """Which colours (n, 3) of a chart are near neutral."""
+    neutral: Mask = 1.0 - colours.min(axis=1) / colours.max(axis=1) < 0.12
+    return neutral
+
+
+@dataclass(frozen=True, eq=False)
+class ApproximateTransform:
+    """What one exposure of a chart gives: a profile, and in words what it rests on and how near it is to the chart."""
+
+    profile: CameraProfile
+    told: tuple[str, ...]
+
+
+def write_approximate_transform(
+    picture: Path,
+    output: Path | None,
+    kind: ChartKind,
+    light: str,
+    corners: Array | None = None,
+    *,
+    camera: str = "",
+    progress: Progress = silent,
+) -> ApproximateTransform:
+    """Calibrate a camera without RAW on one picture of a chart, approximately, and write the profile.
+
+    The curve is sRGB's or EMoR's mean; the chart's greys decide. corners: (4, 2), where the chart is,
+    in pixels; None where it is searched for. Raises CalibrationError where the chart is not found, and ImageError.
+    """
+    if output is not None:
+        check_output(output, PROFILE_SUFFIXES, [picture])
+    opened = open_bracket([picture], [1.0], camera)
+    codes, _ = _patches(opened, kind, light, corners, progress)
+    usable = np.isfinite(codes[0]).all(axis=1)
+    colours = (kind.linear_srgb(light) @ matrix_between("linear-srgb", SPACE).T)[usable]
+    encoded, nominal = codes[0][usable], matrix_between(SPACE, "linear-srgb")
+    fit = fit_one_exposure(encoded, colours, _grey(colours), nominal)
+
+    nothing = identity_gamut_map()
+    model = CameraModel((opened.white_balance,), fit.matrix, fit.response, nothing, nothing)
+    linear = model.linearize(encoded) / fit.multipliers / fit.scale
+    shown, known = (srgb_encode(np.clip(each @ nominal.T, 0.0, 1.0)) for each in (linear, colours))
+    told = (
+        f"approximate, of the {kind.name} under {light}: one exposure does not show the camera's curve",
+        f"assumed is {fit.curve}: the greys keep their ratios within {fit.spread:.0%}",
+        f"the chart itself comes back to a mean ΔE00 of {delta_e_2000(shown, known).mean():.1f}; five exposures in "
+        "steps of one stop give a transform that is measured",
+    )
+    profile = CameraProfile(
+        camera=opened.camera,
+        matrix=nominal,
+        white_balances={opened.white_balance: WhiteBalance(tuple(fit.multipliers.tolist()))},
+        styles={opened.style: PictureStyle(models=(model,))},
+        shots=opened.names,
+        provenance=Chart(kind.name, light, SPACE),
+        notes=told,
+    )
+    if output is not None:
+        profile.save(output)
+    return ApproximateTransform(profile, told)
 
 
 def _some(names: Sequence[str]) -> str:
@@ -346,6 +414,17 @@ class ResponseRequest:
     chart: str = ""
     light: str = ""
     corners: str = ""
+
+    @property
+    def is_one_picture(self) -> bool:
+        """Whether it is one picture of a chart, which gives an approximate transform only."""
+        return bool(self.chart) and len(self.files) == 1 and not self.files[0].is_dir()
+
+    def approximate(self, output: Path | None, progress: Progress) -> ApproximateTransform:
+        """Fit an approximate transform to one picture of a chart. Raises LutForgeError."""
+        kind, corners = chart_kind(self.chart), parse_corners(self.corners) if self.corners else None
+        chart = (kind, self.light or "D50", corners)
+        return write_approximate_transform(self.files[0], output, *chart, camera=self.camera, progress=progress)
 
     def fit(self, output: Path | None, progress: Progress) -> FittedResponse:
         """Fit the response, and with a chart the whole rendering, as the words say. Raises LutForgeError."""

@@ -501,9 +501,10 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
             continue
         yield f"{name}: {verdict.told}."
         header = ("response fitted to", "red", "green", "blue")
-        rows = tuple((what, *(f"{255 * value:.2f}" for value in each)) for what, each in response_deltas(pairs).items())
+        # In the unit of the table of exposures in the evaluation, which states the same error of whole models.
+        rows = tuple((what, *(f"{value:.4f}" for value in each)) for what, each in response_deltas(pairs).items())
         caption = (
-            f"{name}: linearization error of the response over pairs of exposures, unsaturated colours, in codes of 255"
+            f"{name}: linearization error of the response over pairs of exposures, unsaturated colours (1 = full scale)"
         )
         yield Table(caption, header, rows)
         # How exact the exposure times of the files are, beside RAW, which is linear (thesis 3.1)

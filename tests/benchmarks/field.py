@@ -1,6 +1,6 @@
 """LutForge beside what else brings a camera's look into a RAW developer.
 
-    python -m tests.benchmarks.field [--keep DIR]
+    python -m tests.benchmarks.field [--keep DIR] [--json FILE]
 
 Prints a table of real photographs of a Canon PowerShot S40, each left out in turn: mean ΔE00 of flat tiles between the
 camera's JPEG and what a program or a model makes of the RAW file.
@@ -12,6 +12,7 @@ LUTFORGE_TEST_DATA names the folder of real data.
 """
 
 import argparse
+import json
 import os
 import shutil
 import struct
@@ -183,9 +184,10 @@ METHODS: dict[str, Callable[[LeftOut], KitCheck | float]] = {
 }
 
 
-def photographs_table(shots: list[LeftOut]) -> None:
-    """Print mean ΔE00 by method and photograph; NaN where a method could not run."""
-    names = (shot.raw.stem.partition("_")[2] for shot in shots)
+def photographs_table(shots: list[LeftOut]) -> dict[str, float]:
+    """Print mean ΔE00 by method and photograph, NaN where a method could not run, and return the figures by name."""
+    names = [shot.raw.stem.partition("_")[2] for shot in shots]
+    figures: dict[str, float] = {}
     heading("mean ΔE00 to the camera's JPEG", *names, "mean", "8-bit codes")
     notes = []
     for name, measure in METHODS.items():
@@ -198,16 +200,24 @@ def photographs_table(shots: list[LeftOut]) -> None:
                 notes.append(f"{name}, {shot.raw.stem}: {str(error).splitlines()[0]}")
             values.append(check.mean if isinstance(check, KitCheck) else check)
             codes.append(check.codes if isinstance(check, KitCheck) else np.nan)
+        measured = {
+            **dict(zip(names, values, strict=True)),
+            "mean": float(np.mean(values)),
+            "codes": float(np.mean(codes)),
+        }
+        figures |= {f"{name}: {of}": float(value) for of, value in measured.items() if np.isfinite(value)}
         row(name, *values, float(np.mean(values)), float(np.mean(codes)), places=2)
     print("", *notes, sep="\n")
+    return figures
 
 
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--keep", type=Path, help="where samples, default pictures and peers' cubes are kept")
-    data = common.real_data()
-    with common.kept(parser.parse_args().keep) as keep, tempfile.TemporaryDirectory() as settings:
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    arguments, data = parser.parse_args(), common.real_data()
+    with common.kept(arguments.keep) as keep, tempfile.TemporaryDirectory() as settings:
         if data is None:
             return 2
         os.environ["RT_SETTINGS"] = settings  # RawTherapee's own defaults, not the user's
@@ -217,7 +227,9 @@ def main() -> int:
             LeftOut(files[name], tuple(path for path in files.values() if path.stem != name), others, shot, keep)
             for name, others, shot in common.left_out(samples)
         ]
-        photographs_table(shots)
+        figures = photographs_table(shots)
+        if arguments.json:
+            arguments.json.write_text(json.dumps(figures, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return 0
 
 

@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from functools import partial
-from itertools import permutations
+from itertools import permutations, product
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -352,6 +352,7 @@ GUIDE: tuple[str, ...] = (
 """Rows of the guide's table, per half as median (worst) of the cameras."""
 
 Measured = dict[str, float]
+HALVES: tuple[Half, ...] = ("choose", "report")
 
 
 def as_figures(
@@ -386,22 +387,29 @@ def print_row(name: str, values: Measured) -> None:
 
 def guide_tables(files: Sequence[Path], cameras: Sequence[FleetCamera]) -> None:
     """Print the tables of the guide: of each half the median (worst) camera, a column for each file."""
-    runs = [json.loads(file.read_text(encoding="utf-8")) for file in files]
-    halves: tuple[Half, ...] = ("choose", "report")
-    heading("", *(f"{half}, {file.stem}" for half in halves for file in files))
+    runs = [of_halves(json.loads(file.read_text(encoding="utf-8")), cameras) for file in files]
+    heading("", *(f"{half}, {file.stem}" for half in HALVES for file in files))
     for name in GUIDE:
-        cells = []
-        for half in halves:
-            for run in runs:
-                values = [run.get(f"{each.name}, {name}", np.nan) for each in cameras if each.half == half]
-                known = np.array([value for value in values if np.isfinite(value)])
-                worst = (
-                    known[np.argmax(np.abs(np.log(np.maximum(known, 1e-9))))]
-                    if name.endswith("true")
-                    else known.max(initial=0)
-                )
-                cells.append(f"{np.median(known):.3g} ({worst:.3g})" if len(known) else "–")
-        row(name, *cells)
+        row(name, *(_cell(run, half, name) for half in HALVES for run in runs))
+
+
+def _cell(run: Measured, half: Half, name: str) -> str:
+    median, worst = (run.get(f"fleet, {half}, {name}: {which}", np.nan) for which in ("median", "worst"))
+    return f"{median:.3g} ({worst:.3g})" if np.isfinite(median) else "–"
+
+
+def of_halves(run: Measured, cameras: Sequence[FleetCamera]) -> Measured:
+    """The rows of the guide's table: of each half the median camera and the worst, from the figures of a run."""
+    rows = {}
+    for half, name in product(HALVES, GUIDE):
+        values = [run.get(f"{each.name}, {name}", np.nan) for each in cameras if each.half == half]
+        known = np.array([value for value in values if np.isfinite(value)])
+        if not len(known):
+            continue
+        farthest = np.argmax(np.abs(np.log(np.maximum(known, 1e-9))))
+        rows[f"fleet, {half}, {name}: median"] = float(np.median(known))
+        rows[f"fleet, {half}, {name}: worst"] = float(known[farthest] if name.endswith("true") else known.max())
+    return rows
 
 
 def main() -> int:
@@ -441,6 +449,10 @@ def main() -> int:
             return made
 
         status = common.measured(parts, arguments)
+    if arguments.json:
+        run = json.loads(arguments.json.read_text(encoding="utf-8"))
+        text = json.dumps(run | of_halves(run, cameras), indent=1, ensure_ascii=False)
+        arguments.json.write_text(text + "\n", encoding="utf-8")
     for half in ("choose", "report"):
         rows = {each.name: done[each.name] for each in taken if each.half == half and each.name in done}
         if rows:

@@ -1,6 +1,6 @@
 """The lattice fit beside its peers on the Nikon D40's published pairs, 70 % of them fitted and 30 % predicted.
 
-    python -m tests.benchmarks.lattices
+    python -m tests.benchmarks.lattices [--json FILE]
 
 Errors are norms of the RGB difference, those of LutForge's lattices through their CLF files as OpenColorIO reads them.
 Peers are uniform lattices and the thesis preset, radial basis functions, and camera-match (PyPI, the same paper), which
@@ -8,8 +8,10 @@ is left out where it is missing. Printed are medians of five splits and the leas
 better than camera-match in every figure and size, and no slower, decides the exit status.
 """
 
+import argparse
 import importlib
 import importlib.util
+import json
 import sys
 import tempfile
 import time
@@ -89,6 +91,9 @@ def held_out(fit: Fit) -> Array:
 
 def main() -> int:
     """Print the table; returns in how many sizes camera-match is better in an error or faster."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    arguments, kept = parser.parse_args(), dict[str, float]()
     peer = importlib.util.find_spec("camera_match") is not None
     heading("size", "method", "mean", "95 %", "max", "max / RBF's", "fit, s")
     of_rbf, behind = held_out(radial_basis_functions), 0
@@ -97,6 +102,8 @@ def main() -> int:
         """The errors' medians, and the least seconds."""
         figures = np.append(np.median(rows[:, :3], axis=0), rows[:, 3].min())
         ratio = np.median(rows[:, 2] / of_rbf[:, 2])
+        names = ("mean", "95 %", "max", "seconds")
+        kept.update({f"{size}, {method}: {name}": float(value) for name, value in zip(names, figures, strict=True)})
         row(size, method, *figures[:2], f"{figures[2]:.3f}", f"{ratio:.2f}", f"{figures[3]:.3f}")
         return figures
 
@@ -108,6 +115,8 @@ def main() -> int:
         measured(f"{size}³", "uniform", held_out(lattice(replace(thesis, nonuniform=False))))
         if peer:
             behind += bool(np.any(ours >= measured(f"{size}³", "camera-match", held_out(camera_match(size)))))
+    if arguments.json:
+        arguments.json.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return behind
 
 

@@ -43,14 +43,15 @@ def errors(camera: SimulatedCamera, setting: str, white_balance: str, folder: Pa
     methods: dict[str, Method] = {"LutForge": fitted.profile.linearize(selector), "Debevec and 3 × 3": peer}
     return {
         name: (
-            _error(method, camera, chart, setting, white_balance),
-            _error(method, camera, surface_reflectances(), setting, white_balance),
+            error_of(method, camera, chart, setting, white_balance),
+            error_of(method, camera, surface_reflectances(), setting, white_balance),
         )
         for name, method in methods.items()
     }
 
 
-def _error(method: Method, camera: SimulatedCamera, surfaces: Array, setting: str, white_balance: str) -> float:
+def error_of(method: Method, camera: SimulatedCamera, surfaces: Array, setting: str, white_balance: str) -> float:
+    """Mean ΔE00 of a method on surfaces at exposures of the camera, on the scale that suits it best."""
     true = linear_srgb_under(surfaces, light(LIGHT_OF_WHITE_BALANCE[setting])) @ matrix_between("linear-srgb", SPACE).T
     exposures = camera.nominal_exposure_s * 2.0**OTHER_STOPS
     raw = [camera.expose(surfaces, setting, time) for time in exposures]

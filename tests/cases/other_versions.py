@@ -1,6 +1,7 @@
-"""Other versions of OpenColorIO, OpenImageIO and Blender, each in an environment of its own in the user's cache.
+"""Other versions of OpenColorIO, OpenImageIO and Blender, and a reader of CLF, each in an environment of its own.
 
-`python -m tests.cases.other_versions`, or `make other-versions`, installs them; tests skip those that are missing.
+`python -m tests.cases.other_versions`, or `make other-versions`, installs them in the user's cache; tests skip those
+that are missing.
 """
 
 import shutil
@@ -15,6 +16,7 @@ import pytest
 OPENCOLORIO = ("2.2.1", "2.3.2", "2.4.2", "2.5.2", "2.6.0")
 OPENIMAGEIO = ("3.0.3.1",)
 BLENDER = ("4.2.0",)
+CLF_READER = "0.2.0"
 SYSTEM = Path("/usr/bin")
 """Where Debian has OpenColorIO 2.1 (python3-pyopencolorio) and oiiotool 2.4 (openimageio-tools)."""
 
@@ -31,6 +33,14 @@ def python_with_opencolorio(version: str) -> Path:
     if not python.exists() or subprocess.run([python, "-c", script, version], capture_output=True).returncode:
         pytest.skip(f"OpenColorIO {version} is not installed: make other-versions, for 2.1 python3-pyopencolorio")
     return python
+
+
+def python_with_clf_reader() -> Path:
+    """A Python that imports colour_clf_io. Skips where it is missing."""
+    place = folder("colour-clf-io", CLF_READER)
+    if not (place / "installed").exists():
+        pytest.skip(f"colour-clf-io {CLF_READER} is not installed: make other-versions")
+    return place / "bin" / "python"
 
 
 def oiiotool(version: str) -> Path:
@@ -58,7 +68,8 @@ def blender(version: str) -> list[str]:
 
 def install() -> None:
     """Install what is missing; a version without a wheel for this Python is named and left out."""
-    for package, versions in (("opencolorio", OPENCOLORIO), ("openimageio", OPENIMAGEIO), ("bpy", BLENDER)):
+    wanted = {"opencolorio": OPENCOLORIO, "openimageio": OPENIMAGEIO, "bpy": BLENDER, "colour-clf-io": (CLF_READER,)}
+    for package, versions in wanted.items():
         for version in versions:
             place = folder(package, version)
             if (place / "installed").exists():

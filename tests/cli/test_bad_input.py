@@ -3,6 +3,7 @@
 import inspect
 import os
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -52,12 +53,19 @@ def small_table(path: Path) -> None:
     made_samples(60, shots=("a", "b")).save(path)
 
 
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with samples and the profile made of them, to be copied."""
+    folder = tmp_path_factory.mktemp("calibrated")
+    small_table(folder / "samples.csv")
+    calibrate(folder / "samples.csv", CalibrationOptions(size=5)).save(folder / "camera.npz")
+    return folder
+
+
 @pytest.fixture
-def profile(lutforge: CommandLine, tmp_path: Path) -> Path:
+def profile(calibrated: Path, tmp_path: Path) -> Path:
     """A folder with samples and the profile made of them."""
-    small_table(tmp_path / "samples.csv")
-    lutforge("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", "--preset", "thesis", cwd=tmp_path)
-    return tmp_path
+    return shutil.copytree(calibrated, tmp_path, dirs_exist_ok=True)
 
 
 RENDER = ("bake", "camera.npz", "render", "--to", "standard/daylight")

@@ -62,6 +62,7 @@ def test_a_polynomial_of_one_tone_is_that_tone() -> None:
     np.testing.assert_allclose(channel_polynomials(x, y)(x), y)
 
 
+@pytest.mark.slow
 def test_every_method_of_the_thesis_is_in_the_error_table(tables: Evaluation) -> None:
     kinds = ("uniform lattice", "nonuniform lattice", "lattice by (5.3)")
     lattices = [f"{kind} {size}" for size in SIZES for kind in kinds]
@@ -167,6 +168,7 @@ def test_two_shots_on_the_thesis_preset_without_exposure_pairs() -> None:
     assert any("no camera model of the thesis" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_the_json_has_the_keys_that_are_documented(tables: Evaluation, plain: Evaluation) -> None:
     document = json.loads(json.dumps(replace(plain, rows=tables.rows).as_json(), allow_nan=False))
     described = evaluation_module.__doc__ or ""

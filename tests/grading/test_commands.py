@@ -66,8 +66,20 @@ def recipe_of(kind: str, folder: Path) -> Recipe:
 
 
 @pytest.mark.parametrize("version", OIIOTOOLS)
-@pytest.mark.parametrize("with_config", [False, True])
-@pytest.mark.parametrize("kind", ["LUT", "baked", "spaces", "view"])
+@pytest.mark.parametrize(
+    ("kind", "with_config"),
+    [
+        ("LUT", False),
+        ("LUT", True),  # a config that OCIO names looks for LUTs in its own folder
+        ("baked", True),
+        ("spaces", False),
+        ("view", True),
+        *(
+            pytest.param(*pair, marks=pytest.mark.slow)
+            for pair in (("baked", False), ("spaces", True), ("view", False))
+        ),
+    ],
+)
 def test_the_lines_give_the_pixels_of_apply(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, with_config: bool, version: str
 ) -> None:

@@ -172,7 +172,10 @@ def test_shots_are_paired_and_shown_upright(
     assert np.abs(picture.astype(float) - small).mean() < 4
 
 
-@pytest.mark.parametrize("orientation", ORIENTATIONS)
+@pytest.mark.parametrize(
+    "orientation",
+    [number if number in (2, 6) else pytest.param(number, marks=pytest.mark.slow) for number in ORIENTATIONS],
+)
 def test_developments_of_kits_are_compared_upright(tmp_path: Path, shot: tuple[bytes, bytes], orientation: int) -> None:
     (tmp_path / "a.dng").write_bytes(oriented_raw(shot[0], orientation))
     (tmp_path / "a.jpg").write_bytes(shot[1])  # as the sensor has it

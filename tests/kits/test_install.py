@@ -21,6 +21,8 @@ from tests.conftest import CommandLine
 
 SETTING = "standard/auto"
 
+pytestmark = pytest.mark.usefixtures("small_profiles")
+
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

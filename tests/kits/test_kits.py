@@ -192,6 +192,7 @@ def test_a_picture_is_compared_with_the_jpeg(shared_data: Path, s40_samples: Sam
     assert clipped.mean > 5.0
 
 
+@pytest.mark.usefixtures("small_profiles")
 def test_a_script_that_cannot_be_run_is_one_line(profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
     folder = write_kit(profile, SETTING, tmp_path / "kit", "rawtherapee")
     (folder / "develop.sh").chmod(0o644)  # as some archives leave it
@@ -199,6 +200,7 @@ def test_a_script_that_cannot_be_run_is_one_line(profile: CameraProfile, shared_
         check_kit(folder, [shared_data / "canon_powershot_s40" / "CRW_0101.CRW"])
 
 
+@pytest.mark.usefixtures("small_profiles")
 def test_scripts_say_what_is_missing(profile: CameraProfile, tmp_path: Path) -> None:
     folder = write_kit(profile, SETTING, tmp_path / "kit", "rawtherapee")
     script = str(folder / "develop.sh")
@@ -287,6 +289,7 @@ def test_a_camera_profile_is_a_format_of_bake(profile: CameraProfile, tmp_path: 
     lutforge("bake", "camera.npz", "linearize", "--from", SETTING, "-o", "a.dcp", cwd=tmp_path, status=2)
 
 
+@pytest.mark.usefixtures("small_profiles")
 def test_shots_of_a_shell_s_pattern_are_checked_and_those_of_the_calibration_marked(
     profile: CameraProfile, tmp_path: Path, lutforge: CommandLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,6 +15,7 @@ from lutforge.kits.lumix import card_name
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import file_processor
 from lutforge.model.camera_profile import CameraProfile, through_camera
+from lutforge.ocio.blender import blender_config
 from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.kits import write_kit
 from lutforge.pipeline.transforms import TransformRequest
@@ -56,6 +57,25 @@ def test_a_kit_prints_the_error_of_every_file(
         assert re.search(r"mean .* max .*ΔE00 mean", error)
         assert f"{name}: {error}" in page
         assert error in run.stdout
+
+
+@pytest.mark.usefixtures("small_inverses")
+@pytest.mark.parametrize("with_blender", [False, True])
+def test_the_kit_for_blender_prints_the_error_of_its_view(
+    profile: CameraProfile, tmp_path: Path, lutforge: CommandLine, monkeypatch: pytest.MonkeyPatch, with_blender: bool
+) -> None:
+    """In LutForge's own config and merged with the one of the Blender that is installed."""
+    if not with_blender:
+        monkeypatch.setattr("lutforge.kits.programs.blender_config", lambda: None)
+    elif blender_config() is None:
+        pytest.skip("Blender is not installed")
+    profile.save(tmp_path / "camera.npz")
+    run = lutforge("kit", "camera.npz", "--to", SETTING, "--for", "blender", "-o", "kit", cwd=tmp_path)
+    ((name, error),) = json.loads((tmp_path / "kit" / "kit.json").read_text(encoding="utf-8"))["errors"].items()
+    assert name == "Canon PowerShot S40 standard in ocio" and f"{name}: read back" in run.stdout
+    mean = re.search(r"ΔE00 mean ([\d.e-]+)", error)
+    assert mean is not None and float(mean[1]) < 0.5
+    assert f"{name}: {error}" in (tmp_path / "kit" / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_error_of_a_shaper_cube_counts_what_it_clips(profile: CameraProfile, tmp_path: Path) -> None:

@@ -350,7 +350,9 @@ def test_tables_are_fine_enough_for_the_darks(tmp_path: Path, footage: Transform
     assert delta_e_2000(got.astype(np.float64), footage(x)).max() < 1.0
 
 
-@pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.spi1d"])
+@pytest.mark.parametrize(
+    "name", ["a.csp", *(pytest.param(name, marks=pytest.mark.slow) for name in ("a.resolve.cube", "a.spi1d"))]
+)
 def test_other_files_span_the_range_of_the_camera(tmp_path: Path, footage: Transform, name: str) -> None:
     lut = bake(footage, tmp_path / name)
     assert lut.shaper is not None

@@ -196,7 +196,9 @@ def test_blenders_spi3d_begins_in_lower_case(tmp_path: Path) -> None:
 SUFFIXES = (".cube", ".resolve.cube", ".clf", ".ctf", ".csp", ".3dl", ".spi1d", ".spi3d", ".png", ".vlt")
 
 
-@pytest.mark.parametrize("kind", ["render", "linearize", "refinish"])
+@pytest.mark.parametrize(
+    "kind", ["linearize", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("render", "refinish"))]
+)
 def test_no_file_of_ours_is_alarming(tmp_path: Path, kind: str) -> None:
     """Rounding to integers, and the fit of a coarse cube near white, are no faults of a picture."""
     small_profile().save(tmp_path / "camera.npz")

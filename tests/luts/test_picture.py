@@ -86,18 +86,29 @@ def test_each_layout_is_told_by_its_content(tmp_path: Path, layout: str, kind: s
     assert np.isfinite(lut(x)).all()
 
 
-def test_a_hald_grades_as_any_other_lut(lutforge: CommandLine, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("size", "kind", "name"),
+    [
+        (64, "uint16", "film.png"),
+        (64, "uint8", "film.tif"),
+        pytest.param(256, "uint8", "level16.png", marks=pytest.mark.slow),
+    ],
+)
+def test_a_hald_grades_as_any_other_lut(lutforge: CommandLine, tmp_path: Path, size: int, kind: str, name: str) -> None:
     """At 4096² of 8 bits each colour has its node, so that what comes out is exact."""
     codes = np.random.default_rng(0).integers(0, 256, (16, 16, 3), dtype=np.uint8)
     PIL.Image.fromarray(codes).save(tmp_path / "a.png")
-    for size, kind, name in ((64, "uint16", "film.png"), (64, "uint8", "film.tif"), (256, "uint8", "level16.png")):
-        save(tmp_path / name, hald(look(grid(uniform_levels(size)))), kind)
-        told = lutforge("apply", name, "a.png", "-o", size, cwd=tmp_path)
-        wanted = 255 * look(codes / 255.0)
-        shown = 255 * read_image(tmp_path / str(size) / "a.png").pixels
-        assert np.abs(shown - wanted).max() < (0.51 if size == 256 else 1.5)
-        assert ("8 bits per channel" in told.stderr) == (kind == "uint8")
-        (tmp_path / str(size) / "a.png").unlink()
+    save(tmp_path / name, hald(look(grid(uniform_levels(size)))), kind)
+    told = lutforge("apply", name, "a.png", "-o", "graded", cwd=tmp_path)
+    wanted = 255 * look(codes / 255.0)
+    shown = 255 * read_image(tmp_path / "graded" / "a.png").pixels
+    assert np.abs(shown - wanted).max() < (0.51 if size == 256 else 1.5)
+    assert ("8 bits per channel" in told.stderr) == (kind == "uint8")
+
+
+def test_a_hald_is_printed_for_a_farm_and_inspected(lutforge: CommandLine, tmp_path: Path) -> None:
+    PIL.Image.new("RGB", (16, 16), "teal").save(tmp_path / "a.png")
+    save(tmp_path / "film.png", hald(look(grid(uniform_levels(64)))), "uint16")
     lutforge("apply", "film.png", "a.png", "-o", "farm", "--print-commands", cwd=tmp_path)
     assert "film.png" in lutforge("inspect", "film.png", cwd=tmp_path).stdout
 

@@ -83,6 +83,7 @@ def test_the_camera_is_a_view_of_blenders_own_display(version: str, tmp_path: Pa
     np.testing.assert_allclose(shown, np.clip(profile.render("standard/daylight")(raw), 0, 1), atol=2e-3)
 
 
+@pytest.mark.usefixtures("small_inverses")
 @pytest.mark.parametrize("version", SPACES)
 def test_faults_of_the_base_are_notes(version: str, tmp_path: Path, lutforge: CommandLine) -> None:
     """Blender's False Color cannot be undone, which is no fault of the cameras."""

@@ -57,7 +57,7 @@ def made_profile(camera: str = "Nikon D40", nodes: int = 17) -> CameraProfile:
     return CameraProfile(camera, MATRIX, balances, {"standard": standard, "vivid": vivid})
 
 
-SMALL = 17
+SMALL = 9
 
 
 def write_config(profiles: Sequence[CameraProfile], target: Path, **options: Any) -> Path:
@@ -76,7 +76,7 @@ Written = tuple[CameraProfile, OCIO.Config, Path, dict[str, Lut]]
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     profile = made_profile()
-    path = written_config.write_config([profile], tmp_path_factory.mktemp("config"))
+    path = written_config.write_config([profile], tmp_path_factory.mktemp("config"), inverse_size=33)
     luts = {file.name: read_lut(file) for file in (path.parent / "luts").iterdir()}
     return profile, load_config(path), path, luts
 
@@ -584,7 +584,7 @@ def names(longest: int) -> st.SearchStrategy[str]:
     return st.text(max_size=longest).filter(str.isprintable)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(names(80), min_size=1, max_size=3), names(30), names(30))
 def test_any_names_give_spaces_of_their_own(cameras: list[str], style: str, balance: str) -> None:
     profiles = [

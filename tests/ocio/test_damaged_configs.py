@@ -11,6 +11,8 @@ from lutforge.pipeline.inspection import check
 from tests.cases.profiles import plain_profile
 from tests.conftest import CommandLine, Refused
 
+pytestmark = pytest.mark.usefixtures("small_inverses")
+
 
 @pytest.fixture
 def archive(tmp_path: Path) -> Path:

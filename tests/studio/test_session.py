@@ -409,6 +409,7 @@ def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.npz", "camera_refinish.clf"]
 
 
+@pytest.mark.usefixtures("small_profiles", "small_inverses")
 @pytest.mark.parametrize(
     ("action", "suffix"),
     [

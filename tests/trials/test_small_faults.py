@@ -153,7 +153,7 @@ def test_a_picture_in_another_space_is_converted_to_srgb(lutforge: CommandLine, 
     pixels = np.divide(codes, 255, dtype=np.float32)
     write_image(deep, pixels, Image(pixels, spec))
     settings = ("--from", "standard/daylight", "--to", "vivid/tungsten")
-    lutforge("bake", profile, "refinish", *settings, "-o", tmp_path / "a.cube", "-o", tmp_path / "a.clf")
+    lutforge("bake", profile, "refinish", *settings, "--size", 17, "-o", tmp_path / "a.cube", "-o", tmp_path / "a.clf")
     for name, grade in (("cube", [tmp_path / "a.cube"]), ("clf", [tmp_path / "a.clf"]), ("profile", [profile])):
         chosen = settings if name == "profile" else ()
         run = lutforge("apply", *grade, wide, *chosen, "-o", tmp_path / name)
@@ -211,6 +211,7 @@ def test_tables_and_luts_on_a_full_disk(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("small_inverses")
 @pytest.mark.parametrize("name", ["ocio", "a.ocioz"])
 def test_a_config_on_a_full_disk_leaves_nothing(
     tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, name: str
@@ -218,7 +219,7 @@ def test_a_config_on_a_full_disk_leaves_nothing(
     resource = pytest.importorskip("resource")
     lf.write_config([small_profile()], tmp_path_factory.mktemp("first") / name)  # compiled kernels are files, too
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4_500, before[1]))
     try:
         with pytest.raises(LutForgeError, match=name):
             lf.write_config([small_profile()], tmp_path / name)
