@@ -63,6 +63,17 @@ def read_lut(path: str | Path) -> Lut:
         return _elsewhere(_lut_of, path)
 
 
+def has_own_reader(path: Path) -> bool:
+    """True for a format that OpenColorIO does not know, and LutForge reads itself."""
+    return path.suffix.lower() in OWN_READERS
+
+
+def file_processor(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.CPUProcessor:
+    """The processor, float32 in and out, of a LUT file of ours. interpolation: for cubes of files that name none."""
+    with reading(path, "a LUT", LutError):
+        return processor_of_file(path, interpolation)[0].getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+
+
 def processor_of_file(
     path: str | Path, interpolation: Interpolation = "tetrahedral"
 ) -> tuple[OCIO.Processor, tuple[str, ...]]:
@@ -116,11 +127,6 @@ def is_read_by_ocio(path: Path, lut: Lut) -> bool:
     return not has_own_reader(path) and "problems" not in lut.metadata
 
 
-def has_own_reader(path: Path) -> bool:
-    """True for a format that OpenColorIO does not know, and LutForge reads itself."""
-    return path.suffix.lower() in OWN_READERS
-
-
 def processor_of_stranger(path: str | Path) -> OCIO.Processor:
     """The processor of a file of unknown origin, which is read in a process of its own first. Raises LutError."""
     path = Path(path)
@@ -128,12 +134,6 @@ def processor_of_stranger(path: str | Path) -> OCIO.Processor:
     with reading(path, "a LUT", LutError):
         _elsewhere(_require_processor, path)
         return processor_of_file(path)[0]
-
-
-def file_processor(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.CPUProcessor:
-    """The processor, float32 in and out, of a LUT file of ours. interpolation: for cubes of files that name none."""
-    with reading(path, "a LUT", LutError):
-        return processor_of_file(path, interpolation)[0].getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
 
 
 def _elsewhere(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> R:

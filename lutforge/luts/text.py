@@ -145,6 +145,22 @@ def _without_oddities(lines: list[str], suffix: str) -> tuple[list[str], list[st
     return lines, problems
 
 
+def _require_cube(lines: list[str], path: Path) -> None:
+    """Raise LutError where a .cube holds more or fewer rows than it says."""
+    expected = 0
+    for line in lines:
+        match line.split():
+            case [("LUT_1D_SIZE" | "LUT_3D_SIZE") as word, size] if re.fullmatch("[0-9]{1,6}", size):
+                expected += int(size) ** (3 if "3D" in word else 1)
+    rows = [(number, line) for number, line in enumerate(lines, 1) if _BEGINS.match(line)]
+    if rows and rows[-1][0] == len(lines) and not _ROW_OF_3.fullmatch(rows[-1][1]):
+        rows.pop()  # the last line is cut
+    if len(rows) < expected:
+        raise LutError(f"{path}: the file ends after {len(rows)} of {expected} colours: make or copy it again")
+    if len(rows) > expected > 0:
+        raise LutError(f"{path}: line {rows[expected][0]}: rows go on behind the {expected} that the file says it has")
+
+
 def _require_numbers(lines: list[str], suffix: str, path: Path) -> None:
     """Raise LutError where a row or a header holds a word that is no number, or not as many as it should."""
     headers, width = _HEADERS.get(suffix, {}), _WIDTHS.get(suffix)
@@ -198,22 +214,6 @@ def _require_numbers_of_xml(text: str, path: Path) -> None:
             if not _ROW.fullmatch(word[0]):
                 number = text.count("\n", 0, at + word.start()) + 1
                 raise LutError(f"{path}: line {number}, in <{element[1]}>: {_no_number(word[0])}")
-
-
-def _require_cube(lines: list[str], path: Path) -> None:
-    """Raise LutError where a .cube holds more or fewer rows than it says."""
-    expected = 0
-    for line in lines:
-        match line.split():
-            case [("LUT_1D_SIZE" | "LUT_3D_SIZE") as word, size] if re.fullmatch("[0-9]{1,6}", size):
-                expected += int(size) ** (3 if "3D" in word else 1)
-    rows = [(number, line) for number, line in enumerate(lines, 1) if _BEGINS.match(line)]
-    if rows and rows[-1][0] == len(lines) and not _ROW_OF_3.fullmatch(rows[-1][1]):
-        rows.pop()  # the last line is cut
-    if len(rows) < expected:
-        raise LutError(f"{path}: the file ends after {len(rows)} of {expected} colours: make or copy it again")
-    if len(rows) > expected > 0:
-        raise LutError(f"{path}: line {rows[expected][0]}: rows go on behind the {expected} that the file says it has")
 
 
 def _require_csp(lines: list[str], path: Path) -> None:

@@ -23,10 +23,10 @@ from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
+from lutforge.model import provenance
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile import CameraModel, PictureStyle
-from lutforge.model.provenance import Chart
 from lutforge.model.response_profile import profile_of_response
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
@@ -337,7 +337,7 @@ def write_approximate_transform(
         white_balances={opened.white_balance: WhiteBalance(tuple(fit.multipliers.tolist()))},
         styles={opened.style: PictureStyle(models=(model,))},
         shots=opened.names,
-        provenance=Chart(kind.name, light, SPACE),
+        provenance=provenance.Chart(kind.name, light, SPACE),
         notes=told,
     )
     if output is not None:
