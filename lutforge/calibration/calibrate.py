@@ -18,6 +18,7 @@ from lutforge.calibration.steps import (
     drop_outlier_shots,
     drop_small_styles,
     fit_gains,
+    note_dark_end,
     use_reference_raw,
 )
 from lutforge.calibration.style import StyleData, fit_lattices, style_data
@@ -37,6 +38,7 @@ STEPS: tuple[Step, ...] = (
     diagnose,
     fit_gains,
     drop_outlier_shots,
+    note_dark_end,
 )
 
 

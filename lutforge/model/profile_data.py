@@ -189,6 +189,7 @@ class ProfileData:
     whose RAW stood in for a camera without RAW (4.9), else ""; raw_transfer: Tc (3, 3), which takes that camera's RAW
     to this camera's, as far as it can be known. vignettings: what JPEGs are brighter towards the corners than the
     middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes.
+    from_xyz: (3, 3) XYZ → RAW of any scale, as LibRaw or a DNG file has it, for temperatures; None where unknown.
     Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
     singular.
     """
@@ -204,6 +205,7 @@ class ProfileData:
     vignettings: tuple[Vignetting, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
     raw_transfer: Array | None = None
+    from_xyz: Array | None = None
 
     @property
     def developer(self) -> str:
@@ -239,6 +241,8 @@ class ProfileData:
             raise ProfileError(f"{self.camera}: a reference camera and the matrix from its RAW belong together")
         if transfer is not None and not is_invertible(transfer):
             raise ProfileError(f"{self.camera}: the matrix from the reference camera's RAW cannot be inverted")
+        if self.from_xyz is not None and not is_invertible(self.from_xyz):
+            raise ProfileError(f"{self.camera}: the matrix from XYZ to RAW cannot be inverted")
 
     def save(self, path: str | Path) -> None:
         """Write the profile to a file (.npz), atomically; `lutforge.load_profile` reads it."""
@@ -251,6 +255,7 @@ class ProfileData:
             "raw_camera": self.raw_camera,
             "raw_transfer": None if self.raw_transfer is None else self.raw_transfer.tolist(),
             "matrix": self.matrix.tolist(),
+            "from_xyz": None if self.from_xyz is None else self.from_xyz.tolist(),
             "white_balances": {name: asdict(balance) for name, balance in self.white_balances.items()},
             "styles": {
                 name: _style_to_json(style, f"style{index}", arrays)
@@ -300,7 +305,7 @@ class ProfileData:
                     math.nan if entry[name] is None else float(entry[name]) for name in ("focal_mm", "aperture")
                 )
                 vignettings.append(Vignetting((one, two, three), (x, y), str(entry["lens"]), focal_mm, aperture))
-            transfer = document["raw_transfer"]
+            transfer, from_xyz = document["raw_transfer"], document.get("from_xyz")
             return cls(
                 camera=str(document["camera"]),
                 matrix=np.array(document["matrix"], dtype=np.float64),
@@ -311,6 +316,7 @@ class ProfileData:
                 notes=tuple(map(str, document["notes"])),
                 raw_camera=str(document["raw_camera"]),
                 raw_transfer=None if transfer is None else np.array(transfer, dtype=np.float64),
+                from_xyz=None if from_xyz is None else np.array(from_xyz, dtype=np.float64),
                 vignettings=tuple(vignettings),
                 diagnoses=tuple(
                     Diagnosis(str(entry["cause"]), str(entry["evidence"]), str(entry["advice"]))

@@ -130,9 +130,9 @@ def build_report(
         sections["Notes"] = (notes,) if notes else ()
         sections["Errors"] = (*error_tables(own, evaluation), *error_pictures(own, evaluation))
         sections["Errors on real shots"] = tuple(error_map_pictures(profile, own, evaluation, files or {}))
-        if evaluation.departures:
-            title = "Shots that depart from the fixed rendering, with standard errors"
-            rows = [(each.shot, *each.cells) for each in evaluation.departures]
+        if evaluation.deviations:
+            title = "Shots that deviate from the fixed rendering, with standard errors"
+            rows = [(each.shot, *each.cells) for each in evaluation.deviations]
             lens.append(Table(title, ("shot", "exposure, EV", "contrast", "saturation"), rows))
         pictures = tuple(shot_pictures(profile, own, evaluation, files or {}))
     progress("models", 0.9)

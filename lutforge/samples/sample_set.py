@@ -19,12 +19,17 @@ SRGB_COLUMNS = ("srgb_r", "srgb_g", "srgb_b")
 WB_COLUMNS = ("wb_r", "wb_g", "wb_b")
 REQUIRED_COLUMNS = (*TEXT_COLUMNS, "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS)
 POSITION_COLUMNS = ("x", "y")
+XYZ_COLUMNS = tuple(f"{channel}_{axis}" for channel in ("red", "green", "blue") for axis in "xyz")
 SHOT_COLUMNS = ("focal_mm", "aperture", "d65_r", "d65_b")
 OPTIONAL_COLUMNS = (
-    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, "raw_camera", "lens", "raw_space", "developer",
+    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, *XYZ_COLUMNS, "raw_camera", "lens", "raw_space", "developer",
 )  # fmt: skip
-NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS)
-COLUMNS_OF = {"raw": RAW_COLUMNS, "srgb": SRGB_COLUMNS, "wb": WB_COLUMNS, "position": POSITION_COLUMNS}
+NUMBER_COLUMNS = (
+    "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, *XYZ_COLUMNS,
+)  # fmt: skip
+COLUMNS_OF = {
+    "raw": RAW_COLUMNS, "srgb": SRGB_COLUMNS, "wb": WB_COLUMNS, "position": POSITION_COLUMNS, "from_xyz": XYZ_COLUMNS,
+}  # fmt: skip
 """The columns of a table that one array of a SampleSet holds; the others are arrays of their own."""
 
 ROUNDING = 1e-6
@@ -131,6 +136,7 @@ class SampleSet:
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. d65_r,
     d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
+    from_xyz: (n, 9), the rows of the matrix XYZ → RAW of any scale that LibRaw or a DNG file has; NaN where unknown.
     raw_space, developer: where a program's pictures stand in the place of the RAW, the RGB space in which these were
     encoded, and the program; "" for RAW. The columns from `position` on may be left out; they are unknown then.
     `from_arrays` fills in more. Raises SampleError where the columns differ in length.
@@ -152,17 +158,28 @@ class SampleSet:
     aperture: Array = field(default_factory=lambda: np.zeros(0))
     d65_r: Array = field(default_factory=lambda: np.zeros(0))
     d65_b: Array = field(default_factory=lambda: np.zeros(0))
+    from_xyz: Array = field(default_factory=lambda: np.zeros((0, 9)))
     raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
     def __post_init__(self) -> None:
         count = len(self.camera)
-        for name in ("position", "lens", "focal_mm", "aperture", "d65_r", "d65_b", "raw_space", "developer"):
+        for name in (
+            "position",
+            "lens",
+            "focal_mm",
+            "aperture",
+            "d65_r",
+            "d65_b",
+            "from_xyz",
+            "raw_space",
+            "developer",
+        ):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
                 unknown = np.nan if column.dtype.kind == "f" else ""
                 object.__setattr__(self, name, np.full((count, *column.shape[1:]), unknown, dtype=column.dtype))
-        widths = {"raw": (3,), "srgb": (3,), "wb": (3,), "position": (2,)}
+        widths = {"raw": (3,), "srgb": (3,), "wb": (3,), "position": (2,), "from_xyz": (9,)}
         for name in (column.name for column in fields(self)):
             shape = (count, *widths.get(name, ()))
             if getattr(self, name).shape != shape:

@@ -328,8 +328,8 @@ PARTS = 6
 """Parts a side of the picture whose pulls tell how sure a fit is: structure of one part is hardly that of another."""
 _NO_MATCH = "the JPEG does not match the RAW ({}): another scene, cropped, retouched, or too little structure"
 IS_WARPED = (
-    "the JPEG is warped as no lens does, by {:.1f} pixels in the mean (a straightened perspective, or an unknown "
-    "correction); switch that off, or use the camera's own JPEG"
+    "parts of the JPEG lie beside their place in the RAW, by {:.1f} pixels in the mean (a straightened perspective, "
+    "strong sharpening, or an unknown correction); switch that off, or use the camera's own JPEG"
 )
 
 

@@ -205,10 +205,11 @@ class SimulatedCamera:
         return np.asarray(balanced / (self.multipliers(white_balance) * 2.0**ev))
 
     def color_matrix(self) -> Array:
-        """XYZ (D65) → camera RGB (3, 3), as DNG's ColorMatrix1 wants it, from the training surfaces."""
+        """XYZ → camera RGB (3, 3) under light D65, as DNG's ColorMatrix1 wants it, from the training surfaces."""
         from_xyz = np.linalg.inv(self.matrix) @ np.linalg.inv(SRGB_TO_XYZ)
-        daylight = self.multipliers("daylight")
-        return np.asarray(from_xyz / daylight[:, None])
+        return np.asarray(
+            from_xyz * (light(6504.0) @ self.sensitivity)[:, None] / (light(6504.0) @ self.sensitivity)[1]
+        )
 
 
 @cache
