@@ -22,7 +22,7 @@ from lutforge.calibration.steps import (
     use_reference_raw,
 )
 from lutforge.calibration.style import StyleData, fit_lattices, style_data
-from lutforge.calibration.white_balance import named_white_balances
+from lutforge.calibration.white_balance import colorimetric_matrix, named_white_balances
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile_data import CameraModel, PictureStyle
@@ -146,7 +146,9 @@ def assembled(
     """The profile of what was fitted to the prepared samples. notes: what the fits add."""
     balances = named_white_balances(state.samples, state.multipliers, matrix)
     computed = [name for name in balances if name not in state.samples.white_balance]
-    by_matrix = f"white balances {', '.join(computed)} are computed by the camera's matrix: no shot was taken with them"
+    colorimetric = colorimetric_matrix(state.samples)
+    by = "the camera's matrix" if colorimetric is not None else "the fitted matrix, which has warm light less warm"
+    by_matrix = f"white balances {', '.join(computed)} are computed by {by}: no shot was taken with them"
     return CameraProfile(
         camera=str(state.samples.camera[0]),
         matrix=matrix,
@@ -159,4 +161,5 @@ def assembled(
         raw_transfer=state.raw_transfer,
         vignettings=state.vignettings,
         diagnoses=state.diagnoses,
+        from_xyz=colorimetric,
     )

@@ -1,4 +1,4 @@
-"""White-balance multipliers of samples whose files do not tell them (thesis 4.2.2), the gains and names of settings."""
+"""White-balance multipliers that files do not state (thesis 4.2.2), and the gains and names of settings."""
 
 import re
 from collections.abc import Mapping
@@ -12,6 +12,7 @@ from lutforge.calibration.matrix_and_response import JointFit, MatrixAndResponse
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
 from lutforge.colour.colour_temperature import (
     COOLEST,
+    D65_KELVIN,
     HOTTEST,
     camera_from_xyz,
     locus,
@@ -25,8 +26,7 @@ from lutforge.solvers.robust_weights import weighted_median
 PRESETS = ("tungsten", "daylight", "cloudy", "shade")
 """Settings that a profile of automatic shots gets by its matrix."""
 
-D65_KELVIN = 6504.0
-MATRIX_DEPARTURE = (-0.95e-4, 0.0, -1.3e-4)
+MATRIX_DEVIATION = (-0.95e-4, 0.0, -1.3e-4)
 """By how much the logarithm of a true multiplier grows beyond the matrix's for each mired from D65: r, g, b.
 
 A matrix that is least squares under daylight takes warm light for less warm than it is. Medians of the 52 cameras whose
@@ -184,7 +184,7 @@ def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
 
 
 def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) -> dict[str, WhiteBalance]:
-    """One entry per white-balance name: its middle shot, how far other shots depart from that, a told temperature.
+    """One entry per white-balance name: its middle shot, how far other shots are from that, and its temperature.
 
     The middle shot is the one nearest to the median of each channel, which no shot need have.
 
@@ -196,8 +196,8 @@ def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) 
         shots = np.array(
             [np.median(multipliers[rows & (samples.shot == shot)], axis=0) for shot in np.unique(samples.shot[rows])]
         )
-        departures = np.abs(np.log(shots / np.median(shots, axis=0))).max(axis=1)
-        middle = shots[np.argmin(departures)]
+        off = np.abs(np.log(shots / np.median(shots, axis=0))).max(axis=1)
+        middle = shots[np.argmin(off)]
         r, b = float(middle[0] / middle[1]), float(middle[2] / middle[1])
         spread = float(np.max(np.abs(shots / middle - 1.0)))
         result[str(name)] = WhiteBalance((r, 1.0, b), named_temperature(str(name)), spread, float(middle[1]))
@@ -210,17 +210,24 @@ def _with_presets(samples: SampleSet, balances: dict[str, WhiteBalance], matrix:
     The camera's colorimetric matrix serves, as in RAW developers. Where only its multipliers of light D65 are known,
     they anchor the fitted matrix, which contains the camera's look.
     """
+    stated = [named_temperature(name) for name in balances if "fluorescent" not in name]
+    if not samples.is_own_raw or any(stated):
+        return balances
+
     colorimetric = colorimetric_matrix(samples)
     d65 = np.array([np.median(samples.d65_r), 1.0, np.median(samples.d65_b)])
-    told = [named_temperature(name) for name in balances if "fluorescent" not in name]
-    if not samples.is_own_raw or any(told) or (colorimetric is None and not np.all(np.isfinite(d65))):
+    if colorimetric is not None:
+        from_xyz, deviation = colorimetric, np.zeros(3)
+    elif np.all(np.isfinite(d65)):
+        from_xyz, deviation = camera_from_xyz(matrix, d65, D65_KELVIN), np.array(MATRIX_DEVIATION)
+    else:
         return balances
-    from_xyz = camera_from_xyz(matrix, d65, D65_KELVIN) if colorimetric is None else colorimetric
+
     presets = {}
     for name in PRESETS:
         kelvin = NAMED_KELVIN[name]
-        logs = np.array(MATRIX_DEPARTURE) * (1e6 / kelvin - 1e6 / D65_KELVIN) if colorimetric is None else np.zeros(3)
-        r, g, b = (float(value) for value in np.exp(logs) * multipliers_of(locus(kelvin), from_xyz))
+        correction = np.exp(deviation * (1e6 / kelvin - 1e6 / D65_KELVIN))
+        r, g, b = (float(value) for value in correction * multipliers_of(locus(kelvin), from_xyz))
         if min(r, b) > 0.0:  # the matrix of samples that no camera made may have no such light
             presets[name] = WhiteBalance((r, g, b), kelvin)
     return {**balances, **presets}
@@ -229,13 +236,14 @@ def _with_presets(samples: SampleSet, balances: dict[str, WhiteBalance], matrix:
 def colorimetric_matrix(samples: SampleSet) -> Array | None:
     """(3, 3) XYZ → RAW of the camera, as LibRaw or its DNG files have it; None where unknown."""
     matrix = np.median(samples.from_xyz, axis=0).reshape(3, 3)
+    # A matrix that is none of a camera's has no multipliers for natural light
     whites = np.array([multipliers_of(locus(kelvin), matrix) for kelvin in (2500.0, 5000.0, 10000.0)])
     known = samples.is_own_raw and np.all(np.isfinite(whites)) and np.all(whites > 0.0)
     return matrix if known else None
 
 
 def named_temperature(name: str) -> float | None:
-    """The temperature in kelvin that a setting's name tells: "daylight", "5600k"; None where it tells none."""
+    """The temperature in kelvin of a setting's name: "daylight", "5600k"; None where it has none."""
     number = re.fullmatch(r"(\d{4,5}) ?k(?:elvin)?", name)
     if number and COOLEST <= float(number[1]) <= HOTTEST:
         return float(number[1])
