@@ -26,7 +26,7 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
-from lutforge.model.vignetting import Vignetting
+from lutforge.model.vignetting import NO_SHADING, Vignetting
 from lutforge.model.white_balance import WhiteBalance
 
 FORMAT_VERSION = 8
@@ -304,7 +304,9 @@ class ProfileData:
                 focal_mm, aperture = (
                     math.nan if entry[name] is None else float(entry[name]) for name in ("focal_mm", "aperture")
                 )
-                vignettings.append(Vignetting((one, two, three), (x, y), str(entry["lens"]), focal_mm, aperture))
+                shading = tuple(tuple(map(float, channel)) for channel in entry.get("shading", NO_SHADING))
+                lens = str(entry["lens"])
+                vignettings.append(Vignetting((one, two, three), (x, y), lens, focal_mm, aperture, shading))
             transfer, from_xyz = document["raw_transfer"], document.get("from_xyz")
             return cls(
                 camera=str(document["camera"]),

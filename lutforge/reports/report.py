@@ -415,7 +415,7 @@ class ShotCells:
         if vignetting is not None:
             height, width = self.usable.shape
             centres = size * (np.argwhere(np.ones((height, width)))[:, ::-1] + 0.5)
-            stops = vignetting.stops(places_in_picture(shot, centres)).reshape(height, width, 1)
+            stops = vignetting.stops(places_in_picture(shot, centres)).reshape(height, width, 3)
             self.balanced = self.balanced * 2.0**stops
 
         self.orientation = shot.raw.orientation
@@ -554,10 +554,10 @@ def vignetting_blocks(vignettings: Sequence[Vignetting]) -> Iterator[Block]:
     if not vignettings:
         return
     rows = tuple(
-        (vignetting.setting, f"{vignetting.corner_ev:.2f}", *(f"{100 * value:.1f} %" for value in vignetting.centre))
+        (vignetting.setting, vignetting.corners, *(f"{100 * value:.1f} %" for value in vignetting.centre))
         for vignetting in vignettings
     )
-    header = ("lens setting", "corners, EV", "centre right", "centre down")
+    header = ("lens setting", "corners", "centre right", "centre down")
     yield Table("Vignetting that the camera corrects in its JPEGs only", header, rows)
     yield (
         "In the corners the JPEGs are by so much brighter than the RAW. The profile renders the middle; RAW is "

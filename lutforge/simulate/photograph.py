@@ -108,7 +108,7 @@ def photograph(
     """
     irradiance = scene.irradiance(camera, light or settings.white_balance, settings.exposure_s)
     if settings.vignetting is not None:
-        irradiance /= settings.vignetting.gain(*irradiance.shape[:2])[..., None].astype(np.float32)
+        irradiance /= settings.vignetting.gain(*irradiance.shape[:2]).astype(np.float32)
     lens = settings.distortion
     if lens is not None and (lens.red or lens.blue):  # red and blue are drawn larger than green
         y, x = np.mgrid[: irradiance.shape[0], : irradiance.shape[1]] + 0.5
@@ -152,7 +152,7 @@ def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Came
     """Encoded values (h, w, 3) of a mosaic (h, w): demosaicked, its border cropped, and rendered."""
     raw = demosaic(normalized(camera, mosaic), camera.cfa)
     if settings.vignetting is not None:
-        raw *= settings.vignetting.gain(*mosaic.shape)[..., None].astype(np.float32)
+        raw *= settings.vignetting.gain(*mosaic.shape).astype(np.float32)
     raw = raw[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
     if settings.distortion is not None:
         # What the lens drew, as large as it fills the picture when it is straight
