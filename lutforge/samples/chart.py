@@ -53,6 +53,11 @@ class ChartKind:
         """The centres (n, 2) of the patches in pitches, row by row."""
         return np.stack(np.meshgrid(self.columns, self.rows), axis=-1).reshape(-1, 2)
 
+    @property
+    def places(self) -> Array:
+        """The centres (n, 2) of the patches, row by row, −1 … 1 from edge to edge of the upright chart."""
+        return np.asarray(self.centres / (self.outline[2] / 2) - 1.0)
+
     def linear_srgb(self, light: str = D50) -> Array:
         """Colours (n, 3) of the patches under a light, adapted to it: a perfect diffuser is 1, 1, 1.
 
@@ -240,13 +245,13 @@ def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
     side = np.linspace(-0.38, 0.38, 7)
     points = kind.centres[:, None, :] + np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
 
-    def departures(moved: Array) -> Array:
+    def residuals(moved: Array) -> Array:
         x, y = np.moveaxis(_project(_homography(kind.outline, moved.reshape(4, 2)), points), -1, 0)
         values = map_coordinates(blurred, [y, x], order=1, mode="nearest")
         return np.asarray((values - values.mean(axis=1, keepdims=True)).ravel())
 
     options: Any = {"loss": "soft_l1", "f_scale": 4.0, "diff_step": 1e-3, "x_scale": pitch, "max_nfev": 30}
-    return np.asarray(least_squares(departures, corners.ravel(), **options).x.reshape(4, 2))
+    return np.asarray(least_squares(residuals, corners.ravel(), **options).x.reshape(4, 2))
 
 
 def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> CellStatistics:
