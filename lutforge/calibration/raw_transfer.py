@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.calibration.exposure_pairs import CLIPPED_RAW
 from lutforge.errors import CalibrationError
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_samples_out, predict_held_out
 
 LEAST_PAIRS = 12
-CLIPPED = 0.999
 DARK = 0.05
 """Colours darker than this share of the brightest count by their absolute error, not by their relative one."""
 
@@ -34,7 +34,7 @@ def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Ar
     ]
     first, second = (np.array([pair[side] for pair in rows], dtype=np.intp) for side in (0, 1))
     x, y = source.raw[first], target.raw[second]
-    usable = np.all((x > 0) & (x < CLIPPED) & (y > 0) & (y < CLIPPED), axis=1)
+    usable = np.all((x > 0) & (x < CLIPPED_RAW) & (y > 0) & (y < CLIPPED_RAW), axis=1)
     if usable.sum() < LEAST_PAIRS:
         raise CalibrationError(
             f"{int(usable.sum())} colours are common to both cameras, at least {LEAST_PAIRS} are needed: photograph "

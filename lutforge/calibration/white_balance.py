@@ -35,7 +35,7 @@ other cameras (Jiang et al. 2013) it takes a third off the error.
 """
 SURE, LEAST_GAIN = 3, 0.01
 """A setting's gain is kept beyond so many standard errors, and beyond what moves no colour by a code."""
-DARK, BRIGHT, ROUNDED = 0.08, 0.95, 0.2
+LEAST_READ, MOST_READ, ROUNDED = 0.08, 0.95, 0.2
 """JPEG values between the first two are read for a white balance; below the third rounding rules."""
 NEUTRAL = 0.12
 """Standard deviation, in HSV saturation, by which near-neutral colours count."""
@@ -148,7 +148,7 @@ def neutral_weight(raw: Array, srgb: Array) -> Array:
     """How near-neutral JPEG colours (n, 3) vote for the multipliers of their RAW (n, 3): weights (n,) from 0 to 1."""
     high = srgb.max(axis=1)
     weight = np.exp(-((saturation(srgb) / NEUTRAL) ** 2))
-    weight[(high > BRIGHT) | (high < DARK) | (raw.min(axis=1) <= DARKEST)] = 0.0
+    weight[(high > MOST_READ) | (high < LEAST_READ) | (raw.min(axis=1) <= DARKEST)] = 0.0
     return np.asarray(weight)
 
 
