@@ -195,6 +195,24 @@ def test_the_refusal_of_four_pictures_names_those_without_a_chart_in_two_lines(t
     assert len(said) <= 2 * 120
 
 
+def test_light_that_falls_over_the_chart_is_named_and_removed(tmp_path: Path) -> None:
+    camera, kind = nikon_d5100(), chart_kind("classic")
+    shade = 1.0 - 0.3 * (kind.places[:, :1] + 1.0) / 2.0
+    corners = BORDER + PITCH * kind.outline
+    scale, notes = [], []
+    for name, of_patch in (("even", 1.0), ("falling", shade)):
+        folder = tmp_path / name
+        folder.mkdir()
+        files = photograph_chart(camera, kind, chart_reflectances(), folder, (-3, -2, -1, 0, 1), shade=of_patch)
+        fitted = write_input_transform(files, None, kind, "5200K", corners)
+        greys = camera.render(camera.expose(chart_reflectances()[18:23], "daylight"), "standard", "daylight")
+        light = fitted.profile.linearize("standard/auto")(greys)[:, 1]
+        scale.append(light / light[2])
+        notes.append("; ".join(fitted.profile.notes))
+    np.testing.assert_allclose(scale[1], scale[0], rtol=0.05)
+    assert "light falls" not in notes[0] and "from left to right over the chart" in notes[1]
+
+
 def test_a_chart_that_no_detector_knows_needs_its_corners(tmp_path: Path) -> None:
     camera, kind = nikon_d5100(), chart_kind("spyder24")
     files = photograph_chart(camera, kind, reflectances("ISO 17321-1"), tmp_path, (-2.0, -1.0))

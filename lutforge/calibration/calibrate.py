@@ -18,10 +18,11 @@ from lutforge.calibration.steps import (
     drop_outlier_shots,
     drop_small_styles,
     fit_gains,
+    note_dark_end,
     use_reference_raw,
 )
 from lutforge.calibration.style import StyleData, fit_lattices, style_data
-from lutforge.calibration.white_balance import named_white_balances
+from lutforge.calibration.white_balance import colorimetric_matrix, named_white_balances
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile import CameraModel, PictureStyle
 from lutforge.model.provenance import OwnRaw
@@ -37,6 +38,7 @@ STEPS: tuple[Step, ...] = (
     diagnose,
     fit_gains,
     drop_outlier_shots,
+    note_dark_end,
 )
 
 
@@ -129,7 +131,9 @@ def assembled(
     """The profile of what was fitted to the prepared samples. notes: what the fits add."""
     balances = named_white_balances(state.samples, state.multipliers, matrix)
     computed = [name for name in balances if name not in state.samples.white_balance]
-    by_matrix = f"white balances {', '.join(computed)} are computed by the camera's matrix: no shot was taken with them"
+    colorimetric = colorimetric_matrix(state.samples)
+    by = "the camera's matrix" if colorimetric is not None else "the fitted matrix, which has warm light less warm"
+    by_matrix = f"white balances {', '.join(computed)} are computed by {by}: no shot was taken with them"
     return CameraProfile(
         camera=str(state.samples.camera[0]),
         matrix=matrix,
@@ -142,6 +146,7 @@ def assembled(
         dng_camera=_dng_camera(state.samples) if isinstance(state.provenance, OwnRaw) else "",
         vignettings=state.vignettings,
         diagnoses=state.diagnoses,
+        from_xyz=colorimetric,
     )
 
 

@@ -43,7 +43,7 @@ SELECTION = 1.5
 """Power of the odds that the gamut map leaves a colour alone, by which it counts. With 1, of 5,000 colours spread
 evenly over RAW, a tenth of them unsaturated, the fit follows the others, and is 3 to 22 codes off near grey on five of
 six simulated styles (now 0.4 to 1.8); with 2 it runs away on one of ten chart cameras."""
-REACH = 3.0
+MOST_BETAS = 3.0
 """Colours beyond so many times β do not count."""
 MOST_SAMPLES = 3000
 """The largest number of samples that a fit uses; of more, as many are drawn at random."""
@@ -151,7 +151,7 @@ def fit_matrix_and_response(
         raise CalibrationError(f"{len(x)} samples cannot determine a matrix and a response; at least 10 are needed")
     chroma = saturation(encoded)
     beta = _wide_enough(chroma, beta)
-    rows = np.flatnonzero(chroma < REACH * beta)
+    rows = np.flatnonzero(chroma < MOST_BETAS * beta)
     if len(rows) > MOST_SAMPLES:  # the same ones every time
         rows = np.random.default_rng(0).choice(rows, MOST_SAMPLES, replace=False, shuffle=False)
     odds = in_gamut_weight(chroma[rows], beta)

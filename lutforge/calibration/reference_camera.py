@@ -26,7 +26,7 @@ from lutforge.calibration.curve_basis import emor_basis, spline_basis, srgb_resp
 from lutforge.calibration.matrix_and_response import (
     LEAST_HUE_SPREAD,
     LEAST_UNSATURATED,
-    REACH,
+    MOST_BETAS,
     JointFit,
     hue_spread,
     in_gamut_weight,
@@ -36,7 +36,7 @@ from lutforge.calibration.matrix_and_response import (
 )
 from lutforge.calibration.options import BETA
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
-from lutforge.calibration.white_balance import estimated_multipliers, neutral_weight
+from lutforge.calibration.white_balance import DARKEST, LEAST_LINEAR, estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.clipping import unclipped_colours
@@ -46,15 +46,17 @@ from lutforge.solvers.reweighted import reweighted
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 
 LEAST_COLOURS = 12
-TINY = 1e-6
-"""Light counts as this at least, so that ratios and logarithms stay finite."""
+LEAST_WEIGHT = 1e-9
+"""Of a colour, so that shots without near-neutral ones have a median."""
+RANK = 1e-6
+"""Singular values below this share of the largest are 0."""
 ROUNDED = 0.2
 """Below this JPEG value rounding rules."""
 WORST_ERROR = 0.08
 """Median encoded error beyond which RAW and JPEG are not of one scene; the chart cameras have 0.002 … 0.03."""
 WIDER = (BETA, 0.4, 0.5, 0.7)
 """Values of β that are tried in turn: on a small chart hardly any unsaturated colour is not grey."""
-DARK = 0.05
+NOISY_SHARE = 0.05
 """Colours below this share of the bright ones hold noise."""
 LARGEST_CONDITION = 100
 STEP = 1e-6
@@ -134,8 +136,8 @@ def gains_and_scale(
 ) -> tuple[Array, Array]:
     """The gain of each shot's RAW (n,), and the scale of f⁻¹ of each style (n,), by the levels that are left."""
     balanced = samples.raw @ transfer.T * multipliers
-    rendered = np.maximum((balanced @ matrix.T).sum(axis=1), TINY)
-    level = np.log(np.maximum(values.linear.sum(axis=1), TINY) / rendered)
+    rendered = np.maximum((balanced @ matrix.T).sum(axis=1), LEAST_LINEAR)
+    level = np.log(np.maximum(values.linear.sum(axis=1), LEAST_LINEAR) / rendered)
     return _gains(samples, setting, level, values.in_gamut * (samples.srgb.max(axis=1) > ROUNDED))
 
 
@@ -147,7 +149,7 @@ def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: 
     multiplies by more than its white balance.
     """
     _, first, shot = np.unique(samples.shot, return_index=True, return_inverse=True)
-    of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + 1e-9) for k in range(len(first))])
+    of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + LEAST_WEIGHT) for k in range(len(first))])
     style, balance = samples.style[first], setting[first]
     scale = np.array([np.median(of_shot[style == name]) for name in style])
     rest = of_shot - scale
@@ -202,7 +204,7 @@ def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> St
     multipliers, _ = estimated_multipliers(raw[place == first], encoded[place == first])
     chroma = saturation(encoded)
     beta = max(beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
-    near = chroma < REACH * beta
+    near = chroma < MOST_BETAS * beta
     is_of = np.eye(len(names))[place]
     others = np.delete(is_of, first, axis=1)
 
@@ -217,9 +219,9 @@ def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> St
     # shots of a white balance is a part of its Tz; gains that go with the light of the shots are hardly told from a
     # power of f, and shutters do not err so.
     _, of_shot, index = np.unique(samples.shot, return_index=True, return_inverse=True)
-    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 1e-4))) / np.bincount(index)
+    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), DARKEST))) / np.bincount(index)
     untold = np.vstack([np.unique(place)[:, None] == place[of_shot], light])
-    changes = np.asarray(null_space(untold, rcond=TINY)[index])
+    changes = np.asarray(null_space(untold, rcond=RANK)[index])
     fit = JointFit(raw[near], encoded[near], weights, columns, changes[near], srgb_response())
     robust_fit(fit, emor_basis())  # as there: EMoR's shape first, then what it cannot follow
     robust_fit(fit, spline_basis(fit.response.inverse.mean(axis=1)))
@@ -283,7 +285,7 @@ def unsaturated_of_several_hues(linear: Array, chroma: Array, name: str) -> tupl
 def level_of(raw: Array) -> Array:
     """The brightness (n,) of RAW (n, 3), at least a share of the bright ones: darker colours hold noise."""
     level = np.linalg.norm(raw, axis=1)
-    return np.asarray(np.maximum(level, DARK * np.percentile(level, 95)))
+    return np.asarray(np.maximum(level, NOISY_SHARE * np.percentile(level, 95)))
 
 
 def check_inverse(inverse: Array, scale: float, name: str) -> None:

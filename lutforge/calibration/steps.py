@@ -11,17 +11,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.departures import departing_shots, departure_notes
+from lutforge.calibration.checks import LEAST_TO_CHECK, NOT_ONE_CAMERA, implausible
+from lutforge.calibration.dark_greys import dark_end_notes
 from lutforge.calibration.lattice.monochrome import is_monochrome
-from lutforge.calibration.matrix_and_response import MatrixAndResponse, MatrixAndResponseFit, fit_matrix_and_response
+from lutforge.calibration.matrix_and_response import (
+    MatrixAndResponse,
+    MatrixAndResponseFit,
+    fit_matrix_and_response,
+    with_matrix_of_all,
+)
 from lutforge.calibration.options import BETA, CURVES
-from lutforge.calibration.plausibility import NOT_ONE_CAMERA, implausible
 from lutforge.calibration.reference_camera import own_raw
+from lutforge.calibration.shot_comparison import ShotCheck, check_shots
 from lutforge.calibration.style import LEAST_SAMPLES, styles_with_enough, unclipped
 from lutforge.calibration.vignetting import at_the_centre, fit_vignettings
 from lutforge.calibration.white_balance import (
     complete_multipliers,
-    with_fitted_gains,
+    fitted_gains,
+    times_gains,
     with_gains,
     with_known_balances,
 )
@@ -92,6 +99,23 @@ class State:
             if not is_monochrome(self.balanced[self.rows(style)], self.samples.srgb[self.rows(style)])
         }
 
+    def bases_of_all_colours(self) -> dict[str, MatrixAndResponse]:
+        """The base of each style with colours and samples enough to check, its matrix fitted to saturated colours, too.
+
+        A style whose base cannot be fitted is not there.
+        """
+        bases = dict[str, MatrixAndResponse]()
+        for style in self.styles:
+            rows = self.rows(style)
+            balanced, encoded = self.balanced[rows], self.samples.srgb[rows]
+            if len(encoded) < LEAST_TO_CHECK or is_monochrome(balanced, encoded):
+                continue
+            try:
+                bases[style] = with_matrix_of_all(self.base(style), balanced, encoded)
+            except (CalibrationError, np.linalg.LinAlgError):
+                continue
+        return bases
+
     def given_base(self, style: str) -> MatrixAndResponse | None:
         """The matrix and response that hold for a style whatever the samples are; None where they are to be fitted."""
         known = () if self.given is None or style not in self.given.styles else self.given.styles[style].models
@@ -113,6 +137,9 @@ class State:
 
 
 Step = Callable[[State], State]
+
+GAIN_ROUNDS = 6
+"""Rounds of gains, at most."""
 
 
 def use_reference_raw(state: State) -> State:
@@ -170,28 +197,64 @@ def correct_vignetting(state: State) -> State:
 
 def diagnose(state: State) -> State:
     """Recognize samples that no camera makes, and what made them so."""
-    return replace(state, diagnoses=implausible(state.samples, state.multipliers))
+    return replace(state, diagnoses=implausible(state.samples, state.multipliers, state.bases_of_all_colours()))
 
 
 def fit_gains(state: State) -> State:
-    """Fit the common factor that a setting has besides its multipliers, or take a given profile's."""
+    """Fit the common factor that a setting has besides its multipliers, or take a given profile's.
+
+    Each round compares the settings by a base that is fitted with the gains of the round before, first without any:
+    where settings have few tones in common, gains that were fitted with the response would trade with it.
+    """
+    samples, multipliers = state.samples, state.multipliers
     if state.given is not None:
-        multipliers = with_gains(state.samples, state.multipliers, state.given.white_balances)
-    else:
-        multipliers = with_fitted_gains(state.samples, state.multipliers, state.unclipped)
-    return state.with_samples(state.samples, multipliers)
+        return state.with_samples(samples, with_gains(samples, multipliers, state.given.white_balances))
+
+    gains = {str(name): 1.0 for name in np.unique(samples.white_balance[state.unclipped]) if name != "auto"}
+    for _ in range(GAIN_ROUNDS if len(gains) > 1 else 0):
+        bases = {style: state.base(style) for style in state.styles}
+        improved = fitted_gains(samples, state.multipliers, state.unclipped, bases, gains)
+        if improved == gains:
+            break
+        gains = improved
+        state = state.with_samples(samples, times_gains(samples, multipliers, gains))
+    return state
 
 
 def drop_outlier_shots(state: State) -> State:
-    """Leave out the shots that deviate from the others of their style, unless the whole set is at fault."""
-    if any(diagnosis.cause != NOT_ONE_CAMERA for diagnosis in state.diagnoses):
+    """Leave out the shots that deviate from the others of their style; name two groups of shots, and leave none out.
+
+    Where a cause spoils the whole set, so that each group shows it, no shot is at fault.
+    """
+    comparison = check_shots(state.samples, state.multipliers, state.unclipped, state.bases_of_all_colours())
+    spoilt = _causes_of_all_groups(state, comparison)
+    if spoilt:
+        return replace(state, diagnoses=tuple(one for one in state.diagnoses if one.cause in spoilt))
+
+    if comparison.deviations:
+        agree = ~np.isin(state.samples.shot, [deviation.shot for deviation in comparison.deviations])
+        state = state.select(agree, comparison.notes)
+    if comparison.groups:
+        return replace(state, diagnoses=tuple(groups.diagnosis for groups in comparison.groups))
+    # The shots that agree may look like one camera's
+    return diagnose(state) if comparison.deviations and state.diagnoses else state
+
+
+def _causes_of_all_groups(state: State, comparison: ShotCheck) -> set[str]:
+    """The causes that were diagnosed, and that each of two groups of shots shows by itself."""
+    causes = {diagnosis.cause for diagnosis in state.diagnoses} - {NOT_ONE_CAMERA}
+    for groups in comparison.groups if causes else ():
+        for names in (groups.first, groups.second):
+            group = diagnose(state.select(np.isin(state.samples.shot, names)))
+            causes &= {diagnosis.cause for diagnosis in group.diagnoses}
+    return causes
+
+
+def note_dark_end(state: State) -> State:
+    """Note dark greys whose RAW and JPEG values do not go to black together, unless a cause is known that does it."""
+    if state.diagnoses:
         return state
-    outliers = departing_shots(state.samples, state.multipliers, state.unclipped)
-    if not outliers:
-        return state
-    agree = ~np.isin(state.samples.shot, [outlier.shot for outlier in outliers])
-    rest = state.select(agree, departure_notes(outliers))
-    return diagnose(rest) if state.diagnoses else rest  # the shots that agree may look like one camera's
+    return replace(state, notes=(*state.notes, *dark_end_notes(state.samples, state.multipliers)))
 
 
 def check_one_camera(samples: SampleSet) -> None:

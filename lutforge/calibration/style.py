@@ -17,13 +17,14 @@ from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochr
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response, with_matrix_of_all
 from lutforge.calibration.options import BETA, CURVES, MOST_CENTRES, CalibrationOptions
 from lutforge.calibration.scenes import RenderedScenes, likely_scenes
+from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile import ByDirection, CameraModel
 from lutforge.model.response import smooth_response
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.cross_validation import leave_groups_out
+from lutforge.solvers.cross_validation import joined_alike, leave_groups_out
 from lutforge.threads import each, one_blas_thread
 
 LEAST_SAMPLES = 10
@@ -108,9 +109,18 @@ class StyleData:
         return ByDirection((self.balanced, self.encoded), (self.encoded, self.balanced))
 
     @cached_property
+    def scene(self) -> NDArray[np.str_]:
+        """The shot of each sample, (n,), with copies and bursts under one name: no such shot tests a fit to another."""
+        places = np.nan_to_num(self.samples.position)
+        raw = srgb_encode(np.clip(self.samples.raw, 0.0, 1.0))
+        _, balance = np.unique(self.samples.white_balance, return_inverse=True)  # a burst has one
+        points = np.hstack([255 * self.encoded, 255 * raw, 100 * places, 255 * balance[:, None]])
+        return joined_alike(self.shot, points)
+
+    @cached_property
     def folds(self) -> list[tuple[Mask, "StyleData"]]:
         """The samples that are left out in turn to measure errors on, masks (n,), and those that stay."""
-        return [(mask, self.select(~mask)) for mask in leave_groups_out(self.shot)]
+        return [(mask, self.select(~mask)) for mask in leave_groups_out(self.scene)]
 
     def select(self, rows: Mask) -> "StyleData":
         """The rows of a mask, and the clipped samples of the shots that have any."""

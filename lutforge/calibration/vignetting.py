@@ -8,10 +8,14 @@ fitted to the residuals, which gives those of the joint fit (Frisch & Waugh 1933
 the gamut map need not be known. The vignetting of each lens setting is monotone in the squared distance from a centre
 that is free within some per cent; it is fitted together with λ by damped Gauss–Newton steps and robust weights.
 
-A vignetting is kept if it is significant. Its strength is estimated separately in each quarter of each shot, with the
-shape r², and the mean of these estimates is compared with 0 by a t-test. This test is valid for few groups of different
-variance, with correlated errors within a group (Ibragimov & Müller 2010, https://doi.org/10.1198/jbes.2009.08046). A
-vignetting shows in all four quarters of a picture; light or colours that change across the picture do not.
+Channels may be shaded by different amounts, as by a sensor that slanting light reaches less. So what log₂ of each
+channel of Tw E keeps of a vignetting, once the brightness is corrected, is fitted by linear least squares.
+
+A vignetting is kept if it is significant, and the shading of channels if one differs from their mean. Its strength is
+estimated separately in each quarter of each shot, with the shape r², and the mean of these estimates is compared with 0
+by a t-test. This test is valid for few groups of different variance, with correlated errors within a group (Ibragimov &
+Müller 2010, https://doi.org/10.1198/jbes.2009.08046). A vignetting shows in all four quarters of a picture; light or
+colours that change across the picture do not.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,7 +28,7 @@ from scipy.special import stdtr
 
 from lutforge.arrays import Array, Mask
 from lutforge.model.gamut_map import kriging_covariance
-from lutforge.model.vignetting import DEGREE, Vignetting, vignetting_basis, vignetting_of
+from lutforge.model.vignetting import DEGREE, NO_SHADING, Vignetting, vignetting_basis, vignetting_of
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.farthest_points import farthest_points
 from lutforge.solvers.gauss_newton import gauss_newton
@@ -46,8 +50,8 @@ FARTHEST_CENTRE, CENTRE_SPREAD = 0.15, 0.04
 ROBUST = RobustWeights(cauchy, multiple=2.5, least=0.02)
 SAME_FOCAL_LENGTH = 0.03
 """Focal lengths within so much are one, as zooms report them in steps."""
-HARDLY_TELLS = 0.05
-"""Quarters of a shot that tell less than this share of the median quarter are left out."""
+LITTLE_INFORMATION = 0.05
+"""Quarters of a shot with less information than this share of the median quarter are left out."""
 TYPICAL_POWER, DARKEST = 2.2, 0.02
 """Rounding of codes is that of a response of this power, and of values of this at least."""
 
@@ -56,11 +60,13 @@ TYPICAL_POWER, DARKEST = 2.2, 0.02
 class _PartialModel:
     """The samples of a partially linear model.
 
-    rows: (n,) their places in the sample set; y: log₂ of the scene's light, (n,); precision: (n,) by their noise;
+    rows: (n,) their places in the sample set; channels: log₂ of balanced RAW, (n, 3); y: of its sum, (n,); precision:
+    (n,) by their noise;
     parts: by style its places among them (k,), the functions of λ there (k, p), and their penalty (p, p).
     """
 
     rows: NDArray[np.intp]
+    channels: Array
     y: Array
     precision: Array
     parts: Sequence[tuple[slice, Array, Array]]
@@ -102,9 +108,10 @@ def _partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> _Par
     if not parts:
         return None
     places = np.concatenate(rows)
-    y = np.log2((samples.raw[places] * multipliers[places]).sum(axis=1))
+    balanced = samples.raw[places] * multipliers[places]
     rounding = TYPICAL_POWER / np.log(2.0) * (0.5 / 255) / np.maximum(samples.srgb[places].mean(axis=1), DARKEST)
-    return _PartialModel(places, y, NOISE**2 / (NOISE**2 + rounding**2), parts)
+    precision = NOISE**2 / (NOISE**2 + rounding**2)
+    return _PartialModel(places, np.log2(balanced), np.log2(balanced.sum(axis=1)), precision, parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,31 +137,86 @@ def fit_vignettings(samples: SampleSet, multipliers: Array, usable: Mask) -> tup
         return ()
     settings = list(_settings(samples.select(model.rows)))
     places, shot = samples.position[model.rows], samples.shot[model.rows]
+    bright = _significant(model, places, shot, settings)
+    stops = np.zeros((len(places), 3))
+    for setting, vignetting in bright:
+        stops[setting.member] = vignetting.stops(places[setting.member])
+
+    vignettings = []
+    of_brightness = {id(setting): vignetting for setting, vignetting in bright}
+    for setting in settings:
+        vignetting = of_brightness.get(id(setting)) or Vignetting(
+            (0.0, 0.0, 0.0), (0.0, 0.0), setting.lens, setting.focal_mm, setting.aperture
+        )
+        shading = _shading(model, stops, places, shot, setting, vignetting.centre)
+        if id(setting) in of_brightness or shading != NO_SHADING:
+            vignettings.append(replace(vignetting, shading=shading))
+    return tuple(vignettings)
+
+
+def _significant(
+    model: _PartialModel, places: Array, shot: NDArray[np.str_], settings: Sequence[_Setting]
+) -> list[tuple[_Setting, Vignetting]]:
+    """The settings whose vignetting of brightness is significant, with these vignettings."""
     while settings:
         vignettings = _fit(model, places, settings)
         stops = np.zeros(len(places))
         for setting, vignetting in zip(settings, vignettings, strict=True):
-            stops[setting.member] = vignetting.stops(places[setting.member])
+            stops[setting.member] = vignetting.stops(places[setting.member])[:, 1]
         kept = []
         for setting, vignetting in zip(settings, vignettings, strict=True):
             without = model.y + np.where(setting.member, 0.0, stops)
-            large = vignetting.corner_ev > LEAST_EV
-            if large and _p_value(model, without, places, shot, setting.member) < SIGNIFICANCE:
+            statistic, freedom = _strength(model, without, places, shot, setting.member)
+            if vignetting.corner_ev > LEAST_EV and stdtr(freedom, -statistic) < SIGNIFICANCE:
                 kept.append(setting)
         if len(kept) == len(settings):
-            return tuple(vignettings)
+            return list(zip(settings, vignettings, strict=True))
         settings = kept  # an insignificant vignetting may not affect the fit of the others
-    return ()
+    return []
+
+
+def _shading(
+    model: _PartialModel,
+    stops: Array,
+    places: Array,
+    shot: NDArray[np.str_],
+    setting: _Setting,
+    centre: tuple[float, float],
+) -> tuple[tuple[float, ...], ...]:
+    """The coefficients (3, DEGREE) by which channels are brightened beyond the vignettings of brightness, stops (n, 3).
+
+    The prior of a coefficient is a stop around 0. They are all 0 where no channel differs significantly from the mean
+    of the three, or by little.
+    """
+    channels = model.channels + stops
+    ratios = channels - channels.mean(axis=1, keepdims=True)
+    tests = [_strength(model, ratios[:, channel], places, shot, setting.member) for channel in range(3)]
+    if min(2.0 * stdtr(freedom, -abs(statistic)) for statistic, freedom in tests) > SIGNIFICANCE / 3:
+        return NO_SHADING
+
+    basis = vignetting_basis(np.sum((places - centre) ** 2, axis=1)) * setting.member[:, None]
+    shading = []
+    for channel in range(3):
+        weight = model.precision
+        for _ in range(4):
+            residual = model.residual(np.column_stack([basis, channels[:, channel]]), weight)
+            columns, values = residual[:, :-1], residual[:, -1]
+            weighted = columns * weight[:, None]
+            coefficients = -np.linalg.solve(weighted.T @ columns + NOISE**2 * np.eye(DEGREE), weighted.T @ values)
+            weight = model.reweighted(values + columns @ coefficients)
+        shading.append(tuple(coefficients.tolist()))
+    corners = np.sum(shading, axis=1)
+    return tuple(shading) if np.abs(corners - corners.mean()).max() > LEAST_EV else NO_SHADING
 
 
 def at_the_centre(samples: SampleSet, vignettings: Sequence[Vignetting]) -> SampleSet:
     """Return the samples with RAW corrected for the vignettings, so that one rendering holds for all places."""
-    stops = np.zeros(len(samples))
+    stops = np.zeros((len(samples), 3))
     for setting in _settings(samples) if vignettings else ():
         vignetting = vignetting_of(vignettings, setting.lens, setting.focal_mm, setting.aperture)
         if vignetting is not None:
             stops[setting.member] = vignetting.stops(samples.position[setting.member])
-    return replace(samples, raw=samples.raw * 2.0 ** stops[:, None])
+    return replace(samples, raw=samples.raw * 2.0**stops)
 
 
 def _settings(samples: SampleSet) -> Iterable[_Setting]:
@@ -211,8 +273,8 @@ def _fit(model: _PartialModel, places: Array, settings: Sequence[_Setting]) -> l
     return vignettings
 
 
-def _p_value(model: _PartialModel, y: Array, places: Array, shot: NDArray[np.str_], member: Mask) -> float:
-    """One-sided, that the strength of a vignetting r², estimated in each quarter of each shot, is 0 in the mean.
+def _strength(model: _PartialModel, y: Array, places: Array, shot: NDArray[np.str_], member: Mask) -> tuple[float, int]:
+    """Student's t of the strength of a vignetting r², estimated in each quarter of each shot, and its freedom.
 
     y: (n,), without the vignettings of the other settings; member: (n,) the samples of this one. Weights are those of a
     fit without its vignetting, which do not favour samples that agree with it.
@@ -220,17 +282,19 @@ def _p_value(model: _PartialModel, y: Array, places: Array, shot: NDArray[np.str
     weight = model.precision
     for _ in range(3):
         weight = model.reweighted(model.residual(y[:, None], weight)[:, 0])
-    left = model.residual(np.column_stack([np.where(member, np.sum(places**2, axis=1), 0.0), -y]), weight)
+    residual = model.residual(np.column_stack([np.where(member, np.sum(places**2, axis=1), 0.0), -y]), weight)
     quarter = 2 * (places[:, 0] > 0) + (places[:, 1] > 0)
-    strengths, told = [], []
+    strengths, information = [], []
     for name in np.unique(shot[member]):
         for place in range(4):
             block = member & (shot == name) & (quarter == place)
-            told.append(float(weight[block] @ left[block, 0] ** 2))
-            strengths.append(float(weight[block] @ (left[block, 0] * left[block, 1])) / max(told[-1], 1e-300))
-    enough = np.array(told) > HARDLY_TELLS * np.median(told)
+            information.append(float(weight[block] @ residual[block, 0] ** 2))
+            strengths.append(
+                float(weight[block] @ (residual[block, 0] * residual[block, 1])) / max(information[-1], 1e-300)
+            )
+    enough = np.array(information) > LITTLE_INFORMATION * np.median(information)
     if np.count_nonzero(enough) < 3:
-        return 1.0
-    told_of = np.array(strengths)[enough]
-    error_of_mean = max(float(told_of.std(ddof=1)), 1e-300) / np.sqrt(len(told_of))
-    return float(stdtr(len(told_of) - 1, -told_of.mean() / error_of_mean))
+        return 0.0, 1
+    estimates = np.array(strengths)[enough]
+    error_of_mean = max(float(estimates.std(ddof=1)), 1e-300) / np.sqrt(len(estimates))
+    return float(estimates.mean() / error_of_mean), len(estimates) - 1

@@ -1,4 +1,4 @@
-"""White-balance multipliers of samples whose files do not tell them (thesis 4.2.2), the gains and names of settings."""
+"""White-balance multipliers that files do not state (thesis 4.2.2), and the gains and names of settings."""
 
 import re
 from collections.abc import Mapping
@@ -8,10 +8,11 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import emor_basis, srgb_response
-from lutforge.calibration.matrix_and_response import JointFit, fit_matrix_and_response, saturation
+from lutforge.calibration.matrix_and_response import JointFit, MatrixAndResponseFit, saturation
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
 from lutforge.colour.colour_temperature import (
     COOLEST,
+    D65_KELVIN,
     HOTTEST,
     camera_from_xyz,
     locus,
@@ -25,8 +26,7 @@ from lutforge.solvers.robust_weights import weighted_median
 PRESETS = ("tungsten", "daylight", "cloudy", "shade")
 """Settings that a profile of automatic shots gets by its matrix."""
 
-D65_KELVIN = 6504.0
-MATRIX_DEPARTURE = (-0.95e-4, 0.0, -1.3e-4)
+MATRIX_DEVIATION = (-0.95e-4, 0.0, -1.3e-4)
 """By how much the logarithm of a true multiplier grows beyond the matrix's for each mired from D65: r, g, b.
 
 A matrix that is least squares under daylight takes warm light for less warm than it is. Medians of the 52 cameras whose
@@ -35,14 +35,18 @@ other cameras (Jiang et al. 2013) it takes a third off the error.
 """
 SURE, LEAST_GAIN = 3, 0.01
 """A setting's gain is kept beyond so many standard errors, and beyond what moves no colour by a code."""
-DARK, BRIGHT, ROUNDED = 0.08, 0.95, 0.2
+LEAST_READ, MOST_READ, ROUNDED = 0.08, 0.95, 0.2
 """JPEG values between the first two are read for a white balance; below the third rounding rules."""
 NEUTRAL = 0.12
 """Standard deviation, in HSV saturation, by which near-neutral colours count."""
 ENOUGH_NEUTRAL = 3
 """Summed weight below which there is nothing neutral to read a white balance from."""
-TINY = 1e-6
-"""Light counts as this at least, so that ratios and logarithms stay finite."""
+LEAST_LINEAR, DARKEST = 1e-6, 1e-4
+"""Least linear value that has a logarithm or divides; RAW from which on colours are compared."""
+LEAST_WEIGHT = 0.1
+"""Colours of less weight say nothing of a setting."""
+SETTLED = 0.02
+"""Gains are settled when they change by less than this share of the least gain."""
 
 
 def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
@@ -71,53 +75,58 @@ def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
     return multipliers, tuple(notes)
 
 
-def with_fitted_gains(samples: SampleSet, multipliers: Array, usable: Mask) -> Array:
-    """Tw (n, 3): the multipliers (n, 3) times a common factor of each setting, the third number of Tw (thesis 4.2.2).
+def fitted_gains(
+    samples: SampleSet,
+    multipliers: Array,
+    usable: Mask,
+    bases: Mapping[str, MatrixAndResponseFit],
+    gains: Mapping[str, float],
+) -> dict[str, float]:
+    """The gains of settings, the third number of Tw (thesis 4.2.2), after one round; the same where they are settled.
 
-    usable: (n,) unclipped samples. A camera may expose one setting's JPEGs brighter than another's, which multipliers
-    with green = 1 do not say. Factors are relative to the median setting. One is kept only where its shots agree on it
-    beyond their scatter (three standard errors), and above 1 %, which moves no colour by a code; else it is 1. Rounds
-    start from a fit without gains: where settings have few tones in common, free gains would trade with the response.
+    multipliers: Tw (n, 3) with the gains of the round before; usable: (n,) unclipped samples; bases: by style, fitted
+    to just these. A camera may expose one setting's JPEGs brighter than another's, which multipliers with green = 1 do
+    not say. Gains are relative to the median setting. One is kept only where its shots agree on it beyond their scatter
+    (three standard errors), and above 1 %, which moves no colour by a code; else it is 1.
     """
-    names = [str(name) for name in np.unique(samples.white_balance[usable]) if name != "auto"]
-    gains = dict.fromkeys(names, 1.0)
-    for _ in range(6 if len(names) > 1 else 0):
-        logs, doubt = _departures(samples, _times(samples, multipliers, gains), usable, names)
-        logs -= np.median(logs)
-        total = np.log(list(gains.values())) + logs
-        sure = np.abs(total) > np.maximum(SURE * doubt, LEAST_GAIN)
-        if not np.any(sure & (np.abs(logs) > LEAST_GAIN / 50)):
-            break
-        gains = dict(zip(names, np.where(sure, np.exp(total), 1.0).tolist(), strict=True))
-    return _times(samples, multipliers, gains)
+    logs, doubt = _residuals_of_settings(samples, multipliers, usable, bases, list(gains))
+    logs -= np.median(logs)
+    total = np.log(list(gains.values())) + logs
+    sure = np.abs(total) > np.maximum(SURE * doubt, LEAST_GAIN)
+    if not np.any(sure & (np.abs(logs) > SETTLED * LEAST_GAIN)):
+        return dict(gains)
+    return dict(zip(gains, np.where(sure, np.exp(total), 1.0).tolist(), strict=True))
 
 
-def _departures(samples: SampleSet, balanced_by: Array, usable: Mask, names: list[str]) -> tuple[Array, Array]:
+def _residuals_of_settings(
+    samples: SampleSet, multipliers: Array, usable: Mask, bases: Mapping[str, MatrixAndResponseFit], names: list[str]
+) -> tuple[Array, Array]:
     """Return by setting the log of how much brighter its JPEGs are than f(Ts Tw E), and the standard error of that."""
     ratio, weight = np.zeros(len(samples)), np.zeros(len(samples))
-    for style in np.unique(samples.style[usable]):
+    for style, base in bases.items():
         rows = usable & (samples.style == style)
-        x, encoded = samples.raw[rows] * balanced_by[rows], samples.srgb[rows]
-        fit = fit_matrix_and_response(x, encoded)
-        linear, predicted = fit.response.linearize(encoded), np.maximum(x @ fit.matrix.T, 100 * TINY)
-        ratio[rows] = np.log(np.maximum(linear.sum(axis=1), TINY) / predicted.sum(axis=1))
-        weight[rows] = fit.in_gamut * (encoded.max(axis=1) > ROUNDED)
+        encoded = samples.srgb[rows]
+        linear = base.response.linearize(encoded).sum(axis=1)
+        predicted = np.maximum((samples.raw[rows] * multipliers[rows]) @ base.matrix.T, DARKEST)
+        ratio[rows] = np.log(np.maximum(linear, LEAST_LINEAR) / predicted.sum(axis=1))
+        weight[rows] = base.in_gamut * (encoded.max(axis=1) > ROUNDED)
+
     logs, doubt = np.zeros(len(names)), np.full(len(names), np.inf)
     for place, name in enumerate(names):
-        mine = (samples.white_balance == name) & (10 * weight > 1)
-        shots = [mine & (samples.shot == shot) for shot in np.unique(samples.shot[mine])]
-        parts = np.array([weighted_median(ratio[rows], weight[rows]) for rows in shots if rows.sum() >= 3])
-        if len(parts):
-            logs[place] = float(np.median(parts))
-            within = float(np.std(ratio[mine])) / np.sqrt(mine.sum())
-            between = float(np.std(parts, ddof=1)) / np.sqrt(len(parts)) if len(parts) > 1 else 0.0
+        rows = (samples.white_balance == name) & (weight > LEAST_WEIGHT)
+        shots = [rows & (samples.shot == shot) for shot in np.unique(samples.shot[rows])]
+        medians = np.array([weighted_median(ratio[shot], weight[shot]) for shot in shots if shot.sum() >= 3])
+        if len(medians):
+            logs[place] = float(np.median(medians))
+            within = float(np.std(ratio[rows])) / np.sqrt(rows.sum())
+            between = float(np.std(medians, ddof=1)) / np.sqrt(len(medians)) if len(medians) > 1 else 0.0
             doubt[place] = max(within, between)
     return logs, doubt
 
 
 def with_gains(samples: SampleSet, multipliers: Array, white_balances: Mapping[str, WhiteBalance]) -> Array:
     """Tw (n, 3): multipliers (n, 3) with green = 1 times the gains that a profile knows of the settings."""
-    return _times(samples, multipliers, {name: balance.gain for name, balance in white_balances.items()})
+    return times_gains(samples, multipliers, {name: balance.gain for name, balance in white_balances.items()})
 
 
 def with_known_balances(samples: SampleSet, white_balances: Mapping[str, WhiteBalance]) -> SampleSet:
@@ -129,7 +138,8 @@ def with_known_balances(samples: SampleSet, white_balances: Mapping[str, WhiteBa
     return replace(samples, wb=multipliers)
 
 
-def _times(samples: SampleSet, multipliers: Array, gains: Mapping[str, float]) -> Array:
+def times_gains(samples: SampleSet, multipliers: Array, gains: Mapping[str, float]) -> Array:
+    """Tw (n, 3): multipliers (n, 3) with green = 1 times gains by names of settings, 1 where not there."""
     factors = np.array([gains.get(str(name), 1.0) for name in samples.white_balance])
     return np.asarray(multipliers * factors[:, None])
 
@@ -138,7 +148,7 @@ def neutral_weight(raw: Array, srgb: Array) -> Array:
     """How near-neutral JPEG colours (n, 3) vote for the multipliers of their RAW (n, 3): weights (n,) from 0 to 1."""
     high = srgb.max(axis=1)
     weight = np.exp(-((saturation(srgb) / NEUTRAL) ** 2))
-    weight[(high > BRIGHT) | (high < DARK) | (raw.min(axis=1) <= 100 * TINY)] = 0.0
+    weight[(high > MOST_READ) | (high < LEAST_READ) | (raw.min(axis=1) <= DARKEST)] = 0.0
     return np.asarray(weight)
 
 
@@ -147,7 +157,7 @@ def estimated_multipliers(raw: Array, srgb: Array) -> tuple[Array, str]:
     weight = neutral_weight(raw, srgb)
     if weight.sum() < ENOUGH_NEUTRAL:
         return multipliers_from_colours(raw, srgb), "colours, none of them neutral"
-    ratios = [weighted_median(raw[:, 1] / np.maximum(raw[:, c], TINY), weight) for c in range(3)]
+    ratios = [weighted_median(raw[:, 1] / np.maximum(raw[:, c], LEAST_LINEAR), weight) for c in range(3)]
     return np.array(ratios), "near-neutral colours"
 
 
@@ -174,7 +184,7 @@ def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
 
 
 def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) -> dict[str, WhiteBalance]:
-    """One entry per white-balance name: its middle shot, how far other shots depart from that, a told temperature.
+    """One entry per white-balance name: its middle shot, how far other shots are from that, and its temperature.
 
     The middle shot is the one nearest to the median of each channel, which no shot need have.
 
@@ -186,8 +196,8 @@ def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) 
         shots = np.array(
             [np.median(multipliers[rows & (samples.shot == shot)], axis=0) for shot in np.unique(samples.shot[rows])]
         )
-        departures = np.abs(np.log(shots / np.median(shots, axis=0))).max(axis=1)
-        middle = shots[np.argmin(departures)]
+        off = np.abs(np.log(shots / np.median(shots, axis=0))).max(axis=1)
+        middle = shots[np.argmin(off)]
         r, b = float(middle[0] / middle[1]), float(middle[2] / middle[1])
         spread = float(np.max(np.abs(shots / middle - 1.0)))
         result[str(name)] = WhiteBalance((r, 1.0, b), named_temperature(str(name)), spread, float(middle[1]))
@@ -195,26 +205,45 @@ def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) 
 
 
 def _with_presets(samples: SampleSet, balances: dict[str, WhiteBalance], matrix: Array) -> dict[str, WhiteBalance]:
-    """The white balances, with presets by matrix and locus where no setting tells a temperature, as on automatic.
+    """The white balances, with presets by matrix and locus where no setting states a temperature, as on automatic.
 
-    The light D65, whose multipliers LibRaw knows of the camera, is the anchor, as it is for RAW developers.
+    The camera's colorimetric matrix serves, as in RAW developers. Where only its multipliers of light D65 are known,
+    they anchor the fitted matrix, which contains the camera's look.
     """
-    d65 = np.array([np.median(samples.d65_r), 1.0, np.median(samples.d65_b)])
-    told = [named_temperature(name) for name in balances if "fluorescent" not in name]
-    if not samples.is_own_raw or not np.all(np.isfinite(d65)) or any(told):
+    stated = [named_temperature(name) for name in balances if "fluorescent" not in name]
+    if not samples.is_own_raw or any(stated):
         return balances
-    from_xyz = camera_from_xyz(matrix, d65, D65_KELVIN)
+
+    colorimetric = colorimetric_matrix(samples)
+    d65 = np.array([np.median(samples.d65_r), 1.0, np.median(samples.d65_b)])
+    if colorimetric is not None:
+        from_xyz, deviation = colorimetric, np.zeros(3)
+    elif np.all(np.isfinite(d65)):
+        from_xyz, deviation = camera_from_xyz(matrix, d65, D65_KELVIN), np.array(MATRIX_DEVIATION)
+    else:
+        return balances
+
     presets = {}
     for name in PRESETS:
         kelvin = NAMED_KELVIN[name]
-        logs = np.array(MATRIX_DEPARTURE) * (1e6 / kelvin - 1e6 / D65_KELVIN)
-        r, g, b = (float(value) for value in np.exp(logs) * multipliers_of(locus(kelvin), from_xyz))
-        presets[name] = WhiteBalance((r, g, b), kelvin)
+        correction = np.exp(deviation * (1e6 / kelvin - 1e6 / D65_KELVIN))
+        r, g, b = (float(value) for value in correction * multipliers_of(locus(kelvin), from_xyz))
+        if min(r, b) > 0.0:  # the matrix of samples that no camera made may have no such light
+            presets[name] = WhiteBalance((r, g, b), kelvin)
     return {**balances, **presets}
 
 
+def colorimetric_matrix(samples: SampleSet) -> Array | None:
+    """(3, 3) XYZ → RAW of the camera, as LibRaw or its DNG files have it; None where unknown."""
+    matrix = np.median(samples.from_xyz, axis=0).reshape(3, 3)
+    # A matrix that is none of a camera's has no multipliers for natural light
+    whites = np.array([multipliers_of(locus(kelvin), matrix) for kelvin in (2500.0, 5000.0, 10000.0)])
+    known = samples.is_own_raw and np.all(np.isfinite(whites)) and np.all(whites > 0.0)
+    return matrix if known else None
+
+
 def named_temperature(name: str) -> float | None:
-    """The temperature in kelvin that a setting's name tells: "daylight", "5600k"; None where it tells none."""
+    """The temperature in kelvin of a setting's name: "daylight", "5600k"; None where it has none."""
     number = re.fullmatch(r"(\d{4,5}) ?k(?:elvin)?", name)
     if number and COOLEST <= float(number[1]) <= HOTTEST:
         return float(number[1])

@@ -14,6 +14,7 @@ from lutforge.colour.srgb import D65, SRGB_TO_XYZ
 from lutforge.settings import KELVIN_RANGE
 
 TINT_PER_UV = 3000.0
+D65_KELVIN = 6504.0
 
 COOLEST, HOTTEST = KELVIN_RANGE
 

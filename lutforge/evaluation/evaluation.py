@@ -13,7 +13,7 @@ The result is records, and one JSON document with stable keys.
     edited        ΔE00 after exposure and white balance are changed: style, method, held_out, count, and de00, the means
                   by edit ("+2 EV", "warmer" …)
     refinish      Fig. 6.2: source, target (STYLE/WB), method, held_out, shots, and figures as in rows
-    departures    shots that depart from the fixed rendering: shot, values and errors (exposure, contrast, saturation),
+    departures    shots that deviate from the fixed rendering: shot, values and errors (exposure, contrast, saturation),
                   clear (which of them are beyond chance)
     notes         sentences
 
@@ -33,8 +33,8 @@ from typing import Any
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.departures import Departure, find_departures
 from lutforge.calibration.lattice.monochrome import is_monochrome, monochrome_note
+from lutforge.calibration.shot_comparison import Deviation, ShotCheck, compare_shots
 from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.calibration.vignetting import at_the_centre
 from lutforge.calibration.white_balance import complete_multipliers, with_gains
@@ -77,7 +77,7 @@ class Evaluation:
     """The result of an evaluation.
 
     rows: the error table; raw, linearization, edited, refinish: the other tables; notes: what was left out, and why;
-    predictions: by style, what the rows are made of; departures: of shots. The values of raw are the root mean squares
+    predictions: by style, what the rows are made of; deviations: of shots. The values of raw are the root mean squares
     over all channels ("RMSE") and of each channel.
     """
 
@@ -90,7 +90,7 @@ class Evaluation:
     edited: tuple[further.MethodError, ...] = ()
     tables: bool = False
     predictions: Mapping[str, Predictions] = field(default_factory=dict, repr=False)  # long arrays
-    departures: tuple[Departure, ...] = ()
+    deviations: tuple[Deviation, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """The document that the head of this module describes."""
@@ -111,7 +111,7 @@ class Evaluation:
                 }
                 for row in self.linearization
             ],
-            "departures": [asdict(departure) for departure in self.departures],
+            "departures": [asdict(deviation) for deviation in self.deviations],
             "edited": [_plain(row) | {"de00": row.values} for row in self.edited],
             "refinish": [_plain(row) for row in self.refinish],
             "notes": list(self.notes),
@@ -185,8 +185,9 @@ def evaluate(
         made = predict(profile.styles[name], name, style, profile.shots, options, sizes=sizes, progress=within)
         predictions[name] = made
         notes += [*made.notes, *([monochrome_note(name)] if style.monochrome else [])]
-    departures = departures_from(profile, samples, multipliers)
-    notes += [f"{each.shot} departs from the fixed rendering: {each.words}" for each in departures]
+    shots = shots_beside(profile, samples, multipliers)
+    notes += [f"{each.shot} deviates from the fixed rendering: {each.words}" for each in shots.deviations]
+    notes += [str(groups.diagnosis) for groups in shots.groups]
     rows = [row for each in predictions.items() for row in error_rows(*each)]
     linear = (further.linearization_errors(*each, profile.matrix) for each in predictions.items())
     evaluation = Evaluation(
@@ -197,7 +198,7 @@ def evaluate(
         linearization=tuple(chain.from_iterable(linear)),
         edited=tuple(row for each in predictions.items() for row in further.edited_errors(*each)),
         refinish=further.refinish_errors(predictions),
-        departures=departures,
+        deviations=shots.deviations,
         tables=tables,
         predictions=predictions,
     )
@@ -205,22 +206,25 @@ def evaluate(
     return evaluation
 
 
-def departures_from(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> tuple[Departure, ...]:
-    """The shots that depart clearly from the profile's rendering, beside the others of their style."""
-    usable, departures = unclipped(samples, multipliers), list[Departure]()
+def shots_beside(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> ShotCheck:
+    """Compare the shots of each style with what the profile renders of their RAW."""
+    usable, checks = unclipped(samples, multipliers), list[ShotCheck]()
     for name, style in profile.styles.items():
         rows = usable & (samples.style == name)
-        if style.linearize is not None and rows.any() and not is_monochrome(samples.raw[rows], samples.srgb[rows]):
-            balanced = samples.raw[rows] * multipliers[rows]
-            departures.extend(find_departures(style.linearize(samples.srgb[rows]), balanced, samples.shot[rows]))
-    return tuple(departures)
+        if style.render is None or style.linearize is None or not rows.any():
+            continue
+        balanced, encoded = samples.raw[rows] * multipliers[rows], samples.srgb[rows]
+        if not is_monochrome(balanced, encoded):
+            checks.append(compare_shots(style.render(balanced), encoded, samples.shot[rows], style.linearize))
+    return ShotCheck.of(checks)
 
 
-def scene_departures(profile: CameraProfile, samples: SampleSet) -> tuple[Departure, ...]:
+def scene_deviations(profile: CameraProfile, samples: SampleSet) -> tuple[Deviation, ...]:
     """What the camera did to shots beyond its fixed rendering, of styles that the profile has."""
     samples = at_the_centre(with_own_raw(profile, samples), profile.vignettings)
     multipliers = with_gains(samples, complete_multipliers(samples)[0], profile.white_balances)
-    return departures_from(profile, samples, multipliers)
+    shots = shots_beside(profile, samples, multipliers)
+    return shots.deviations + tuple(groups.deviation for groups in shots.groups)
 
 
 def known_styles(profile: CameraProfile, samples: SampleSet) -> tuple[Mask, tuple[str, ...]]:

@@ -34,16 +34,16 @@ def measured(
     styles, notes = dict(profile.styles), list(profile.notes)
     for index, (name, style) in enumerate(data.items()):
         within = part(progress, index / len(data), (index + 1) / len(data), name)
-        styles[name], weak = _measured(name, profile.styles[name], style, options, within)
+        styles[name], weak = _measured(name, profile.styles[name], style, options, within, bool(profile.diagnoses))
         notes.extend(f"{name}: {note}" for note in weak)
     progress("done", 1.0)
     return replace(profile, styles=styles, notes=tuple(notes))
 
 
 def _measured(
-    name: str, model: PictureStyle, data: StyleData, options: Options, progress: Progress
+    name: str, model: PictureStyle, data: StyleData, options: Options, progress: Progress, spoilt: bool
 ) -> tuple[PictureStyle, list[str]]:
-    """One style with its errors, and what makes its calibration weak."""
+    """One style with its errors, and what makes its calibration weak. spoilt: a cause was diagnosed."""
     weak = []
     shots = tuple(str(shot) for shot in np.unique(data.shot))
     refitted = partial(progress, "held-out error")
@@ -52,6 +52,11 @@ def _measured(
         weak.append(f"only {len(data.shot)} samples: colours between them are guessed from the matrix and response")
     if len(shots) < 2:
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
+        return model, weak
+    if len(np.unique(data.scene)) < 2:
+        weak.append(
+            "the shots are of one scene, copies or a burst: the error on others is not known; add another scene"
+        )
         return model, weak
     try:
         predictions = predict(model, name, data, shots, options, progress=refitted)
@@ -63,7 +68,7 @@ def _measured(
     if not errors:
         reasons = f" ({'; '.join(predictions.notes)})" if predictions.notes else ""
         weak.append(f"without one of its shots the rest does not suffice, so the error is not known{reasons}")
-    weak.extend(_worse_than_baselines(predictions, errors))
+    weak.extend(_worse_than_baselines(predictions, errors, spoilt))
     model = replace(model, errors=errors)
     held_out = held_out_errors(predictions, method)
     for direction, values in held_out.items():
@@ -90,9 +95,15 @@ def _errors(predictions: Predictions, method: str) -> dict[str, float]:
     return errors
 
 
-def _worse_than_baselines(predictions: Predictions, errors: dict[str, float]) -> list[str]:
-    """A note for each direction in which a plain method predicts the left-out shots better than the model does."""
+def _worse_than_baselines(predictions: Predictions, errors: dict[str, float], spoilt: bool) -> list[str]:
+    """A note for each direction in which a plain method predicts the left-out shots better than the model does.
+
+    spoilt: something was diagnosed of the samples, which more of them would not help.
+    """
     notes = []
+    reason = (
+        "see what is wrong with the samples" if spoilt else "these shots tell too little; add shots of other colours"
+    )
     for direction, values in predictions.predicted.items():
         wanted = predictions.data.both[direction][1]
         error = errors.get(f"{direction}_mean", np.inf)
@@ -104,7 +115,7 @@ def _worse_than_baselines(predictions: Predictions, errors: dict[str, float]) ->
         if np.isfinite(error) and error > 1.02 * plain[best]:
             notes.append(
                 f"to {direction} shots that were left out, {best} alone is nearer ({plain[best]:.4f}, this model "
-                f"{error:.4f}): these shots tell too little; add shots of other colours"
+                f"{error:.4f}): {reason}"
             )
     return notes
 

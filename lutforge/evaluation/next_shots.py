@@ -1,6 +1,8 @@
-"""What to photograph next: the real colours that a style knows least, by the error to expect of them.
+"""The colours to photograph next: real ones that a style knows least, by the error to expect of them.
 
-Where no error is known they are those that no sample comes near.
+Where no error is known, or where samples come near less than half of the colours that real surfaces have, they are
+those that no sample comes near: errors to expect are measured on samples that were left out, and those of one chart
+say nothing of other colours.
 """
 
 from collections.abc import Callable
@@ -28,6 +30,17 @@ HUES = (
 """Names by upper bound of the CIELAB hue angle in degrees."""
 
 
+NEAR = 0.1
+"""A colour is known within this distance of a sample, in encoded RGB."""
+VISIBLE = 6.0 / 255.0
+"""Error of encoded RGB that is seen side by side."""
+FEW_SEEN = 0.5
+"""Share of real colours below which samples are too few to tell an error of the others from."""
+MOSTLY_UNSEEN, MORE_THAN_A_CORNER = 0.5, 4
+"""A region is a gap from this share and this number of unseen cells on."""
+MOST_GAPS = 6
+
+
 @dataclass(frozen=True)
 class Gap:
     """A region of real colours that is not known: its name, and the share of it that is unknown.
@@ -47,29 +60,34 @@ class Gap:
 def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None) -> tuple[Gap, ...]:
     """The largest gaps among samples' JPEG colours (n, 3), the largest first; none where all regions are known.
 
-    expected: encoded colours (m, 3) → the error to expect (m,). A region is a gap then where that is visible, and the
-    gap with the largest sum of errors comes first; else where no sample is near, and the most colours come first.
+    expected: encoded colours (m, 3) → the error to expect (m,). A region is a gap where that is visible, and the gap
+    with the largest sum of errors comes first; then, or without it, where no sample is near, the most colours first.
     Counted are the colours of sRGB within Pointer's gamut, the colours that real surfaces have (M. R. Pointer, "The
     gamut of real surface colors", Color Research & Application 5(3), 1980).
     """
     cells, lab = _real_colours()
-    distance, _ = cKDTree(encoded.reshape(-1, 3)).query(cells, distance_upper_bound=0.1)  # in encoded RGB: known
+    distance, _ = cKDTree(encoded.reshape(-1, 3)).query(cells, distance_upper_bound=NEAR)
     unknown = ~np.isfinite(distance)
+    few_seen = expected is None or 1.0 - unknown.mean() < FEW_SEEN
     error = np.full(len(cells), np.nan) if expected is None else expected(cells)
-    names = [_name(colour) for colour in lab]
-    gaps = []
-    for name in dict.fromkeys(names):
-        inside = np.array([other == name for other in names])
+
+    names = np.array([_name(colour) for colour in lab])
+    visible: list[tuple[float, Gap]] = []
+    unseen: list[tuple[float, Gap]] = []
+    for name in dict.fromkeys(names.tolist()):
+        inside = names == name
         share = float(unknown[inside].mean())
         count = int(unknown[inside].sum())
         size = float(error[inside].mean())
-        if expected is not None:
-            if size > 6.0 / 255.0:  # what is to be seen side by side
-                gaps.append((float(error[inside].sum()), Gap(name, share, size)))
-        elif share >= 0.5 and count >= 4:  # half of a region, and more than a corner of it
-            gaps.append((float(count), Gap(name, share)))
-    gaps.sort(key=lambda entry: -entry[0])
-    return tuple(gap for _, gap in gaps[:6])
+        if size > VISIBLE:
+            visible.append((float(error[inside].sum()), Gap(name, share, size)))
+        elif few_seen and share >= MOSTLY_UNSEEN and count >= MORE_THAN_A_CORNER:
+            unseen.append((float(count), Gap(name, share)))
+
+    def largest_first(gaps: list[tuple[float, Gap]]) -> list[Gap]:
+        return [gap for _, gap in sorted(gaps, key=lambda entry: -entry[0])]
+
+    return tuple((largest_first(visible) + largest_first(unseen))[:MOST_GAPS])
 
 
 def _real_colours() -> tuple[Array, Array]:

@@ -45,6 +45,8 @@ from lutforge.shots.discover import RAW_SUFFIXES
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
+ROWS_AT_ONCE = 256
+"""Rows of a RAW file whose vignetting is corrected at once."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,10 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageRea
             image = read_raw(source)
             vignetting = vignetting_of(grade.vignettings, lens_of(source, image), image.focal_mm, image.aperture)
             if vignetting is not None:
-                image.pixels[:] *= vignetting.gain(*image.pixels.shape[:2])[..., None]
+                height, width = image.pixels.shape[:2]
+                for first in range(0, height, ROWS_AT_ONCE):
+                    rows = slice(first, first + ROWS_AT_ONCE)
+                    image.pixels[rows] *= vignetting.gain(height, width, rows)
             pixels = upright(image.pixels, image.orientation)
             spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
             for name, value in raw_attributes(source, image).items():

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Index, Pixels, Single
 from lutforge.boundary import reading, require_file
+from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.compiled import compiled
 from lutforge.errors import ImageError
 from lutforge.images.orientation import ORIENTATION_OF_FLIP
@@ -46,6 +47,7 @@ class RawImage:
     lens: str = ""
     taken: str = ""
     d65: Array | None = None
+    from_xyz: Array | None = None
 
     @property
     def orientation(self) -> int:
@@ -113,7 +115,26 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
             lens=" ".join(str(raw.lens.model).split()),
             taken="" if date is None or date.year < 1980 else date.strftime("%Y:%m:%d %H:%M:%S"),  # the epoch: unknown
             d65=_multipliers(list(raw.daylight_whitebalance)) if stated or np.any(raw.rgb_xyz_matrix) else None,
+            from_xyz=_from_xyz(raw, stated=bool(stated)),
         )  # fmt: skip
+
+
+def _from_xyz(raw: rawpy.RawPy, *, stated: bool) -> Array | None:
+    """(3, 3) XYZ → RAW before white balance, of any scale; None where unknown.
+
+    stated: a DNG file states it. LibRaw has turned that into white-balanced RAW → linear sRGB, and multipliers of D65.
+    """
+    if stated:
+        to_srgb, d65 = np.array(raw.color_matrix, dtype=np.float64)[:, :3], np.array(raw.daylight_whitebalance[:3])
+        if _is_usable(to_srgb) and np.all(d65 > 0):
+            return np.asarray(np.linalg.inv(SRGB_TO_XYZ @ to_srgb @ np.diag(d65)))
+    matrix = np.array(raw.rgb_xyz_matrix, dtype=np.float64)[:3]
+    return matrix if _is_usable(matrix) else None
+
+
+def _is_usable(matrix: Array) -> bool:
+    """True of 3 × 3 finite numbers that can be inverted."""
+    return matrix.shape == (3, 3) and bool(np.all(np.isfinite(matrix)) and np.linalg.cond(matrix) < 1e4)
 
 
 def read_multipliers(path: Path | str) -> Array | None:

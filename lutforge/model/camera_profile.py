@@ -56,7 +56,7 @@ class CameraProfile(ProfileData):
         if step is not None and step[0] in known_balances:  # a known one with a step: "daylight+10", "auto+500K"
             return replace(selector, white_balance=self.shifted(known_balances[step[0]].factors, step[1]))
         try:
-            resolve(balance, known_balances, self.matrix)
+            resolve(balance, known_balances, self.matrix, self.from_xyz)
         except SettingsError as error:
             raise SettingsError(f"{self.camera}: {error}") from None
         return selector
@@ -84,12 +84,12 @@ class CameraProfile(ProfileData):
         """
         if isinstance(self.provenance, Pictures) and shift != Shift():
             raise SettingsError(f"{self.camera}: colour temperatures need RAW, and the profile is of {self.provenance}")
-        r, g, b = (float(value) for value in shifted(factors, shift, self.white_balances, self.matrix))
+        r, g, b = (float(value) for value in shifted(factors, shift, self.white_balances, self.matrix, self.from_xyz))
         return Multipliers((r / g, 1.0, b / g), g)
 
     def multipliers(self, text: str | Selector) -> Array:
         """Tw (3,) that a selector asks for: white-balance multipliers times the gain of the setting."""
-        return resolve(self.selector(text).white_balance, self.white_balances, self.matrix)
+        return resolve(self.selector(text).white_balance, self.white_balances, self.matrix, self.from_xyz)
 
     def render(self, to: str | Selector, model: ModelName | None = None) -> Transform:
         """RAW before white balance, of the reference camera if there is one → the camera's JPEG, encoded [0, 1]."""
@@ -342,8 +342,9 @@ def same_light(
         return source.white_balance
     try:
         multipliers = source_camera.multipliers(source)
-        light = temperature_of(multipliers, source_camera.white_balances, source_camera.matrix)
-        resolve(light, target_camera.white_balances, target_camera.matrix)
+        source_matrix, target_matrix = source_camera.matrix, target_camera.matrix
+        light = temperature_of(multipliers, source_camera.white_balances, source_matrix, source_camera.from_xyz)
+        resolve(light, target_camera.white_balances, target_matrix, target_camera.from_xyz)
     except SettingsError:
         return None
     return light

@@ -160,8 +160,9 @@ class ProfileData:
     shots: the names that it was calibrated from; options: how, as plain JSON values; provenance: what the linear values
     of the samples were. vignettings: what JPEGs are brighter towards the corners than the middle, for which the styles
     stand, by lens setting. diagnoses: what in the samples no camera makes. dng_camera: the UniqueCameraModel of its
-    DNG files, by which developers match camera profiles; "" where unknown. Raises ProfileError where there is no style
-    or no white balance, a name is not one line of text, or the matrix is singular.
+    DNG files, by which developers match camera profiles; "" where unknown. from_xyz: (3, 3) XYZ → RAW of any
+    scale, as LibRaw or a DNG file has it, for temperatures; None where unknown. Raises ProfileError where there is
+    no style or no white balance, a name is not one line of text, or a matrix is singular.
     """
 
     camera: str
@@ -175,6 +176,7 @@ class ProfileData:
     vignettings: tuple[Vignetting, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
     dng_camera: str = ""
+    from_xyz: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "styles", StylesByName(self.styles))
@@ -184,6 +186,8 @@ class ProfileData:
             require_name(name)
         if not is_invertible(self.matrix):
             raise ProfileError(f"{self.camera}: the matrix is not 3 × 3 finite numbers that can be inverted")
+        if self.from_xyz is not None and not is_invertible(self.from_xyz):
+            raise ProfileError(f"{self.camera}: the matrix from XYZ to RAW cannot be inverted")
 
     @property
     def raw_space(self) -> str:

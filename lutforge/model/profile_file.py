@@ -75,6 +75,7 @@ def described(profile: ProfileData) -> tuple[dict[str, Any], dict[str, Array]]:
         "dng_camera": profile.dng_camera,
         "provenance": _provenance_to_json(profile.provenance),
         "matrix": profile.matrix.tolist(),
+        "from_xyz": None if profile.from_xyz is None else profile.from_xyz.tolist(),
         "white_balances": {name: asdict(balance) for name, balance in profile.white_balances.items()},
         "styles": {
             name: _style_to_json(style, f"style{index}", arrays)
@@ -122,6 +123,7 @@ def read_profile(path: Path) -> ProfileData:
                 for entry in document["diagnoses"]
             ),
             dng_camera=str(document["dng_camera"]),
+            from_xyz=None if document["from_xyz"] is None else np.array(document["from_xyz"], dtype=np.float64),
         )
 
 
@@ -164,7 +166,8 @@ def _vignetting_from_json(entry: Mapping[str, Any]) -> Vignetting:
     r2, r4, r6 = map(float, entry["coefficients"])
     x, y = map(float, entry["centre"])
     focal_mm, aperture = (math.nan if entry[name] is None else float(entry[name]) for name in ("focal_mm", "aperture"))
-    return Vignetting((r2, r4, r6), (x, y), str(entry["lens"]), focal_mm, aperture)
+    red, green, blue = (tuple(map(float, channel)) for channel in entry["shading"])
+    return Vignetting((r2, r4, r6), (x, y), str(entry["lens"]), focal_mm, aperture, (red, green, blue))
 
 
 def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The correction of a vignetting of the lens that a camera applies to its JPEGs only, by lens setting."""
+"""The correction of a vignetting of the lens that a camera applies to its JPEGs only, by lens setting and channel."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from lutforge.arrays import Array
 from lutforge.errors import ProfileError
 
 DEGREE = 3
+NO_SHADING = ((0.0,) * DEGREE,) * 3
 
 
 def vignetting_basis(q: Array) -> Array:
@@ -29,10 +30,11 @@ def vignetting_basis(q: Array) -> Array:
 class Vignetting:
     """The brightening of a JPEG beyond its centre, in stops, at one lens setting.
 
-    coefficients: of `vignetting_basis`, ≥ 0, their sum is the brightening at the corners; centre: where there is none.
-    Both take places as samples have them: x to the right and y down from the middle of the visible area, half its
-    diagonal = 1. lens: its name, "" where unknown; focal_mm, aperture (f-number): NaN where unknown.
-    Raises ProfileError on numbers that no lens has.
+    coefficients: of `vignetting_basis`, ≥ 0, for all channels, their sum is the brightening at the corners; centre:
+    where there is none. Both take places as samples have them: x to the right and y down from the middle of the visible
+    area, half its diagonal = 1. lens: its name, "" where unknown; focal_mm, aperture (f-number): NaN where unknown.
+    shading: of the same basis, by channel, what red, green and blue are brightened by besides, of any sign. Raises
+    ProfileError on numbers that no lens has.
     """
 
     coefficients: tuple[float, float, float]
@@ -40,12 +42,15 @@ class Vignetting:
     lens: str = ""
     focal_mm: float = float("nan")
     aperture: float = float("nan")
+    shading: tuple[tuple[float, ...], ...] = NO_SHADING
 
     def __post_init__(self) -> None:
         if not (
             len(self.coefficients) == DEGREE
             and all(0.0 <= value <= 20.0 for value in self.coefficients)
             and all(-1.0 <= value <= 1.0 for value in self.centre)
+            and [len(channel) for channel in self.shading] == [DEGREE] * 3
+            and all(-20.0 <= value <= 20.0 for channel in self.shading for value in channel)
             and not any(value <= 0.0 for value in (self.focal_mm, self.aperture))  # NaN is unknown
             and len(self.lens) <= 200
             and self.lens.isprintable()
@@ -54,8 +59,19 @@ class Vignetting:
 
     @property
     def corner_ev(self) -> float:
-        """The brightening in stops at half a diagonal from its centre."""
+        """The brightening of all channels in stops at half a diagonal from its centre, without the shading."""
         return sum(self.coefficients)
+
+    @property
+    def corners(self) -> str:
+        """The brightening in stops at half a diagonal from its centre in words, by channel where these differ."""
+        if self.shading == NO_SHADING:
+            return f"{self.corner_ev:.2f} EV"
+        stops = (self.corner_ev + sum(channel) for channel in self.shading)
+        return (
+            ", ".join(f"{name} {value:.2f}" for name, value in zip(("red", "green", "blue"), stops, strict=True))
+            + " EV"
+        )
 
     @property
     def setting(self) -> str:
@@ -68,20 +84,21 @@ class Vignetting:
     def note(self) -> str:
         """The vignetting in one sentence for a user."""
         return (
-            f"{self.setting}: the JPEG's corners are {self.corner_ev:.2f} EV brighter than the RAW's (vignetting, "
+            f"{self.setting}: the JPEG's corners are {self.corners} brighter than the RAW's (vignetting, "
             "corrected by the camera); the profile renders the middle, and corrects other places where it knows them"
         )
 
     def stops(self, places: ArrayLike) -> Array:
-        """The brightening in stops at places (…, 2), (…); 0 where a place is NaN."""
+        """The brightening in stops at places (…, 2) by channel, (…, 3); 0 where a place is NaN."""
         offset = np.asarray(places, dtype=np.float64) - self.centre
-        return np.asarray(vignetting_basis(np.nan_to_num(np.sum(offset**2, axis=-1))) @ np.array(self.coefficients))
+        basis = vignetting_basis(np.nan_to_num(np.sum(offset**2, axis=-1)))
+        return np.asarray(basis @ (np.array(self.coefficients) + np.array(self.shading)).T)
 
-    def gain(self, height: int, width: int) -> Array:
-        """Return the factor (height, width) by which each pixel of the whole visible area is brightened."""
+    def gain(self, height: int, width: int, rows: slice = slice(None)) -> Array:
+        """The factors (rows, width, 3) by which pixels of the visible area (height, width), or rows of it, brighten."""
         half = 0.5 * np.hypot(height, width)
         y, x = ((np.arange(size) + 0.5 - 0.5 * size) / half for size in (height, width))
-        return np.asarray(2.0 ** self.stops(np.stack(np.meshgrid(x, y), axis=-1)))
+        return np.asarray(2.0 ** self.stops(np.stack(np.meshgrid(x, y[rows]), axis=-1)))
 
 
 def vignetting_of(vignettings: Iterable[Vignetting], lens: str, focal_mm: float, aperture: float) -> Vignetting | None:

@@ -83,8 +83,15 @@ class WhiteBalance:
             raise ProfileError(f"white balance: no camera multiplies all channels by {self.gain}")
 
 
-def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
-    """Tw (3,) that a selector asks for: multipliers times the gain of the setting. matrix: Ts (3, 3), for temperatures.
+def resolve(
+    white_balance: str | Kelvin | Multipliers,
+    known: Mapping[str, WhiteBalance],
+    matrix: Array,
+    colorimetric: Array | None = None,
+) -> Array:
+    """Tw (3,) that a selector asks for: multipliers times the gain of the setting.
+
+    For temperatures: matrix: Ts (3, 3); colorimetric: (3, 3) XYZ → RAW, where it is known.
 
     Raises SettingsError, listing the known settings, where the profile cannot answer.
     """
@@ -94,7 +101,7 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
         case Kelvin(kelvin, 0.0) if f"{kelvin:g}k" in known:
             return known[f"{kelvin:g}k"].factors
         case Kelvin(kelvin, tint):
-            return _at_temperature(kelvin, tint, known, matrix)
+            return _at_temperature(kelvin, tint, known, matrix, colorimetric)
         case name:
             if name not in known:
                 hint = f" (a temperature is written {name}K)" if name.isdigit() else ""
@@ -105,14 +112,20 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
             return known[name].factors
 
 
-def shifted(multipliers: Array, shift: Shift, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
+def shifted(
+    multipliers: Array,
+    shift: Shift,
+    known: Mapping[str, WhiteBalance],
+    matrix: Array,
+    colorimetric: Array | None = None,
+) -> Array:
     """The multipliers of a light that is a step from the one that `multipliers` make neutral.
 
     Where the profile knows no temperature at all, that light is taken for daylight of 5200 K: a step in mired changes
     multipliers nearly alike from everywhere. Raises SettingsError where no natural light is so far off.
     """
-    if _on_the_locus(known):
-        from_xyz = _camera_from_xyz(known, matrix)
+    if colorimetric is not None or _on_the_locus(known):
+        from_xyz = _camera_from_xyz(known, matrix, colorimetric)
     else:
         from_xyz = camera_from_xyz(matrix, multipliers / multipliers[1], NAMED_KELVIN["daylight"])
     kelvin, tint = temperature_and_tint(white_of(multipliers, from_xyz))
@@ -123,12 +136,14 @@ def shifted(multipliers: Array, shift: Shift, known: Mapping[str, WhiteBalance],
     return np.asarray(multipliers * change / multipliers_of(white(kelvin, tint), from_xyz))
 
 
-def temperature_of(multipliers: Array, known: Mapping[str, WhiteBalance], matrix: Array) -> Kelvin:
+def temperature_of(
+    multipliers: Array, known: Mapping[str, WhiteBalance], matrix: Array, colorimetric: Array | None = None
+) -> Kelvin:
     """Temperature and tint of the light that multipliers make neutral, through the camera's matrix.
 
     Raises SettingsError where the profile knows no temperature at all.
     """
-    kelvin, tint = temperature_and_tint(white_of(multipliers, _camera_from_xyz(known, matrix)))
+    kelvin, tint = temperature_and_tint(white_of(multipliers, _camera_from_xyz(known, matrix, colorimetric)))
     return Kelvin(kelvin, tint)
 
 
@@ -157,7 +172,9 @@ def temperatures_of(known: Mapping[str, WhiteBalance]) -> str:
     return f", a temperature from {low:.0f}K to {high:.0f}K"
 
 
-def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
+def _at_temperature(
+    kelvin: float, tint: float, known: Mapping[str, WhiteBalance], matrix: Array, colorimetric: Array | None
+) -> Array:
     """Return the multipliers for a light by the matrix, corrected by the departures of the camera's own settings.
 
     The logarithms of the departures are interpolated in reciprocal temperature (mired), and constant beyond the
@@ -169,7 +186,7 @@ def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance
             f"{kelvin:g}K lies outside the white balances of this profile, {low:.0f}K to {high:.0f}K; "
             "calibrate shots on a setting nearer to it"
         )
-    from_xyz = _camera_from_xyz(known, matrix)
+    from_xyz = _camera_from_xyz(known, matrix, colorimetric)
     settings = _on_the_locus(known)
     mireds = np.array(sorted({1e6 / temperature for temperature, _ in settings}))
     departures = np.zeros((len(mireds), 3))
@@ -190,8 +207,13 @@ def _on_the_locus(known: Mapping[str, WhiteBalance]) -> list[tuple[float, Array]
     return natural if len({kelvin for kelvin, _ in natural}) >= 2 else list(points.values())
 
 
-def _camera_from_xyz(known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
-    """(3, 3) XYZ → camera RGB, anchored at the setting nearest to daylight."""
+def _camera_from_xyz(known: Mapping[str, WhiteBalance], matrix: Array, colorimetric: Array | None) -> Array:
+    """(3, 3) XYZ → camera RGB: the colorimetric one, else the fitted one, anchored at the setting nearest to daylight.
+
+    The fitted matrix contains the camera's look: it takes warm light for less warm than it is.
+    """
+    if colorimetric is not None:
+        return colorimetric
     points = _on_the_locus(known)
     if not points:
         raise SettingsError("this profile knows no colour temperature; name multipliers r,g,b instead")

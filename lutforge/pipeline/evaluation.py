@@ -11,7 +11,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.vignetting import at_the_centre
 from lutforge.calibration.white_balance import with_known_balances
-from lutforge.evaluation.evaluation import Evaluation, known_styles, scene_departures
+from lutforge.evaluation.evaluation import Evaluation, known_styles, scene_deviations
 from lutforge.evaluation.evaluation import evaluate as evaluate_profile
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import ReferenceRaw
@@ -63,21 +63,21 @@ def inspect_scene(
 ) -> tuple[Table, tuple[str, ...]]:
     """Compare three shots or more with a profile's rendering: vignetting, exposure, contrast, saturation.
 
-    shots: RAW files, folders, or sample tables. Departures that chance explains are not told. Returned are a table
+    shots: RAW files, folders, or sample tables. Deviations that chance explains are not told. Returned are a table
     with a row a shot, and a line for each shot that was left out.
     """
     camera = as_profile(profile)
     gathered = gather_samples(shots, progress)
     samples = with_setting_names(gathered.samples)
     samples = samples.select(known_styles(camera, samples)[0])
-    departures = {departure.shot: departure.cells for departure in scene_departures(camera, samples)}
+    deviations = {deviation.shot: deviation.cells for deviation in scene_deviations(camera, samples)}
     rows = []
     for name, shot in samples.by_shot():
         vignetting = vignetting_of(
             camera.vignettings, str(shot.lens[0]), float(shot.focal_mm[0]), float(shot.aperture[0])
         )
         corners = "–" if vignetting is None else f"{vignetting.corner_ev:+.2f} EV"
-        rows.append((name, corners, *departures.get(name, ("–",) * 3)))
+        rows.append((name, corners, *deviations.get(name, ("–",) * 3)))
     header = ("shot", "corners", "exposure, EV", "contrast", "saturation")
     return Table(f"Beyond the rendering of {profile}", header, rows), gathered.left_out
 

@@ -158,7 +158,7 @@ def _profile(profile: "CameraProfile") -> Rows:
         parts += [f"camera model for {', '.join(model.white_balances)}" for model in style.models]
         yield "style", f"{name}: {'; '.join(parts)}"
     for vignetting in profile.vignettings:
-        yield "vignetting", f"{vignetting.setting}: {vignetting.corner_ev:.2f} EV in the corners"
+        yield "vignetting", f"{vignetting.setting}: {vignetting.corners} in the corners"
     yield from (("note", text) for text in (*map(str, profile.diagnoses), *profile.notes))
     yield "use", "a camera profile: bake, config, apply, evaluate, report"
 

@@ -19,6 +19,7 @@ from lutforge.calibration.bracket import BracketFit, fit_bracket
 from lutforge.calibration.exposure_pairs import NEAR_AN_END, ExposurePairs, pairs_of_bracket, pairs_of_samples
 from lutforge.calibration.one_exposure import fit_one_exposure
 from lutforge.calibration.options import BETA
+from lutforge.calibration.uneven_light import UnevenLight, fit_uneven_light
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.errors import CalibrationError
@@ -259,6 +260,9 @@ def write_input_transform(
         raise CalibrationError(f"{reason}; {advice}{_not_charted(names, charted, corners)}") from None
     true = np.array([fit.exposure_error.get(name, 1.0) for name in names]) * times
     colours = kind.linear_srgb(light) @ matrix_between("linear-srgb", SPACE).T
+    uneven = _uneven_light(codes, true, fit, colours, kind)
+    if uneven is not None:
+        colours = colours * uneven.gain(kind.places)[:, None]
     # What the camera makes of the chart's greys tells its white balance beside the light, and where its white is.
     reflected = colours[patch] * true[shot, None]
     grey = _grey(reflected)
@@ -276,8 +280,11 @@ def write_input_transform(
     samples = replace(samples, raw=raw, wb=np.tile(multipliers, (count, 1))).select(possible)
     profile = calibrate(samples, progress=part(progress, 0.2, 1.0))
     level = dict(zip(names, (scale * true).tolist(), strict=True))
+    light_notes = () if uneven is None else (uneven.note,)
     scale_note = f"1 is the camera's white; white beside the chart has {max(level.values()):.3g} in the brightest shot"
-    profile = replace(profile, notes=(f"of the {profile.provenance}: {kind.source}", scale_note, *profile.notes))
+    profile = replace(
+        profile, notes=(f"of the {profile.provenance}: {kind.source}", scale_note, *light_notes, *profile.notes)
+    )
     if output is not None:
         profile.save(output)
     return FittedResponse(profile, fit, dict(zip(names, times, strict=True)), samples, level, charted)
@@ -343,6 +350,18 @@ def write_approximate_transform(
     if output is not None:
         profile.save(output)
     return ApproximateTransform(profile, told)
+
+
+def _uneven_light(
+    codes: Array, exposures: Array, fit: BracketFit, colours: Array, kind: ChartKind
+) -> UnevenLight | None:
+    """The field of light over a chart, of JPEG values (shots, n, 3) at exposures (shots,) and its colours (n, 3)."""
+    usable = np.asarray(np.isfinite(codes).all(axis=2))
+    linear = fit.response.linearize(np.nan_to_num(codes)) / exposures[:, None, None]
+    count = usable.sum(axis=0)[:, None]
+    with np.errstate(invalid="ignore"):
+        mean = np.where(usable[..., None], linear, 0.0).sum(axis=0) / count
+    return fit_uneven_light(mean, colours, kind.places)
 
 
 def _some(names: Sequence[str]) -> str:

@@ -133,9 +133,9 @@ def build_report(
         sections["Notes"] = (notes,) if notes else ()
         sections["Errors"] = (*error_tables(own, evaluation), *error_pictures(own, evaluation))
         sections["Errors on real shots"] = tuple(error_map_pictures(profile, own, evaluation, files or {}))
-        if evaluation.departures:
-            title = "Shots that depart from the fixed rendering, with standard errors"
-            rows = [(each.shot, *each.cells) for each in evaluation.departures]
+        if evaluation.deviations:
+            title = "Shots that deviate from the fixed rendering, with standard errors"
+            rows = [(each.shot, *each.cells) for each in evaluation.deviations]
             lens.append(Table(title, ("shot", "exposure, EV", "contrast", "saturation"), rows))
         pictures = tuple(shot_pictures(profile, own, evaluation, files or {}))
     progress("models", 0.9)
@@ -418,7 +418,7 @@ class ShotCells:
         if vignetting is not None:
             height, width = self.usable.shape
             centres = size * (np.argwhere(np.ones((height, width)))[:, ::-1] + 0.5)
-            stops = vignetting.stops(places_in_picture(shot, centres)).reshape(height, width, 1)
+            stops = vignetting.stops(places_in_picture(shot, centres)).reshape(height, width, 3)
             self.balanced = self.balanced * 2.0**stops
 
         self.orientation = shot.raw.orientation
@@ -557,10 +557,10 @@ def vignetting_blocks(vignettings: Sequence[Vignetting]) -> Iterator[Block]:
     if not vignettings:
         return
     rows = tuple(
-        (vignetting.setting, f"{vignetting.corner_ev:.2f}", *(f"{100 * value:.1f} %" for value in vignetting.centre))
+        (vignetting.setting, vignetting.corners, *(f"{100 * value:.1f} %" for value in vignetting.centre))
         for vignetting in vignettings
     )
-    header = ("lens setting", "corners, EV", "centre right", "centre down")
+    header = ("lens setting", "corners", "centre right", "centre down")
     yield Table("Vignetting that the camera corrects in its JPEGs only", header, rows)
     yield (
         "In the corners the JPEGs are by so much brighter than the RAW. The profile renders the middle; RAW is "

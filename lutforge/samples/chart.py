@@ -45,6 +45,11 @@ class ChartKind:
         """The centres (n, 2) of the patches in pitches, row by row."""
         return np.stack(np.meshgrid(self.columns, self.rows), axis=-1).reshape(-1, 2)
 
+    @property
+    def places(self) -> Array:
+        """The centres (n, 2) of the patches, row by row, −1 … 1 from edge to edge of the upright chart."""
+        return np.asarray(self.centres / (self.outline[2] / 2) - 1.0)
+
     def linear_srgb(self, light: str = D50) -> Array:
         """Colours (n, 3) of the patches under a light, adapted to it: a perfect diffuser is 1, 1, 1.
 

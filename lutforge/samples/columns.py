@@ -16,13 +16,18 @@ SRGB_COLUMNS = ("srgb_r", "srgb_g", "srgb_b")
 WB_COLUMNS = ("wb_r", "wb_g", "wb_b")
 REQUIRED_COLUMNS = (*TEXT_COLUMNS, "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS)
 POSITION_COLUMNS = ("x", "y")
+XYZ_COLUMNS = tuple(f"{channel}_{axis}" for channel in ("red", "green", "blue") for axis in "xyz")
 SHOT_COLUMNS = ("focal_mm", "aperture", "d65_r", "d65_b")
 OPTIONAL_COLUMNS = (
-    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, "raw_camera", "lens", "raw_space", "developer",
+    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, *XYZ_COLUMNS, "raw_camera", "lens", "raw_space", "developer",
     "chart", "chart_light", "dng_camera",
 )  # fmt: skip
-NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS)
-COLUMNS_OF = {"raw": RAW_COLUMNS, "srgb": SRGB_COLUMNS, "wb": WB_COLUMNS, "position": POSITION_COLUMNS}
+NUMBER_COLUMNS = (
+    "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, *XYZ_COLUMNS,
+)  # fmt: skip
+COLUMNS_OF = {
+    "raw": RAW_COLUMNS, "srgb": SRGB_COLUMNS, "wb": WB_COLUMNS, "position": POSITION_COLUMNS, "from_xyz": XYZ_COLUMNS,
+}  # fmt: skip
 """The columns of a table that one array of a SampleSet holds; the others are arrays of their own."""
 
 ROUNDING = 1e-6

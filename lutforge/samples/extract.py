@@ -207,6 +207,7 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres:
         srgb=codes / 255,
         wb=np.tile(np.asarray(multipliers, dtype=np.float64), (count, 1)),
         position=places_in_picture(shot, centres),
+        from_xyz=np.tile(np.full(9, math.nan) if metadata.from_xyz is None else metadata.from_xyz.ravel(), (count, 1)),
     )
     return samples, upright_places(centres / shot.jpeg.shape[1::-1], shot.raw.orientation)
 

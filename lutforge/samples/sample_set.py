@@ -34,6 +34,7 @@ class SampleSet:
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. d65_r,
     d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
+    from_xyz: (n, 9), the rows of the matrix XYZ → RAW of any scale that LibRaw or a DNG file has; NaN where unknown.
     raw_space: where the linear values are no RAW, the RGB space in which they were encoded; "" for RAW. developer: the
     program whose pictures replace the RAW; chart, chart_light: the chart whose known colours do, and its light; "" for
     all else. dng_camera: the UniqueCameraModel of DNG files, "" of others. The columns from `position` on may be left
@@ -56,6 +57,7 @@ class SampleSet:
     aperture: Array = field(default_factory=lambda: np.zeros(0))
     d65_r: Array = field(default_factory=lambda: np.zeros(0))
     d65_b: Array = field(default_factory=lambda: np.zeros(0))
+    from_xyz: Array = field(default_factory=lambda: np.zeros((0, 9)))
     raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     chart: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
@@ -65,12 +67,12 @@ class SampleSet:
     def __post_init__(self) -> None:
         count = len(self.camera)
         texts = ("lens", "raw_space", "developer", "chart", "chart_light", "dng_camera")
-        for name in ("position", *SHOT_COLUMNS, *texts):
+        for name in ("position", *SHOT_COLUMNS, "from_xyz", *texts):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
                 unknown = np.nan if column.dtype.kind == "f" else ""
                 object.__setattr__(self, name, np.full((count, *column.shape[1:]), unknown, dtype=column.dtype))
-        widths = {"raw": (3,), "srgb": (3,), "wb": (3,), "position": (2,)}
+        widths = {"raw": (3,), "srgb": (3,), "wb": (3,), "position": (2,), "from_xyz": (9,)}
         for name in (column.name for column in fields(self)):
             shape = (count, *widths.get(name, ()))
             if getattr(self, name).shape != shape:

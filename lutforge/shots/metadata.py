@@ -39,8 +39,8 @@ class ShotMetadata:
     camera: make and model, "" where a picture does not name it. style, white_balance: lower-case words ("standard",
     "vivid", …; "auto", "daylight", …; "unknown"); the white balance of a picture may be a temperature ("5200k").
     multipliers: (3,) with green = 1, None where unknown. exposure_s, iso, focal_mm, aperture (f-number): NaN where
-    unknown. notes: what the user should know, a line each. lens: its name, "" where unknown. d65: as of `RawImage`.
-    dng_camera: the UniqueCameraModel of a DNG, by which raw developers match camera profiles; "" of other files.
+    unknown. notes: what the user should know, a line each. lens: its name, "" where unknown. d65, from_xyz: as of
+    `RawImage`. dng_camera: the UniqueCameraModel of a DNG, by which raw developers match profiles; "" of other files.
     """
 
     camera: str
@@ -54,6 +54,7 @@ class ShotMetadata:
     focal_mm: float = math.nan
     aperture: float = math.nan
     d65: Array | None = None
+    from_xyz: Array | None = None
     dng_camera: str = ""
 
     @property
@@ -97,7 +98,7 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
         exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else time_s or math.nan,
         iso=raw.iso if math.isfinite(raw.iso) and raw.iso != 65535 else iso or raw.iso,
         notes=tuple(notes), lens=raw.lens or str(shot_tags.get(_LENS, "")).strip(),
-        focal_mm=raw.focal_mm, aperture=raw.aperture, d65=raw.d65,
+        focal_mm=raw.focal_mm, aperture=raw.aperture, d65=raw.d65, from_xyz=raw.from_xyz,
         dng_camera=one_line(str(shot_tags.get(_UNIQUE_CAMERA_MODEL, "")), 120),
     )  # fmt: skip
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
+from lutforge.colour.colour_temperature import D65_KELVIN
 from lutforge.colour.spectra import chart_reflectances, light, linear_srgb_under, sensitivities, surface_reflectances
 from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode, srgb_encode
 from lutforge.model.white_balance import WhiteBalance
@@ -205,10 +206,10 @@ class SimulatedCamera:
         return np.asarray(balanced / (self.multipliers(white_balance) * 2.0**ev))
 
     def color_matrix(self) -> Array:
-        """XYZ (D65) → camera RGB (3, 3), as DNG's ColorMatrix1 wants it, from the training surfaces."""
-        from_xyz = np.linalg.inv(self.matrix) @ np.linalg.inv(SRGB_TO_XYZ)
-        daylight = self.multipliers("daylight")
-        return np.asarray(from_xyz / daylight[:, None])
+        """XYZ → camera RGB (3, 3), as DNG's ColorMatrix1 wants it: D65 gives what the sensor sees of D65, green = 1."""
+        balanced = np.linalg.inv(self.matrix) @ np.linalg.inv(SRGB_TO_XYZ)
+        neutral = light(D65_KELVIN) @ self.sensitivity
+        return np.asarray(balanced * (neutral / neutral[1])[:, None])
 
 
 @cache

@@ -24,7 +24,7 @@ def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Came
     """Encoded values (h, w, 3) of a mosaic (h, w): demosaicked, its border cropped, and rendered."""
     raw = demosaic(normalized(camera, mosaic), camera.cfa)
     if settings.vignetting is not None:
-        raw *= settings.vignetting.gain(*mosaic.shape)[..., None].astype(np.float32)
+        raw *= settings.vignetting.gain(*mosaic.shape).astype(np.float32)
     raw = raw[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
     if settings.distortion is not None:
         # What the lens drew, as large as it fills the picture when it is straight

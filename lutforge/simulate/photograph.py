@@ -46,7 +46,7 @@ def photograph(
     """
     irradiance = scene.irradiance(camera, light or settings.white_balance, settings.exposure_s)
     if settings.vignetting is not None:
-        irradiance /= settings.vignetting.gain(*irradiance.shape[:2])[..., None].astype(np.float32)
+        irradiance /= settings.vignetting.gain(*irradiance.shape[:2]).astype(np.float32)
     lens = settings.distortion
     if lens is not None and (lens.red or lens.blue):  # red and blue are drawn larger than green
         y, x = np.mgrid[: irradiance.shape[0], : irradiance.shape[1]] + 0.5

@@ -16,7 +16,9 @@ from lutforge.errors import ProfileError
 from lutforge.evaluation.evaluation import evaluate
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.model.vignetting import Vignetting, vignetting_of
+from lutforge.model.profile import PictureStyle
+from lutforge.model.vignetting import NO_SHADING, Vignetting, vignetting_of
+from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.grading import apply
 from lutforge.pipeline.sampling import sample
@@ -58,7 +60,7 @@ def test_vignetting_is_recovered(ev: float, centre: tuple[float, float], power: 
     fourth = 2.0 * np.log2(1.0 + 0.7 * np.sum(samples.position**2, axis=1))
     for stops, within in ((lost_stops(samples, ev, centre, power), 0.05), (fourth, 0.02)):
         (vignetting,) = _fitted(with_dark_corners(samples, stops))
-        np.testing.assert_allclose(vignetting.stops(samples.position), stops, atol=within)
+        np.testing.assert_allclose(vignetting.stops(samples.position), stops[:, None].repeat(3, axis=1), atol=within)
 
 
 @pytest.mark.slow
@@ -71,7 +73,8 @@ def test_vignetting_of_real_photographs_is_recovered(shared_data: Path) -> None:
         stops = lost_stops(photographs, ev, centre)
         for samples in (with_dark_corners(photographs, stops), with_bright_jpegs(photographs, stops, profile)):
             (vignetting,) = _fitted(samples)
-            np.testing.assert_allclose(vignetting.stops(photographs.position), stops, atol=0.05)
+            np.testing.assert_allclose(vignetting.stops(photographs.position)[:, 1], stops, atol=0.03)
+            assert vignetting.shading == NO_SHADING
 
 
 def test_lens_settings_have_vignettings_of_their_own() -> None:
@@ -109,6 +112,43 @@ def test_no_vignetting_is_invented(seed: int) -> None:
     assert _fitted(samples) == _fitted(fixed) == ()
 
 
+SHADINGS = {
+    "drone": (0.3, 0.15, 0.05),
+    "slanting light": (0.1, 0.0, 0.0),
+    "cool corners": (0.0, 0.1, 0.2),
+}
+"""Shares of red, green and blue that are lost in the corners."""
+
+
+def _shaded(samples: SampleSet, losses: tuple[float, float, float]) -> SampleSet:
+    q = np.sum(samples.position**2, axis=1, keepdims=True)
+    return replace(samples, raw=samples.raw * (1.0 - q * np.array(losses)))
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_each_channel_has_its_own_vignetting(shading: str, tmp_path: Path) -> None:
+    samples = _photographed()
+    (vignetting,) = _fitted(_shaded(samples, SHADINGS[shading]))
+    corners = np.array([[0.6, 0.6], [-0.5, 0.5], [0.0, 0.0]])
+    lost = -np.log2(1.0 - np.sum(corners**2, axis=1, keepdims=True) * np.array(SHADINGS[shading]))
+    np.testing.assert_allclose(vignetting.stops(corners), lost, atol=0.03)
+
+    profile = CameraProfile("Test", np.eye(3), {"auto": WhiteBalance((2.0, 1.0, 1.5))}, {"standard": PictureStyle()})
+    replace(profile, vignettings=(vignetting,)).save(tmp_path / "camera.npz")
+    assert load_profile(tmp_path / "camera.npz").vignettings[0].shading == vignetting.shading
+    assert "red" in vignetting.note
+
+
+@pytest.mark.slow
+def test_photographs_with_shaded_channels_are_predicted_as_sound_ones(shared_data: Path) -> None:
+    photographs = sample([shared_data / "canon_powershot_s40"])
+    errors = []
+    for samples in (photographs, _shaded(photographs, SHADINGS["drone"])):
+        profile = calibrate(samples, CalibrationOptions(size=9))
+        errors.append(profile.styles["standard"].errors["render_mean"])
+    assert errors[1] < 1.15 * errors[0]
+
+
 def test_samples_without_places_tell_nothing() -> None:
     samples = _photographed(30)
     dark = with_dark_corners(samples, lost_stops(samples, 1.0))
@@ -136,7 +176,16 @@ def test_unseen_shots_are_predicted_as_without(tmp_path: Path) -> None:
     assert noted == [False, True]
 
 
-@pytest.mark.parametrize("wrong", [{"coefficients": (np.nan, 0.0, 0.0)}, {"centre": (3.0, 0.0)}, {"aperture": 0.0}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"coefficients": (np.nan, 0.0, 0.0)},
+        {"centre": (3.0, 0.0)},
+        {"aperture": 0.0},
+        {"shading": ((30.0,) * 3,) * 3},
+        {"shading": ()},
+    ],
+)
 def test_numbers_that_no_lens_has_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ProfileError, match="no lens has"):
         replace(Vignetting((0.1, 0.2, 0.3), lens="Nikkor", focal_mm=35.0, aperture=4.0), **wrong)
@@ -186,7 +235,7 @@ def test_apply_brightens_the_corners(profile: CameraProfile, shot: Photograph, t
 def test_samples_of_a_photograph_know_their_places(profile: CameraProfile, shot: Photograph) -> None:
     """RAW, brightened at its places, is what the camera rendered."""
     samples = extract(read_shot(shot.dng)).samples
-    gain = 2.0 ** LENS.stops(samples.position)[:, None]
+    gain = 2.0 ** LENS.stops(samples.position)
     assert np.ptp(np.linalg.norm(samples.position, axis=1)) > 0.5
     rendered = CAMERA.render(samples.raw * gain, "standard", "daylight")
     assert np.median(np.abs(rendered - samples.srgb)) < 0.004

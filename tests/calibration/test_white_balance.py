@@ -7,13 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.style import unclipped
+from lutforge.calibration.steps import State, fit_gains
 from lutforge.calibration.white_balance import (
     complete_multipliers,
     multipliers_from_colours,
     named_temperature,
     named_white_balances,
-    with_fitted_gains,
 )
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import evaluate
@@ -91,7 +90,7 @@ def _photographed(gains: tuple[float, ...], patches: int) -> SampleSet:
 @pytest.mark.parametrize("gains", [GAINS, (1.0, 1.0, 1.1, 1.0, 1.0), (1.0,) * 5])
 def test_gains_are_found_and_none_is_invented(gains: tuple[float, ...], patches: int) -> None:
     samples = _photographed(gains, patches)
-    found = with_fitted_gains(samples, samples.wb, unclipped(samples, samples.wb))[:, 1]
+    found = fit_gains(State(samples, samples.wb)).multipliers[:, 1]
     assert set(gains) != {1.0} or np.array_equal(found, samples.wb[:, 1])
     true = np.array([gains[BALANCES.index(str(name))] for name in samples.white_balance])
     np.testing.assert_allclose(found, true / np.median(gains), rtol=0.003)

@@ -38,16 +38,18 @@ def photograph_chart(
     white_balance: str = "daylight",
     shutter: float = 0.02,
     seed: int = 0,
+    shade: Array | float = 1.0,
 ) -> list[Path]:
     """JPEG files of a chart at exposures in stops from the nominal one, which their EXIF states.
 
-    light, white_balance: settings of the camera; shutter: standard deviation of the log of true over stated exposure.
+    light, white_balance: settings of the camera; shutter: standard deviation of the log of true over stated exposure;
+    shade: the light on each patch (n, 1) as a share of the light's.
     """
     rng = np.random.default_rng(seed)
     files = []
     for index, stop in enumerate(stops):
         seconds = camera.nominal_exposure_s * 2.0**stop
-        light_on = camera.expose(reflectances, light, seconds * np.exp(shutter * rng.standard_normal()))
+        light_on = shade * camera.expose(reflectances, light, seconds * np.exp(shutter * rng.standard_normal()))
         raw = chart_picture(light_on, kind)
         raw = np.clip(raw + np.sqrt(raw / camera.full_well + 1e-8) * rng.standard_normal(raw.shape), 0.0, 1.0)
         picture = Image.fromarray(np.rint(255 * camera.render(raw, "standard", white_balance)).astype(np.uint8))

@@ -6,11 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.departures import departing_shots
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.plausibility import implausible
-from lutforge.calibration.style import unclipped
-from lutforge.calibration.white_balance import complete_multipliers
+from lutforge.calibration.steps import State, complete_white_balances, diagnose, drop_outlier_shots, note_dark_end
 from lutforge.colour.srgb import srgb_decode
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples
@@ -78,7 +75,7 @@ def _one_brightened(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
     return replace(samples, srgb=np.where(one[:, None], brighter, samples.srgb))
 
 
-def _livelier(encoded: Array) -> Array:
+def livelier(encoded: Array) -> Array:
     """Another style: more saturation and contrast."""
     grey = (encoded @ [0.25, 0.5, 0.25])[:, None]
     lively = np.clip(grey + 1.25 * (encoded - grey), 0.0, 1.0)
@@ -89,7 +86,7 @@ def _other_style(share: float) -> Case:
     def change(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
         names = rng.permutation(np.unique(samples.shot))
         rows = np.isin(samples.shot, names[: max(1, round(share * len(names)))])
-        return replace(samples, srgb=np.where(rows[:, None], _livelier(samples.srgb), samples.srgb))
+        return replace(samples, srgb=np.where(rows[:, None], livelier(samples.srgb), samples.srgb))
 
     return change
 
@@ -118,24 +115,23 @@ CASES: dict[str, tuple[str, Case]] = {
     "JPEG values linear": ("linear", _srgb(srgb_decode)),
     "RAW scaled by 1/4": ("white level", _raw(lambda raw, wb: raw / 4)),
     "green counted twice": ("counted twice", _raw(lambda raw, wb: raw * [1, 2, 1])),
-    "one in ten shots of another style": ("departs: saturation", _other_style(0.1)),
-    "a third of the shots of another sensor": ("departs: saturation", _other_sensor),
+    "one in ten shots of another style": ("saturation", _other_style(0.1)),
+    "a third of the shots of another sensor": ("saturation", _other_sensor),
     "sepia": ("toned", _srgb(lambda srgb: (srgb @ [0.3, 0.59, 0.11])[:, None] * [1.07, 0.95, 0.75])),
     "rows shifted within a shot": ("rows", _slipped),
     "RAW white-balanced already": ("already", _raw(lambda raw, wb: raw * wb)),
     "black level left in": ("left in", _raw(lambda raw, wb: raw * (1 - BLACK) + BLACK)),
     "black level taken twice": ("more than the black", _raw(lambda raw, wb: (raw - BLACK) / (1 - BLACK))),
-    "black level 700 for 600": ("more than the black", _raw(lambda raw, wb: raw - 100.0 / 14920.0)),
-    "one JPEG brightened by 0.5 EV": ("departs: exposure", _one_brightened),
+    "black level 700 for 600": ("black level", _raw(lambda raw, wb: raw - 100.0 / 14920.0)),
+    "one JPEG brightened by 0.5 EV": ("exposure", _one_brightened),
 }  # fmt: skip
 """What is done to good samples, and words of the cause that is to be named."""
 
 
 def diagnosed(samples: SampleSet) -> tuple[str, ...]:
-    """What is told of samples, and of shots where nothing is told of all."""
-    multipliers = complete_multipliers(samples)[0]
-    causes = tuple(each.cause for each in implausible(samples, multipliers))
-    if causes:
-        return causes
-    found = departing_shots(samples, multipliers, unclipped(samples, multipliers))
-    return tuple(f"{each.shot} departs: {each.words}" for each in found)
+    """The diagnoses of samples, and the notes on their shots and their dark end."""
+    state = complete_white_balances(State(samples, samples.wb))
+    estimated = len(state.notes)
+    for step in (diagnose, drop_outlier_shots, note_dark_end):
+        state = step(state)
+    return (*map(str, state.diagnoses), *state.notes[estimated:])

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import colour
@@ -24,7 +25,8 @@ from lutforge.colour.colour_temperature import (
 from lutforge.colour.spectra import WAVELENGTHS, light, surface_reflectances
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import ProfileError, SettingsError
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.images.raw import read_raw
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.profile import PictureStyle
 from lutforge.model.white_balance import WhiteBalance, resolve, temperature_range
 from lutforge.pipeline.calibration import calibrate
@@ -131,6 +133,44 @@ def with_d65(samples: SampleSet) -> SampleSet:
     seen = (light(6504.0)[:, None] * CAMERA.sensitivity).sum(axis=0)
     count = len(samples.camera)
     return replace(samples, d65_r=np.full(count, seen[1] / seen[0]), d65_b=np.full(count, seen[1] / seen[2]))
+
+
+def test_temperatures_come_from_the_colorimetric_matrix_where_it_is_known() -> None:
+    """The look in a fitted matrix moves no light: presets and temperatures are those of the known matrix."""
+    samples = automatic_samples()
+    matrix = CAMERA.color_matrix()
+    samples = replace(samples, from_xyz=np.tile(matrix.ravel(), (len(samples), 1)))
+    look = MATRIX @ np.array([[1.2, -0.1, -0.1], [-0.1, 1.2, -0.1], [-0.1, -0.1, 1.2]])
+    balances = named_white_balances(samples, samples.wb, look)
+    profile = CameraProfile("Test", look, balances, {"standard": PictureStyle()}, from_xyz=matrix)
+    for kelvin in (2500.0, 2856.0, 3200.0, 4000.0, 5200.0, 6504.0, 8000.0):
+        expected = multipliers_of(locus(kelvin), matrix)
+        np.testing.assert_allclose(profile.multipliers(f"standard/{kelvin:g}K"), expected, rtol=0.01)
+    np.testing.assert_allclose(balances["tungsten"].multipliers, multipliers_of(locus(3200.0), matrix), rtol=1e-9)
+    measured = {**balances, "daylight": WhiteBalance((2.0, 1.0, 1.4), 5200.0)}  # a measured setting wins
+    corrected = CameraProfile("Test", look, measured, {"standard": PictureStyle()}, from_xyz=matrix)
+    np.testing.assert_allclose(corrected.multipliers("standard/5200K"), (2.0, 1.0, 1.4), rtol=1e-9)
+
+
+def test_the_colorimetric_matrix_is_kept_in_a_profile_file(tmp_path: Path) -> None:
+    matrix = CAMERA.color_matrix()
+    balances = {"daylight": WhiteBalance((2.0, 1.0, 1.4), 5200.0)}
+    CameraProfile("Test", MATRIX, balances, {"standard": PictureStyle()}, from_xyz=matrix).save(tmp_path / "camera.npz")
+    loaded = load_profile(tmp_path / "camera.npz")
+    assert loaded.from_xyz is not None
+    np.testing.assert_allclose(loaded.from_xyz, matrix)
+
+
+@pytest.mark.parametrize(
+    ("kelvin", "expected"),
+    [(2856.0, (1.147, 1.0, 2.210)), (3200.0, (1.318, 1.0, 1.870)), (4000.0, (1.677, 1.0, 1.520))],
+)
+def test_libraw_s_matrix_of_a_real_camera_is_read(
+    shared_data: Path, kelvin: float, expected: tuple[float, float, float]
+) -> None:
+    raw = read_raw(shared_data / "canon_powershot_s40" / "CRW_0101.CRW", half_size=True)
+    assert raw.from_xyz is not None
+    np.testing.assert_allclose(multipliers_of(locus(kelvin), raw.from_xyz), expected, rtol=0.03)
 
 
 def automatic_samples() -> SampleSet:

@@ -304,6 +304,15 @@ def test_gaps_are_where_errors_are_expected() -> None:
     assert colour_gaps(everything, lambda encoded: np.full(len(encoded), 1 / 255)) == ()
 
 
+def test_one_chart_is_never_enough() -> None:
+    """However small the errors are that its own shots predict, other colours have not been seen."""
+    chart = photograph_patches(nikon_d5100(), chart_140()[:24], balances=("daylight",), stops=(-1, 0, 0.5))
+    gaps = colour_gaps(chart.srgb, lambda encoded: np.full(len(encoded), 1 / 255))
+    assert len(gaps) > 3
+    assert len({gap.colour.split()[1] for gap in gaps}) > 2  # of several hues
+    assert "of error" not in str(gaps[0])  # which is not known there
+
+
 def test_exposures_say_whether_the_response_is_fixed() -> None:
     light, stops = ("daylight",), (-2, -1, 0)
     samples = photograph_patches(nikon_d5100(), chart_140(), balances=light, stops=stops, exposure_error=0.0)

@@ -8,7 +8,7 @@ from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interpolate
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out, predict_held_out
+from lutforge.solvers.cross_validation import joined_alike, leave_groups_out, leave_samples_out, predict_held_out
 from lutforge.solvers.gauss_newton import Index, gauss_newton
 from lutforge.solvers.inequality_least_squares import solve_lsi
 from lutforge.solvers.lattice_regression import Prior, Regularization, fit_lattice
@@ -379,3 +379,15 @@ def test_thin_plate_is_the_integral_of_all_squared_second_derivatives() -> None:
             total += np.einsum("a,b,c,dabc->d", wr, wg, wb, derivative**2)
     plate = thin_plate(size)
     np.testing.assert_allclose(np.einsum("dijk,dijk->d", b, plate(b)), total, rtol=1e-10)
+
+
+def test_groups_that_are_copies_or_a_burst_are_one() -> None:
+    rng = np.random.default_rng(0)
+    scenes = [rng.uniform(0.0, 255.0, (300, 3)) for _ in range(3)]
+    noisy = [scenes[0] + rng.normal(0.0, 1.0, (300, 3)) for _ in range(2)]
+    points = np.concatenate([*scenes, scenes[1], noisy[0][:200], noisy[1][100:]])
+    names = np.repeat(["a", "b", "c", "copy of b", "burst 1", "burst 2"], [300, 300, 300, 300, 200, 200])
+    joined = joined_alike(names, points)
+    assert dict(zip(names.tolist(), joined.tolist(), strict=True)) == {
+        "a": "a", "b": "b", "c": "c", "copy of b": "b", "burst 1": "a", "burst 2": "a",
+    }  # fmt: skip

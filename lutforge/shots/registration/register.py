@@ -24,8 +24,8 @@ CLEAR_CORRELATION, CLEAR_EXPLAINED = 0.55, 0.9
 AMBIGUOUS = 1.5
 """Where a second place leaves less than this times the unexplained share of the first, either may be the true one."""
 NON_RIGID_MESSAGE = (
-    "the JPEG is distorted as no lens does, by {:.1f} pixels in the mean (a straightened perspective, or an unknown "
-    "correction); switch that off, or use the camera's own JPEG"
+    "parts of the JPEG lie beside their place in the RAW, by {:.1f} pixels in the mean (a straightened perspective, "
+    "strong sharpening, or an unknown correction); switch that off, or use the camera's own JPEG"
 )
 
 
