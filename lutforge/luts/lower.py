@@ -48,11 +48,12 @@ class SegmentBeforeCurve(Segment):
 class SegmentOnLevels:
     """A function of [0, 1]³, (n, 3) → (n, 3), to be fitted at node levels as dense as the given ones.
 
-    output_curve: (m, 3), after it.
+    black: (3,), where the function has its darkest value, which stays; output_curve: (m, 3), after it.
     """
 
     function: Function
     levels: Levels
+    black: Array
     output_curve: Array
 
 
@@ -206,7 +207,9 @@ def _without_first_cells(lattice: Lattice, input_matrix: Array, output_curve: Ar
     left = 1.0 - first
     r, g, b = ((axis[1:] - axis[1]) / (1.0 - axis[1]) for axis in lattice.levels)
     to_axes = Matrix(input_matrix[:, :3] / left[:, None], (input_matrix[:, 3] - first) / left)
-    return to_axes, SegmentOnLevels(lambda x: on_axes.cube_values(first + left * x), (r, g, b), output_curve)
+    return to_axes, SegmentOnLevels(
+        lambda x: on_axes.cube_values(first + left * x), (r, g, b), np.maximum(to_axes.offset, 0.0), output_curve
+    )
 
 
 def _folded_lattice(parts: Parts, target: Target) -> tuple[Op, ...]:

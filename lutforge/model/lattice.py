@@ -146,6 +146,18 @@ def snap_levels(levels: Array, shaper_size: int) -> Array:
     return points / steps
 
 
+def with_level_at(levels: Levels, place: Array) -> Levels:
+    """Node levels of which the nearest one of each axis is moved to a place (3,); the ends of an axis stay."""
+    axes = []
+    for axis, at in zip(levels, place, strict=True):
+        moved = axis.copy()
+        if at not in axis:
+            moved[1 + int(np.argmin(np.abs(axis[1:-1] - at)))] = at
+        axes.append(moved)
+    r, g, b = axes
+    return r, g, b
+
+
 def snapped(levels: Levels, shaper_size: int) -> Levels:
     """Node levels of three axes on the grid of the shaper that files will hold them in. Raises LutError."""
     r, g, b = (snap_levels(axis, shaper_size) for axis in levels)

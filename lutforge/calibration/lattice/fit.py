@@ -7,19 +7,19 @@ of sampled ones.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_levels, even_to_the_eye
-from lutforge.calibration.lattice.output_curve import output_curve
+from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
 from lutforge.calibration.options import LatticeOptions
 from lutforge.calibration.scenes import REST, RenderedScenes
 from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
 from lutforge.model.gamut_map import OFFSET, from_even, to_even
 from lutforge.model.inverse_gamut_map import SolvedInverse
-from lutforge.model.lattice import Lattice, grid, resized_levels, snapped, uniform_levels
+from lutforge.model.lattice import Lattice, grid, resized_levels, snapped, uniform_levels, with_level_at
 from lutforge.model.profile import CameraModel
 from lutforge.solvers.lattice_regression import Prior, fit_lattice
 from lutforge.solvers.normal_equations import normal_equations
@@ -41,43 +41,57 @@ def bake_render(model: CameraModel, scenes: RenderedScenes, options: LatticeOpti
     the linear values of likely scenes, and one cell more down to the least that the matrix gives. Errors count after
     the curve.
     """
-    low = np.minimum(np.quantile(scenes.linear[scenes.weight > REST], SELDOM, axis=0), 0.0)
-    least = np.minimum(model.matrix, 0.0).sum(axis=1) - LEAST_CELL
-    span = 1.0 - low
     curve = output_curve(model.response)
     values = curve.continued(scenes.mapped)
-    # How much a squared error in front of the curve counts behind it, 1 in the median.
+    # How much a squared error before the curve counts after it, 1 in the median.
     codes = np.linspace(0.0, 1.0, 511)[:, None].repeat(3, axis=1)
     counts = squares(apply_curve(curve.slope(codes), apply_curve(curve.table, values)))
     weight = scenes.weight * (counts / np.median(counts))
 
-    def before_the_curve(places: Array) -> Array:
-        return curve.continued(model.gamut_map(least + places * (1.0 - least)))
-
-    places = np.clip((scenes.linear - least) / (1.0 - least), 0.0, 1.0)
-    task = _Task(places, values, weight, options.interpolation)
-    if not options.nonuniform:
-        levels = uniform_levels(options.size)
+    if options.nonuniform:
+        levels, black = _levels_of_rendering(model, scenes, curve, weight, options)
     else:
-        # A tenth of the nodes is at perceptually uniform steps: bright samples alone would make the first cell so wide
-        # that it holds all dark codes of usual pictures.
-        likely = _Task(np.clip((scenes.linear - low) / span, 0.0, 1.0), values, weight, options.interpolation)
-        even = np.linspace(to_even(low, OFFSET), 1.0, min(SEARCH_SIZE, options.size - 1))
-        red, green, blue = ((from_even(even, OFFSET) - low) / span).T
-        fewer = replace(options, size=options.size - 1)
-        inner = likely.best_levels(
-            lambda x: curve.continued(model.gamut_map(low + x * span)),
-            (red, green, blue),
-            EVEN + even_to_the_eye(0.1, OFFSET),
-            fewer,
-        )
-        inside = (low + np.stack(inner, axis=1) * span - least) / (1.0 - least)
-        red, green, blue = np.vstack([np.zeros(3), inside]).T
-        levels = (red, green, blue)
-    levels = snapped(levels, options.shaper_size)
-    nodes, _ = task.fitted(before_the_curve, levels)
-    to_axes = np.column_stack([model.matrix / (1.0 - least)[:, None], -least / (1.0 - least)])
+        levels, black = uniform_levels(options.size), np.zeros(3)
+    least = -black / (1.0 - black)  # the linear values at the beginning of the axes, which end at 1
+    span = 1.0 - least
+
+    task = _Task(np.clip((scenes.linear - least) / span, 0.0, 1.0), values, weight, options.interpolation, black)
+    nodes, _ = task.fitted(lambda places: curve.continued(model.gamut_map(least + places * span)), levels)
+    to_axes = np.column_stack([model.matrix / span[:, None], -least / span])
     return Lattice(levels, nodes, options.interpolation, curve.table, to_axes)
+
+
+def _levels_of_rendering(
+    model: CameraModel, scenes: RenderedScenes, curve: OutputCurve, weight: Array, options: LatticeOptions
+) -> tuple[Levels, Array]:
+    """Node levels of a rendering, and the place (3,) of black among them.
+
+    All but the first lie where likely scenes are; the first is at the least linear value that the matrix gives.
+    """
+    low = np.minimum(np.quantile(scenes.linear[scenes.weight > REST], SELDOM, axis=0), 0.0)
+    span = 1.0 - low
+    places = np.clip((scenes.linear - low) / span, 0.0, 1.0)
+    task = _Task(places, curve.continued(scenes.mapped), weight, options.interpolation)
+
+    # A tenth of the nodes is at perceptually uniform steps: bright samples alone would make the first cell so wide that
+    # it holds all dark codes of usual pictures.
+    floor = EVEN + even_to_the_eye(0.1, OFFSET)
+    even = np.linspace(to_even(low, OFFSET), 1.0, min(SEARCH_SIZE, options.size - 1))
+    red, green, blue = ((from_even(even, OFFSET) - low) / span).T
+    inner = task.best_levels(
+        lambda x: curve.continued(model.gamut_map(low + x * span)),
+        (red, green, blue),
+        floor,
+        replace(options, size=options.size - 1),
+    )
+
+    # The axes begin where black is on the grid of the shaper.
+    steps = options.shaper_size - 1
+    least = np.minimum(model.matrix, 0.0).sum(axis=1) - LEAST_CELL
+    black = np.ceil(steps * -least / (1.0 - least)) / steps
+    inside = black + (1.0 - black) * (low + np.stack(inner, axis=1) * span)
+    red, green, blue = np.vstack([np.zeros(3), inside]).T
+    return with_level_at(snapped((red, green, blue), options.shaper_size), black), black
 
 
 def bake_linearize(model: CameraModel, scenes: RenderedScenes, options: LatticeOptions) -> Lattice:
@@ -107,12 +121,16 @@ def bake_linearize(model: CameraModel, scenes: RenderedScenes, options: LatticeO
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What a lattice is fitted to: points in [0, 1] and values, both (m, 3), and weights (m,)."""
+    """What a lattice is fitted to.
+
+    points: (m, 3), in [0, 1]; values: (m, 3); weight: (m,); black: (3,), the place of black on the axes.
+    """
 
     points: Array
     values: Array
     weight: Array
     interpolation: Interpolation
+    black: Array = field(default_factory=lambda: np.zeros(3))
 
     def best_levels(
         self, function: Callable[[Array], Array], start: Levels, floor: Array, options: LatticeOptions
@@ -137,14 +155,15 @@ class _Task:
     def fitted(self, function: Callable[[Array], Array], levels: Levels) -> tuple[Array, Array]:
         """The node values of least error at these levels, and the weighted squared errors of the points (m,).
 
-        A node without points around it takes the function's own value. Black stays black.
+        A node without points around it takes the function's own value. Black stays black where it is a node.
         """
         sampled = function(grid(levels))
         nodes = fit_lattice(
             self.points, self.values, levels, method=self.interpolation, weight=self.weight / float(self.weight.mean()),
             prior=Prior(sampled, np.full_like(sampled, HOLD)), tolerance=1e-4,
         ).value  # fmt: skip
-        nodes[0, 0, 0] = 0.0
+        at_black = [np.flatnonzero(axis == place) for axis, place in zip(levels, self.black, strict=True)]
+        nodes[np.ix_(*at_black)] = 0.0
         return nodes, self._error(levels, nodes)
 
     def _error(self, levels: Levels, nodes: Array) -> Array:
