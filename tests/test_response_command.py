@@ -142,7 +142,7 @@ def test_one_picture_of_a_chart_gives_a_transform_that_is_called_approximate(
         assert "approximate" in said and "EMoR's mean curve" in said and "ΔE00" in said
     profile = lf.load_profile(tmp_path / "camera.npz")
     assert any("approximate" in note for note in profile.notes)
-    assert profile.provenance == Chart("classic", "5200K", SPACE)
+    assert profile.provenance == Chart("ColorChecker Classic", "5200K", SPACE)
     to_space = matrix_between("linear-srgb", SPACE).T
     (balance,) = profile.white_balances
     ours, plain = (

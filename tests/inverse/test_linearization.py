@@ -10,7 +10,7 @@ from lutforge.interpolation import Interpolation
 from lutforge.inverse import linearization
 from lutforge.inverse.linearization import BakedRender, Linearization, inverse_of, preimages
 from lutforge.inverse.round_trip import MAX_GOAL, RoundTrip, as_8_bit, measure, raw_colours, rounded_up
-from lutforge.luts.ops import Cube, Curve, Matrix
+from lutforge.luts.ops import Cube, Curve, Matrix, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import shaper
 from lutforge.model.lattice import grid, uniform_levels
@@ -124,7 +124,10 @@ def test_a_lut_of_levels_cube_and_response_is_a_render_and_others_are_none(rende
     lut = Lut((levels, Cube(render.values), Curve(render.output_curve)))
     raw = np.random.default_rng(3).random((500, 3))
     np.testing.assert_allclose(BakedRender.of(lut)(raw), np.clip(lut(raw), 0, 1), atol=1e-6)
-    for ops in ((Matrix(np.eye(3)), *lut.ops), (Curve(levels.outputs**2), *lut.ops[1:])):
+    mixed = Matrix(np.array([[1.2, -0.1, -0.1], [-0.1, 1.2, -0.1], [-0.1, -0.1, 1.2]]), np.full(3, 0.05))
+    after_matrix = Lut((mixed, Range(), *lut.ops))
+    np.testing.assert_allclose(BakedRender.of(after_matrix)(raw), np.clip(after_matrix(raw), 0, 1), atol=1e-6)
+    for ops in ((*lut.ops, Matrix(2 * np.eye(3))), (Curve(levels.outputs**2), *lut.ops[1:])):
         with pytest.raises(LutError, match="node levels, a cube and a curve"):
             BakedRender.of(Lut(ops))
 

@@ -7,7 +7,7 @@ of sampled ones.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -82,7 +82,8 @@ def _levels_of_rendering(
         lambda x: curve.continued(model.gamut_map(low + x * span)),
         (red, green, blue),
         floor,
-        replace(options, size=options.size - 1),
+        options.size - 1,
+        options.shaper_size,
     )
 
     # The axes begin where black is on the grid of the shaper.
@@ -112,7 +113,7 @@ def bake_linearize(model: CameraModel, scenes: RenderedScenes, options: LatticeO
     levels = uniform_levels(options.size)
     if options.nonuniform:
         even = np.linspace(0.0, 1.0, min(SEARCH_SIZE, options.size))
-        levels = task.best_levels(likely, (even, even, even), EVEN, options)
+        levels = task.best_levels(likely, (even, even, even), EVEN, options.size, options.shaper_size)
     levels = snapped(levels, options.shaper_size)
 
     nodes, _ = task.fitted(model.linearize, levels)
@@ -133,11 +134,12 @@ class _Task:
     black: Array = field(default_factory=lambda: np.zeros(3))
 
     def best_levels(
-        self, function: Callable[[Array], Array], start: Levels, floor: Array, options: LatticeOptions
+        self, function: Callable[[Array], Array], start: Levels, floor: Array, size: int, shaper_size: int
     ) -> Levels:
         """Node levels in rounds, each from the errors between the nodes of the one before; the last of a whole lattice.
 
-        start: those of the first round; floor: (BINS,), the density of nodes that stay whatever the errors.
+        start: those of the first round; floor: (BINS,), the density of nodes that stay whatever the errors; size: nodes
+        per axis; shaper_size: entries of the shaper that will hold them.
         """
         levels = start
         best, least = levels, np.inf
@@ -149,7 +151,7 @@ class _Task:
                 break
             best, least = levels, float(error.mean())
             levels = equidistributed_levels(self.points, error, levels, floor=floor)
-        levels = snapped(resized_levels(best, options.size), options.shaper_size)
+        levels = snapped(resized_levels(best, size), shaper_size)
         return equidistributed_levels(self.points, self.fitted(function, levels)[1], levels, floor=floor)
 
     def fitted(self, function: Callable[[Array], Array], levels: Levels) -> tuple[Array, Array]:
