@@ -10,7 +10,7 @@ from lutforge.luts.shaper import FEW, shaper
 from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.lattice import grid, snap_levels, uniform_levels
 
-HIGHLIGHT_SIZE, DARK_CELLS = 33, 5
+HIGHLIGHT_SIZE, DARK_CELLS = 33, 2
 """Nodes per axis of the cube that keeps white neutral, and how many of its cells lie below the light that is raised."""
 
 

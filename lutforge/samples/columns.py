@@ -36,6 +36,8 @@ RAW_RANGE = (-0.05, 1.0)
 """RAW after black subtraction: noise of dark surfaces falls a little below 0 and is kept."""
 MULTIPLIER_RANGE = (1e-3, 1e3)
 """White-balance multipliers relative to green that any camera could have."""
+LARGEST_OF_MATRIX = 1e5
+"""Entries of a matrix from XYZ to RAW are below this: LibRaw's and those of DNG files are of the order of 1 or 1e4."""
 MAX_ROWS = 50_000_000
 MAX_TEXT = 200
 """Characters in a cell."""
@@ -49,7 +51,7 @@ def known_columns(path: Path, names: list[str]) -> list[str]:
     if doubled:
         raise SampleError(f"{path}: column {doubled[0]!r} occurs twice; keep one of them")
     missing = [name for name in REQUIRED_COLUMNS if name not in names]
-    for group in (WB_COLUMNS, POSITION_COLUMNS):
+    for group in (WB_COLUMNS, POSITION_COLUMNS, XYZ_COLUMNS):
         if any(name in names for name in group):
             missing += [name for name in group if name not in names]
     if missing:
@@ -101,6 +103,8 @@ def _limits(name: str) -> tuple[float, float]:
         return -ROUNDING, 1 + ROUNDING
     if name in POSITION_COLUMNS:
         return -1.0, 1.0
+    if name in XYZ_COLUMNS:
+        return -LARGEST_OF_MATRIX, LARGEST_OF_MATRIX
     return math.ulp(0.0), math.nextafter(math.inf, 0.0)
 
 
@@ -118,5 +122,7 @@ def _cell_problem(name: str, cell: str) -> str:
         return f"{shown}; sRGB lies in [0, 1]: divide 8-bit JPEG values by 255"
     if name in POSITION_COLUMNS:
         return f"{shown}; positions lie in [-1, 1]: half the picture's diagonal is 1"
+    if name in XYZ_COLUMNS:
+        return f"{shown}; the matrix from XYZ to RAW has numbers within ±{LARGEST_OF_MATRIX:g}, or empty cells"
     meaning = {"exposure_s": "exposure time in seconds", "focal_mm": "focal length in mm", "aperture": "f-number"}
     return f"{shown}; the {meaning.get(name, 'multiplier')} is positive, or the cell empty where it is unknown"

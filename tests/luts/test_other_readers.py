@@ -197,7 +197,7 @@ def _darktable(command: str, folder: Path, lut: Path) -> Path:
 
 PROGRAMS = (
     Program("ffmpeg", ("ffmpeg",), ".cube", "tetrahedral", _ffmpeg, 1e-4, "ffmpeg"),
-    Program("ffmpeg", ("ffmpeg",), ".csp", "tetrahedral", _ffmpeg, 2e-3, "ffmpeg"),
+    Program("ffmpeg", ("ffmpeg",), ".csp", "tetrahedral", _ffmpeg, 2.5e-3, "ffmpeg"),
     Program("oiiotool", ("oiiotool",), ".clf", "tetrahedral", _oiiotool, 1e-4),
     Program("oiiotool", ("oiiotool",), ".cube", "tetrahedral", _oiiotool, 1e-4, "oiio"),
     Program("oiiotool", ("oiiotool",), ".csp", "tetrahedral", _oiiotool, 1e-4, "oiio"),

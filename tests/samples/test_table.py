@@ -20,6 +20,7 @@ from lutforge.samples.columns import NUMBER_COLUMNS
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.samples.table_file import is_table
+from tests.cases.samples import made_samples
 
 HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b,wb_r,wb_g,wb_b"
 ROW = "Canon S40,standard,daylight,a,p1,0.25,0.1,0.2,0.3,0.4,0.5,0.6,2,1,1.5"
@@ -75,6 +76,15 @@ def test_round_trip(samples: SampleSet, suffix: str, tmp_path: Path) -> None:
     first = path.read_bytes()
     read_samples(path).save(path)
     assert suffix == ".npz" or path.read_bytes() == first
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_a_matrix_with_negative_numbers_comes_back(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"samples{suffix}"
+    samples = made_samples()
+    matrix = np.array([0.9, -0.3, -0.1, -0.4, 1.2, 0.2, -0.1, 0.2, 0.6])
+    replace(samples, from_xyz=np.tile(matrix, (len(samples), 1))).save(path)
+    np.testing.assert_allclose(read_samples(path).from_xyz[0], matrix, atol=1e-9)
 
 
 @given(content=st.one_of(st.binary(max_size=300), st.text(max_size=300).map(str.encode)))
