@@ -11,7 +11,7 @@ from lutforge.luts.fit_cube import Axes, Share, fit_cube, fit_cube_before_curve
 from lutforge.luts.lower import EvenSegment, Part, Segment, SegmentBeforeCurve, SegmentOnLevels, WholeSegment
 from lutforge.luts.ops import Cube, Op, joined
 from lutforge.luts.shaper import FEW, SHAPER_SIZE, levels_behind_gain, shaper
-from lutforge.model.lattice import resized_levels, snapped, uniform_levels, with_level_at
+from lutforge.model.lattice import nodes_at, resized_levels, snapped, uniform_levels, with_level_at
 from lutforge.progress import Progress
 
 
@@ -53,12 +53,14 @@ def _share(size: int, progress: Progress) -> Share:
 
 def _fitted_on_levels(part: SegmentOnLevels, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:
     """A segment at node levels of another number."""
-    black = np.rint(part.black * (FEW - 1)) / (FEW - 1)
-    levels = with_level_at(snapped(resized_levels(part.levels, size), FEW), black)
+    levels = snapped(resized_levels(part.levels, size), FEW)
+    ends = [np.rint(place * (FEW - 1)) / (FEW - 1) for place in (part.black, part.white)]
+    for place in ends:
+        levels = with_level_at(levels, place)
     weight = slope_weight(part.output_curve)
     values = fit_cube_before_curve(part.function, Axes(levels, levels, lambda x: x), method, np.ones(3), weight, share)
-    at_black = [np.flatnonzero(axis == place) for axis, place in zip(levels, black, strict=True)]
-    values[np.ix_(*at_black)] = part.function(part.black[None])
+    for place, exact in zip(ends, (part.black, part.white), strict=True):
+        values[nodes_at(levels, place)] = part.function(exact[None])
     return shaper(levels, FEW), Cube(values, method)
 
 

@@ -48,12 +48,14 @@ class SegmentBeforeCurve(Segment):
 class SegmentOnLevels:
     """A function of [0, 1]³, (n, 3) → (n, 3), to be fitted at node levels as dense as the given ones.
 
-    black: (3,), where the function has its darkest value, which stays; output_curve: (m, 3), after it.
+    black, white: (3,), places of these, at which the fitted cube has the function's own values; output_curve: (m, 3),
+    after it.
     """
 
     function: Function
     levels: Levels
     black: Array
+    white: Array
     output_curve: Array
 
 
@@ -133,7 +135,7 @@ def _to_any_sequence(transform: ColourFunction, target: Target, highest: float) 
     if parts.output_curve is None:
         cube: tuple[Part, ...] = (Segment(parts.cube_values, parts.gain, parts.curve),)
     elif parts.lattice is not None and parts.lattice.input_matrix is not None:
-        to_axes, segment = _without_first_cells(parts.lattice, parts.lattice.input_matrix, parts.output_curve)
+        to_axes, segment = _without_outer_cells(parts.lattice, parts.lattice.input_matrix, parts.output_curve)
         cube = (to_axes, Range(), segment, Curve(parts.output_curve))
     else:
         magnified = SegmentBeforeCurve(parts.cube_values, parts.gain, parts.curve, output_curve=parts.output_curve)
@@ -197,19 +199,26 @@ def _scaled(transform: ColourFunction, highest: float) -> Segment:
     return Segment(checked(lambda x: transform(x * highest)), stops=stops)
 
 
-def _without_first_cells(lattice: Lattice, input_matrix: Array, output_curve: Array) -> tuple[Matrix, SegmentOnLevels]:
-    """The matrix of a lattice, and its cube as a segment that begins at the second node level of each axis.
+def _without_outer_cells(lattice: Lattice, input_matrix: Array, output_curve: Array) -> tuple[Matrix, SegmentOnLevels]:
+    """The matrix of a lattice, and its cube as a segment without the first and the last cell of each axis.
 
-    The first cells hold linear values that hardly any scene has: a small cube has no node for them.
+    These hold linear values that hardly any scene has, beyond black and white: a small cube has no nodes for them.
     """
     on_axes = replace(lattice, input_matrix=None)
-    first = np.array([axis[1] for axis in lattice.levels])
-    left = 1.0 - first
-    r, g, b = ((axis[1:] - axis[1]) / (1.0 - axis[1]) for axis in lattice.levels)
-    to_axes = Matrix(input_matrix[:, :3] / left[:, None], (input_matrix[:, 3] - first) / left)
-    return to_axes, SegmentOnLevels(
-        lambda x: on_axes.cube_values(first + left * x), (r, g, b), np.maximum(to_axes.offset, 0.0), output_curve
-    )
+    black = input_matrix[:, 3]
+    white = lattice.on_axes(np.ones(3))
+    inner = [axis[(axis > 0) | (axis[1] > at)] for axis, at in zip(lattice.levels, black, strict=True)]
+    r, g, b = (axis[(axis < 1) | (axis[-2] < at)] for axis, at in zip(inner, white, strict=True))
+    first = np.array([r[0], g[0], b[0]])
+    span = np.array([r[-1], g[-1], b[-1]]) - first
+
+    def function(x: Array) -> Array:
+        return on_axes.cube_values(first + span * x)
+
+    to_axes = Matrix(input_matrix[:, :3] / span[:, None], (black - first) / span)
+    r, g, b = ((axis - axis[0]) / (axis[-1] - axis[0]) for axis in (r, g, b))
+    at_black, at_white = (np.clip((place - first) / span, 0.0, 1.0) for place in (black, white))
+    return to_axes, SegmentOnLevels(function, (r, g, b), at_black, at_white, output_curve)
 
 
 def _folded_lattice(parts: Parts, target: Target) -> tuple[Op, ...]:

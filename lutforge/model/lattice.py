@@ -6,7 +6,7 @@ Its node levels come from a density, from those of another number, or lie on the
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lutforge.arrays import Array
 from lutforge.errors import LutError, ProfileError
@@ -155,6 +155,12 @@ def with_level_at(levels: Levels, place: Array) -> Levels:
             moved[1 + int(np.argmin(np.abs(axis[1:-1] - at)))] = at
         axes.append(moved)
     r, g, b = axes
+    return r, g, b
+
+
+def nodes_at(levels: Levels, place: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """The index of the nodes that lie at a place (3,); of none where it is no level of an axis."""
+    r, g, b = np.ix_(*(np.flatnonzero(axis == at) for axis, at in zip(levels, place, strict=True)))
     return r, g, b
 
 

@@ -19,7 +19,7 @@ from lutforge.calibration.scenes import REST, RenderedScenes
 from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
 from lutforge.model.gamut_map import OFFSET, from_even, to_even
 from lutforge.model.inverse_gamut_map import SolvedInverse
-from lutforge.model.lattice import Lattice, grid, resized_levels, snapped, uniform_levels, with_level_at
+from lutforge.model.lattice import Lattice, grid, nodes_at, resized_levels, snapped, uniform_levels, with_level_at
 from lutforge.model.profile import CameraModel
 from lutforge.solvers.lattice_regression import Prior, fit_lattice
 from lutforge.solvers.normal_equations import normal_equations
@@ -27,9 +27,11 @@ from lutforge.solvers.normal_equations import normal_equations
 SEARCH_SIZE = 13
 """Nodes per axis of the lattice on which levels are searched: the best ones hardly depend on their number."""
 SELDOM = 0.01
-"""Share of likely scenes whose linear values, per channel, are below the axes of a rendering's lattice."""
-LEAST_CELL = 0.01
-"""Linear values of the cell below those of likely scenes, at least."""
+"""Share of likely scenes whose linear values are in the first cell of an axis of a rendering's lattice, or the last."""
+OUTER_CELL = 0.01
+"""Linear values of the first and of the last cell of a rendering's lattice, at least."""
+LEAST_WITH_OUTER_CELLS = 13
+"""Nodes per axis from which two are spent on linear values that hardly any scene has; fewer have 0 to 1."""
 HOLD = 1.0
 """The weight of the model's own value at a node, which keeps nodes with few colours around them where they belong."""
 
@@ -38,7 +40,7 @@ def bake_render(model: CameraModel, scenes: RenderedScenes, options: LatticeOpti
     """Bake the rendering of a camera model: white-balanced RAW → JPEG, by its matrix, a cube and an output curve.
 
     The cube holds the gamut map alone: a matrix is not multilinear on axes that are spaced by perception. Its axes are
-    the linear values of likely scenes, and one cell more down to the least that the matrix gives. Errors count after
+    the linear values of likely scenes, and one cell more at either end, to what the matrix gives. Errors count after
     the curve.
     """
     curve = output_curve(model.response)
@@ -49,50 +51,63 @@ def bake_render(model: CameraModel, scenes: RenderedScenes, options: LatticeOpti
     weight = scenes.weight * (counts / np.median(counts))
 
     if options.nonuniform:
-        levels, black = _levels_of_rendering(model, scenes, curve, weight, options)
+        levels, black, white = _levels_of_rendering(model, scenes, curve, weight, options)
     else:
-        levels, black = uniform_levels(options.size), np.zeros(3)
-    least = -black / (1.0 - black)  # the linear values at the beginning of the axes, which end at 1
-    span = 1.0 - least
+        levels, black, white = uniform_levels(options.size), np.zeros(3), np.ones(3)
+    span = 1.0 / (white - black)
+    least = -black * span  # the linear values where the axes begin
 
     task = _Task(np.clip((scenes.linear - least) / span, 0.0, 1.0), values, weight, options.interpolation, black)
     nodes, _ = task.fitted(lambda places: curve.continued(model.gamut_map(least + places * span)), levels)
-    to_axes = np.column_stack([model.matrix / span[:, None], -least / span])
+    at_white = nodes_at(levels, white)
+    nodes[at_white] = np.maximum(nodes[at_white], 1.0)
+    to_axes = np.column_stack([model.matrix / span[:, None], black])
     return Lattice(levels, nodes, options.interpolation, curve.table, to_axes)
 
 
 def _levels_of_rendering(
     model: CameraModel, scenes: RenderedScenes, curve: OutputCurve, weight: Array, options: LatticeOptions
-) -> tuple[Levels, Array]:
-    """Node levels of a rendering, and the place (3,) of black among them.
+) -> tuple[Levels, Array, Array]:
+    """Node levels of a rendering, and the places (3,) of black and white among them.
 
-    All but the first lie where likely scenes are; the first is at the least linear value that the matrix gives.
+    All but the first and the last lie where likely scenes are; these two are at the least and the largest linear value
+    that the matrix gives.
     """
-    low = np.minimum(np.quantile(scenes.linear[scenes.weight > REST], SELDOM, axis=0), 0.0)
-    span = 1.0 - low
-    places = np.clip((scenes.linear - low) / span, 0.0, 1.0)
+    has_outer_cells = options.size >= LEAST_WITH_OUTER_CELLS
+    count = options.size - 2 if has_outer_cells else options.size
+    low, high = np.zeros(3), np.ones(3)
+    if has_outer_cells:
+        seen = scenes.linear[scenes.weight > REST]
+        low = np.minimum(np.quantile(seen, SELDOM, axis=0), 0.0)
+        high = np.maximum(np.quantile(seen, 1.0 - SELDOM, axis=0), 1.0)
+    places = np.clip((scenes.linear - low) / (high - low), 0.0, 1.0)
     task = _Task(places, curve.continued(scenes.mapped), weight, options.interpolation)
 
     # A tenth of the nodes is at perceptually uniform steps: bright samples alone would make the first cell so wide that
     # it holds all dark codes of usual pictures.
     floor = EVEN + even_to_the_eye(0.1, OFFSET)
-    even = np.linspace(to_even(low, OFFSET), 1.0, min(SEARCH_SIZE, options.size - 1))
-    red, green, blue = ((from_even(even, OFFSET) - low) / span).T
+    even = np.linspace(to_even(low, OFFSET), to_even(high, OFFSET), min(SEARCH_SIZE, count))
+    red, green, blue = ((from_even(even, OFFSET) - low) / (high - low)).T
     inner = task.best_levels(
-        lambda x: curve.continued(model.gamut_map(low + x * span)),
+        lambda x: curve.continued(model.gamut_map(low + x * (high - low))),
         (red, green, blue),
         floor,
-        options.size - 1,
+        count,
         options.shaper_size,
     )
+    if not has_outer_cells:
+        return snapped(inner, options.shaper_size), low, high
 
-    # The axes begin where black is on the grid of the shaper.
+    # The axes reach so far that black and white are on the grid of the shaper.
     steps = options.shaper_size - 1
-    least = np.minimum(model.matrix, 0.0).sum(axis=1) - LEAST_CELL
-    black = np.ceil(steps * -least / (1.0 - least)) / steps
-    inside = black + (1.0 - black) * (low + np.stack(inner, axis=1) * span)
-    red, green, blue = np.vstack([np.zeros(3), inside]).T
-    return with_level_at(snapped((red, green, blue), options.shaper_size), black), black
+    below = OUTER_CELL - np.minimum(model.matrix, 0.0).sum(axis=1)
+    above = OUTER_CELL + np.maximum(high, np.maximum(model.matrix, 0.0).sum(axis=1))
+    black = np.ceil(steps * below / (below + above)) / steps
+    white = np.floor(steps * (below + 1.0) / (below + above)) / steps
+    inside = black + (white - black) * (low + np.stack(inner, axis=1) * (high - low))
+    red, green, blue = np.vstack([np.zeros(3), inside, np.ones(3)]).T
+    levels = with_level_at(snapped((red, green, blue), options.shaper_size), black)
+    return with_level_at(levels, white), black, white
 
 
 def bake_linearize(model: CameraModel, scenes: RenderedScenes, options: LatticeOptions) -> Lattice:
@@ -164,8 +179,7 @@ class _Task:
             self.points, self.values, levels, method=self.interpolation, weight=self.weight / float(self.weight.mean()),
             prior=Prior(sampled, np.full_like(sampled, HOLD)), tolerance=1e-4,
         ).value  # fmt: skip
-        at_black = [np.flatnonzero(axis == place) for axis, place in zip(levels, self.black, strict=True)]
-        nodes[np.ix_(*at_black)] = 0.0
+        nodes[nodes_at(levels, self.black)] = 0.0
         return nodes, self._error(levels, nodes)
 
     def _error(self, levels: Levels, nodes: Array) -> Array:
