@@ -59,8 +59,8 @@ def bake_render(model: CameraModel, scenes: RenderedScenes, options: LatticeOpti
 
     task = _Task(np.clip((scenes.linear - least) / span, 0.0, 1.0), values, weight, options.interpolation, black)
     nodes, _ = task.fitted(lambda places: curve.continued(model.gamut_map(least + places * span)), levels)
-    at_white = nodes_at(levels, white)
-    nodes[at_white] = np.maximum(nodes[at_white], 1.0)
+    at_white = nodes_at(levels, white)  # not below what the model has there, where that is clipped
+    nodes[at_white] = np.maximum(nodes[at_white], np.minimum(curve.continued(model.gamut_map(np.ones(3))), 1.0))
     to_axes = np.column_stack([model.matrix / span[:, None], black])
     return Lattice(levels, nodes, options.interpolation, curve.table, to_axes)
 
