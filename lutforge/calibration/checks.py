@@ -96,14 +96,18 @@ class _Judgement:
 
 
 def implausible(
-    samples: SampleSet, multipliers: Array, bases: Mapping[str, MatrixAndResponse]
+    samples: SampleSet,
+    multipliers: Array,
+    bases: Mapping[str, MatrixAndResponse],
+    bases_of_unsaturated: Mapping[str, MatrixAndResponse],
 ) -> tuple[Diagnosis, ...]:
     """Diagnose the samples of one camera; return an empty tuple where a camera can have made them.
 
     multipliers: (n, 3), the white balance of every sample, estimated where the files do not state it; bases: the
-    matrix and response of each style that is judged. A style's pictures may be toned, and rows of its shots shifted.
-    Any other cause lies in how files were read, which spoils all styles alike: one style that looks as if it were
-    spoilt, among others that do not, is a style of much contrast.
+    matrix and response of each style that is judged, by all of its colours; bases_of_unsaturated: by those that a gamut
+    map leaves alone, which strong colours do not pull away from the others. A style's pictures may be toned, and rows
+    of its shots shifted. Any other cause lies in how files were read, which spoils all styles alike: one style that
+    looks as if it were spoilt, among others that do not, is a style of much contrast.
     """
     diagnoses: list[Diagnosis] = []
     causes_of_reading: list[Diagnosis | None] = []
@@ -119,8 +123,10 @@ def implausible(
             diagnoses.append(diagnosis)
         elif not np.any(of_style.raw_space != ""):  # programs may render anything
             causes_of_reading.append(_cause_of_reading(colours, given))
-            if causes_of_reading[-1] is None and given.colours_off > NO_CAMERA:
-                diagnoses.append(_no_camera(given))
+            of_unsaturated = _judged(colours, bases_of_unsaturated[style])
+            nearer = min(given, of_unsaturated, key=lambda judgement: judgement.colours_off)
+            if causes_of_reading[-1] is None and nearer.colours_off > NO_CAMERA:
+                diagnoses.append(_no_camera(nearer))
 
     if all(causes_of_reading):
         diagnoses += [diagnosis for diagnosis in causes_of_reading if diagnosis is not None]

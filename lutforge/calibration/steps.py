@@ -197,7 +197,9 @@ def correct_vignetting(state: State) -> State:
 
 def diagnose(state: State) -> State:
     """Recognize samples that no camera makes, and what made them so."""
-    return replace(state, diagnoses=implausible(state.samples, state.multipliers, state.bases_of_all_colours()))
+    of_all = state.bases_of_all_colours()
+    of_unsaturated = {style: state.base(style) for style in of_all}
+    return replace(state, diagnoses=implausible(state.samples, state.multipliers, of_all, of_unsaturated))
 
 
 def fit_gains(state: State) -> State:
