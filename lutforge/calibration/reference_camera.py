@@ -47,7 +47,7 @@ from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_medi
 
 LEAST_COLOURS = 12
 LEAST_WEIGHT = 1e-9
-"""Of a colour, so that shots without near-neutral ones have a median."""
+"""Weight that every colour has at least, so that shots without near-neutral colours have a weighted median."""
 RANK = 1e-6
 """Singular values below this share of the largest are 0."""
 ROUNDED = 0.2

@@ -37,7 +37,10 @@ POWERS = [(i, j, k) for i in range(4) for j in range(4) for k in range(4) if i +
 TONES = 3
 """How many numbers of a change are of tone."""
 ALL_SPLITS = 12
-"""Of so many shots all divisions into two groups are tried; of more, those that moving single shots leads to."""
+"""The largest number of shots of which all divisions into two groups are tried.
+
+Of more shots, single ones are moved from group to group as long as that helps.
+"""
 OFF, BEYOND = 0.8, 1.3
 """A shot deviates if its change takes away so many codes, and so many times those of the others' changes."""
 APART, APART_CODES = 1.25, 0.2
@@ -304,7 +307,7 @@ class _Comparison:
         return self._change(np.where(group, 1.0, -1.0))[2]
 
     def codes(self, group: Mask) -> float:
-        """The same in codes, as the root mean square over the group's samples."""
+        """The gain of a group (s,) in codes: its root mean square over the samples of the group."""
         weight = float(self.weight[self._rows(group)].sum())
         return 255.0 * float(np.sqrt(max(self.gain(group), 0.0) / (3.0 * weight)))
 

@@ -9,7 +9,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.arrays import Codes, Pixels
 
 BLOCK = 64 * 1024
-"""Pixels per call of OpenColorIO, which packs them into 1 MB of RGBA floats: what a core's cache holds."""
+"""Pixels per call of OpenColorIO: 1 MB of RGBA floats, which fit into the cache of a core."""
 
 
 def grade_floats(processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bool, threads: Executor | None) -> None:

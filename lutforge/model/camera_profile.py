@@ -261,7 +261,7 @@ def match(
     if not neutral_highlights:
         return Transform((*balanced, *render.stages), purpose)
 
-    # Where the source's picture burns out, the output is grey.
+    # White that is burnt out in the source's picture becomes grey in the output.
     to_balanced = through_stages(exposed, np.eye(3)).T
     back = MatrixStage(np.diag(source_camera.multipliers(source)) @ np.linalg.inv(to_balanced))
     shown = partial(through_stages, (back, *source_camera.render_balanced(source, model).stages))

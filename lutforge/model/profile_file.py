@@ -94,7 +94,7 @@ def described(profile: ProfileData) -> tuple[dict[str, Any], dict[str, Array]]:
 
 
 def read_profile(path: Path) -> ProfileData:
-    """Read what a profile file holds. Raises ProfileError, in one line, on anything that is not one."""
+    """Read a profile file. Raises ProfileError, with a message of one line, if the file is not a valid profile."""
     if path.suffix.lower() == ".csv":
         raise ProfileError(
             f"{path}: not a LutForge profile but a table of samples; run `lutforge calibrate {path} -o camera.npz`"

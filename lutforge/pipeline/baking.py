@@ -382,7 +382,7 @@ def _notes_on(plan: _Plan, files: Sequence[BakedFile]) -> list[str]:
 
 
 def _notes_on_difference(purpose: Purpose, file: BakedFile) -> list[str]:
-    """Where a difference that is seen is the largest, in a file that takes scenes."""
+    """Return a note on the scene-linear input at which a file is visibly off, above ΔE00 1; none where it is not."""
     error = file.error
     if purpose.kind != "render" or purpose.space == "raw" or error.max_de00 is None or error.max_de00 <= 1:
         return []

@@ -127,7 +127,7 @@ def read_shot(
         ones = np.ones(3)
         raw = replace(raw, pixels=development.pixels, pixel_size=1.0, multipliers=ones, clip_level=ones)
 
-    # The JPEG file first, then the preview; what a program wrote comes last.
+    # JPEGs of the camera are tried before those that a program wrote, and a file before the preview in the RAW.
     reasons: list[str] = []
     jpeg_file = jpeg_beside(path)
     candidates = [(str(jpeg_file), edited_notes(tags(jpeg_file)))] if jpeg_file else []

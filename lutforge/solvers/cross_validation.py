@@ -30,7 +30,7 @@ ALIKE, ALIKE_SHARE = 5.0, 0.95
 """Samples of two groups are the same if they lie so near, and nearer than those of one group to each other: those of
 a burst with 1 % of noise at 0.7 to 0.8 of that, of different photographs at 8 times it."""
 COMPARED = 100
-"""So many samples of a group are looked for in another."""
+"""Samples of a group, at most, whose nearest neighbours in another group are compared."""
 
 
 def joined_alike(groups: NDArray[np.str_], points: Array) -> NDArray[np.str_]:

@@ -72,7 +72,7 @@ class Job:
             news.close()
 
     def wait(self, seconds: float) -> JobReport:
-        """Where the job stands at its end, or after so many seconds."""
+        """Return the report of the job when it ends, or its present report after some seconds."""
         self._follower.join(seconds)
         return self.report
 

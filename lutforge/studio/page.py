@@ -128,7 +128,7 @@ class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as An
         self._dropped = page.session.page.guarded(lambda: page.session.page.say(DROP_ELSEWHERE, wrong=True))
 
     def _handle_msg(self, data: Any) -> None:
-        """Do what a key of the page asks for."""
+        """Run the action of a keyboard shortcut."""
         match data:
             case {"do": "undo"}:
                 self._undo()

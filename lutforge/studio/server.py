@@ -73,7 +73,7 @@ def discard_unconnected(application: Any) -> None:
 
 
 class ContentSecurityPolicy(OutputTransform):
-    """Lets a page run its own scripts alone: no script that stands in a name, and nothing from another place.
+    """Header that lets a page run the studio's own scripts only: none in a file's name, none of another site.
 
     Bokeh's and Panel's own code is made of strings ('unsafe-eval') and modules of blobs; its scripts in the page get
     the page's number (nonce), which no text that is shown can know. https://www.w3.org/TR/CSP3/

@@ -336,7 +336,7 @@ class Session:
                 widget.param.watch(lambda event: self.history.end_move(), "value_throttled")
 
     def close(self) -> None:
-        """End all work, and remove what was dropped: nobody comes back."""
+        """End all jobs, and remove the files that were dropped: the session cannot be continued."""
         self.work.queue.end(self.work.queue.works)
         self.detach()
         if self.dropped is not None:

@@ -61,7 +61,7 @@ def table(shown: Table) -> Html:
 def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:
     """A slider that the keyboard moves, too."""
     made = pmui.FloatSlider(label=label, value=value, start=start, end=end, step=step, size="small", **{**WIDE, **more})
-    made.usual = value  # what a double click sets
+    made.usual = value  # a double click sets the slider to it
     made._priority_changes = ["value"]  # Panel's pause of 50 ms is what a picture would lag behind
     made._busy__ignore = ["value"]  # and the news that the server is busy
     return made

@@ -22,7 +22,7 @@ MIN_EXPLAINED = 0.5
 CLEAR_CORRELATION, CLEAR_EXPLAINED = 0.55, 0.9
 """Beyond both, a place is beyond doubt, and no other turn is tried."""
 AMBIGUOUS = 1.5
-"""Where a second place leaves less than this times the unexplained share of the first, either may be the true one."""
+"""Ratio of the unexplained shares of two places, the better one below, under which either may be the true one."""
 NON_RIGID_MESSAGE = (
     "parts of the JPEG lie beside their place in the RAW, by {:.1f} pixels in the mean (a straightened perspective, "
     "strong sharpening, or an unknown correction); switch that off, or use the camera's own JPEG"

@@ -24,7 +24,10 @@ SCALES = np.exp(0.0075 * np.arange(-8, 6))
 """Steps of 0.75 % about the scale at which the JPEG is as wide or as high as the RAW: from 6 % less, since cameras trim
 the borders and enlarge what distortion was removed from, to 3 % more."""
 LEAST_ENERGY = 0.2
-"""Of the template's energy, as if the RAW's part had it at least: else a flat part correlates by its noise."""
+"""Energy of a part of the RAW, as a share of the template's, below which its correlation is damped.
+
+Else a flat part of the RAW would correlate by its noise.
+"""
 
 
 def search(raw: RawLevel, jpeg: ReducedJpeg) -> list[Registration]:
@@ -40,7 +43,7 @@ def search(raw: RawLevel, jpeg: ReducedJpeg) -> list[Registration]:
 
 
 def search_at_scale(raw: RawLevel, jpeg: ReducedJpeg, scale: float) -> list[Registration]:
-    """As `search`, at one scale alone, in RAW pixels per pixel of the whole JPEG."""
+    """Search the places of a JPEG in a RAW at one known scale, in RAW pixels per pixel of the whole JPEG."""
     template = _Template.of(jpeg)
     return _best_places(raw, template, np.array([scale * template.factor]))
 
