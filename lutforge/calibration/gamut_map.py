@@ -2,21 +2,25 @@
 
 With z = e(X) on the perceptual scale, h(X) = e⁻¹(z + r(z)), and the correction r is a Gaussian process of mean zero
 given the samples (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, equation 2.23). In the words of
-(4.7) and (4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity. The numbers of the
-kernel, its noise and the weight of distances along the grey axis were chosen on the Canon S40 and the published Nikon
-D40 among factors of two, within which errors change by 3 %; the table of parts in the guide has the other cameras.
+(4.7) and (4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity.
+
+How rough a camera's correction is, its samples tell: the roughness of the kernel is that of the largest marginal
+likelihood (equation 5.8 of the book). Simulated cameras have 0.01 to 0.05, the Canon S40 has 1 to 2. The other numbers
+were chosen among factors of two on one half of a fleet of cameras; the guide has the figures of both halves.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.optimize import minimize_scalar
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import (
     OFFSET,
+    ROUGHNESS,
     GamutMap,
     flattened,
     from_even,
@@ -26,12 +30,16 @@ from lutforge.model.gamut_map import (
 )
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
-NOISE = 3e-4
+NOISE = 1.5e-4
 """Variance of a sample's error, where a priori the correction's is 1."""
 MOST_CENTRES = 4_000
 """Samples are merged in cells until they are this few; the thesis has 3,000 to 5,000."""
 CELL = 0.005
 """The least size of these cells. Samples so near are of one surface, share their errors, and count once."""
+LIKELIHOOD_CENTRES = 500
+"""Centres of the fits by which the roughness is estimated."""
+ROUGHNESS_RANGE = (0.005, 2.0)
+"""Beyond these fits hardly change."""
 BEYOND_CENTRES = 1_000
 """Centres of the fit that tells how far beyond its end a clipped channel goes on."""
 DEVIATION_CENTRES = 500
@@ -53,24 +61,46 @@ def krige(
     """
     z, correction = to_even(source, OFFSET), to_even(target, OFFSET) - to_even(source, OFFSET)
     # IRLS weights by encoded residuals from a fit with few centres and much noise.
-    coarse = _solve(z, correction, np.full(len(z), 0.01), min(400, most_centres))
+    coarse = _solve(z, correction, np.full(len(z), 0.01), min(400, most_centres), ROUGHNESS)
     residual = to_even(coarse(from_even(z, OFFSET)), OFFSET) - z - correction
     robust = RobustWeights(cauchy, multiple=10.0, least=12.0 / 255.0)
     weight = robust(np.linalg.norm(residual, axis=1) / error_scale)
+    roughness = likely_roughness(z, correction, weight)
+
     black, white = np.zeros((1, 3)), np.ones((1, 3))  # which a gamut map leaves alone
     z, correction = np.concatenate([z, black, white]), np.concatenate([correction, np.zeros((2, 3))])
     weight = np.concatenate([weight, np.ones(2)])
     if clipped is not None and len(clipped[0]):
         bounded, ends, at_white, at_black = clipped
         # What a fit without them continues beyond the bound holds; the bound holds where that falls short of it.
-        fit = _solve(z, correction, weight, min(BEYOND_CENTRES, most_centres))
+        fit = _solve(z, correction, weight, min(BEYOND_CENTRES, most_centres), roughness)
         at, bound = to_even(bounded, OFFSET), to_even(ends, OFFSET)
         continued = to_even(fit(bounded), OFFSET)
         wanted = np.where(at_white, np.maximum(continued, bound), bound)
         wanted = np.where(at_black, np.minimum(continued, bound), wanted)
         z, correction = np.concatenate([z, at]), np.concatenate([correction, wanted - at])
         weight = np.concatenate([weight, np.ones(len(at))])
-    return _solve(z, correction, weight, most_centres)
+    return _solve(z, correction, weight, most_centres, roughness)
+
+
+def likely_roughness(z: Array, correction: Array, weight: Array) -> float:
+    """The roughness that makes samples likeliest: corrections (n, 3) at z (n, 3), of noise NOISE / weight (n,).
+
+    The process has any variance; the likelihood is the largest over it, (5.8) with σ² = yᵀ K⁻¹ y / 3n.
+    """
+    places, values, weight = _merged(z, correction, weight, LIKELIHOOD_CENTRES)
+    noise = NOISE / weight
+
+    def unlikelihood(logarithm: float) -> float:
+        covariance = kriging_covariance(places, roughness=np.exp(logarithm))
+        covariance[np.diag_indices(len(places))] += noise
+        factor = np.linalg.cholesky(covariance)
+        whitened = solve_triangular(factor, values, lower=True, check_finite=False)
+        return float(0.5 * values.size * np.log(np.sum(whitened**2)) + 3.0 * np.sum(np.log(np.diag(factor))))
+
+    least, most = np.log(ROUGHNESS_RANGE)
+    found = minimize_scalar(unlikelihood, bounds=(least, most), method="bounded", options={"xatol": 0.2})
+    return float(np.exp(found.x))
 
 
 def fit_gamut_map(
@@ -98,7 +128,7 @@ def fit_gamut_map(
     return krige(linear, mapped, error_scale, most_centres, bounds)
 
 
-def posterior_deviation(source: Array) -> Callable[[Array], Array]:
+def posterior_deviation(source: Array, roughness: float) -> Callable[[Array], Array]:
     """The standard deviation of the process given samples at source (n, 3), as a function of linear colours (m, 3).
 
     It is on the even scale, in the units of a process of which the kernel is the covariance: what errors are in these
@@ -106,23 +136,23 @@ def posterior_deviation(source: Array) -> Callable[[Array], Array]:
     """
     z = to_even(source, OFFSET)
     centres, _, _ = _merged(z, np.zeros_like(z), np.ones(len(z)), DEVIATION_CENTRES)
-    covariance = kriging_covariance(centres)
+    covariance = kriging_covariance(centres, roughness=roughness)
     variance = covariance[0, 0]
     covariance[np.diag_indices(len(centres))] += NOISE
     factor = cholesky(covariance, lower=True, overwrite_a=True)
 
     def deviation(linear: Array) -> Array:
-        across = kriging_covariance(centres, to_even(linear.reshape(-1, 3), OFFSET))
+        across = kriging_covariance(centres, to_even(linear.reshape(-1, 3), OFFSET), roughness)
         known = np.sum(solve_triangular(factor, across, lower=True, overwrite_b=True) ** 2, axis=0)
         return np.asarray(np.sqrt(np.maximum(variance - known, NOISE)).reshape(linear.shape[:-1]))
 
     return deviation
 
 
-def _solve(z: Array, correction: Array, weight: Array, most_centres: int) -> GamutMap:
+def _solve(z: Array, correction: Array, weight: Array, most_centres: int, roughness: float) -> GamutMap:
     """The mean of the process given samples of noise NOISE / weight (n,) at z (n, 3)."""
     centres, values, weight = _merged(z, correction, weight, most_centres)
-    covariance = kriging_covariance(centres)
+    covariance = kriging_covariance(centres, roughness=roughness)
     covariance[np.diag_indices(len(centres))] += NOISE / weight
     try:
         # NumPy's factorization releases Python's lock, so that fits run beside each other; SciPy's does not.
@@ -132,7 +162,7 @@ def _solve(z: Array, correction: Array, weight: Array, most_centres: int) -> Gam
     if not np.all(np.isfinite(coefficients)):
         raise CalibrationError("the colours hold numbers that are not finite, or far beyond 1")
     identity = identity_gamut_map().polynomial
-    return GamutMap(from_even(centres, OFFSET), coefficients, identity, OFFSET, "kriging")
+    return GamutMap(from_even(centres, OFFSET), coefficients, identity, OFFSET, "kriging", roughness)
 
 
 def _merged(z: Array, correction: Array, weight: Array, most: int) -> tuple[Array, Array, Array]:

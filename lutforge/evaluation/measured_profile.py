@@ -9,7 +9,7 @@ from scipy.optimize import nnls
 
 from lutforge.arrays import Array
 from lutforge.calibration.gamut_map import posterior_deviation
-from lutforge.calibration.matrix_and_response import MatrixAndResponse, encoding_slope
+from lutforge.calibration.matrix_and_response import encoding_slope
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.figures import error_figures
@@ -156,7 +156,7 @@ def held_out_errors(predictions: Predictions, method: str) -> dict[Direction, He
     base, deviation = data.base, ByDirection(np.zeros(len(rows)), np.zeros(len(rows)))
     for fold in np.unique(predictions.fold[rows]):
         inside, train = rows & (predictions.fold == fold), predictions.fold != fold
-        of_codes = deviations(base, data.balanced[train], data.encoded[train])
+        of_codes = deviations(data, data.balanced[train], data.encoded[train])
         for direction, of_fold in of_codes.items():
             deviation[direction][inside] = of_fold(data.both[direction][0][inside], data.encoded[inside])
     encoders = ByDirection[Predictor](lambda rendered: np.clip(rendered, 0.0, 1.0), base.render)
@@ -168,12 +168,15 @@ def held_out_errors(predictions: Predictions, method: str) -> dict[Direction, He
     return errors
 
 
-def deviations(
-    base: MatrixAndResponse, balanced: Array, encoded: Array
-) -> ByDirection[Callable[[Array, Array], Array]]:
-    """σ by direction, given samples Tw E → I, both (n, 3): of colours (…, 3) that it takes, and their JPEG codes."""
-    of_light = posterior_deviation(balanced @ base.matrix.T)
-    of_codes = posterior_deviation(base.response.linearize(encoded))
+def deviations(data: StyleData, balanced: Array, encoded: Array) -> ByDirection[Callable[[Array, Array], Array]]:
+    """σ by direction, given some of a style's samples, Tw E → I, both (n, 3).
+
+    A function of the colours (…, 3) that the direction takes, and of their JPEG codes.
+    """
+    base = data.base
+    roughness = data.model.gamut_map.roughness
+    of_light = posterior_deviation(balanced @ base.matrix.T, roughness)
+    of_codes = posterior_deviation(base.response.linearize(encoded), roughness)
 
     def slope(codes: Array) -> Array:
         flat = codes.reshape(-1, 3)
@@ -193,7 +196,7 @@ def expected_errors(
 
     It is computed at every second node, which is as closely as it varies.
     """
-    deviation, result = deviations(data.base, data.balanced, data.encoded), {}
+    deviation, result = deviations(data, data.balanced, data.encoded), {}
     for direction, errors in held_out.items():
         lattice = style.lattices.get(direction)
         if lattice is None:

@@ -5,9 +5,10 @@ e(x) = ±((|x| + ε)^(1/2.4) − ε^(1/2.4)) / c with c such that e(1) = 1.
 
 The thesis's function is φ(r) = r. The other one is the covariance of kriging (`calibration.gamut_map`), a sum of
 three that fade (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, section 4.2.1), with t = r/ℓ:
-φ(r) = 0.2 exp(−t) + 0.8 (1 + 8t) exp(−8t) + 10 exp(−3 t²). The first is rough and reaches far; its limit for long ℓ is
-φ(r) = r. The second is smooth and reaches an eighth as far. The third is what a polynomial trend would be, and goes on
-smoothly beyond the samples. Distances along the grey axis count 0.7 times.
+φ(r) = ρ exp(−t) + 0.8 (1 + 8t) exp(−8t) + 3 exp(−3 t²). The first is rough and reaches far; its limit for long ℓ is
+φ(r) = r, and its weight ρ, the roughness, is the camera's own. The second is smooth and reaches an eighth as far. The
+third is what a polynomial trend would be, and goes on smoothly beyond the samples. Distances along the grey axis count
+one half.
 """
 
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from lutforge.threads import run, shares
 BLOCK = 64
 """Centres per block of the evaluation."""
 POWER = 1 / 2.4
-OFFSET = 0.005
+OFFSET = 0.02
 """ε of the perceptual scale, for kriging."""
 
 Kernel = Literal["linear", "kriging"]
@@ -34,17 +35,19 @@ KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 REACH = 4.8
 """ℓ of the kriging kernel, on the even scale."""
 WIDE = 3.0 / REACH**2
-"""The third part of the kernel is 10 exp(−WIDE r²)."""
+"""The third part of the kernel is 3 exp(−WIDE r²)."""
 DEGREE = 8
 """The degree of the polynomial that stands for the sum of the third part over all centres.
 
 It is within 1e-9 of that sum for colours up to twice as far from the middle as the centres are.
 """
-ONE, TWO, ROUGH, SMOOTH, SLOPE = (np.float32(number) for number in (1.0, 2.0, 0.2, 0.8, 6.4))
+ONE, TWO, SMOOTH, SLOPE = (np.float32(number) for number in (1.0, 2.0, 0.8, 6.4))
 HALF, THIRD, QUARTER, FIFTH, SIXTEENTH = (np.float32(1.0 / number) for number in (2, 3, 4, 5, 16))
 INVERSE_REACH, LARGEST = np.float32(1.0 / REACH), np.float32(0.35)
 """The numbers of `_kriging` and `_falling` in float32: one in float64 would make all that it meets float64."""
-ALONG_GREY = 0.7
+ROUGHNESS = 0.2
+"""ρ of a kriging kernel whose process is not known."""
+ALONG_GREY = 0.5
 """How much a distance along the grey axis counts: exposure changes what a gamut map does less than hue and chroma."""
 
 
@@ -124,7 +127,7 @@ def _falling(x: float) -> float:
 
 
 @compiled(fastmath=True)
-def _kriging(square: float) -> float:
+def _kriging(square: float, roughness: float) -> float:
     """φ of a squared distance, in the kernel of kriging."""
     part = square / (REACH * REACH)
     ratio = np.sqrt(part)
@@ -132,7 +135,7 @@ def _kriging(square: float) -> float:
     near = far * far
     near *= near
     near *= near
-    value: float = 0.2 * far + 0.8 * (1.0 + 8.0 * ratio) * near + 10.0 * _falling(3.0 * part)
+    value: float = roughness * far + 0.8 * (1.0 + 8.0 * ratio) * near + 3.0 * _falling(3.0 * part)
     return value
 
 
@@ -146,6 +149,7 @@ def _evaluate_kriging(
     middles: Array,
     centres: Single,
     coefficients: Single,
+    rough: np.float32,
     y: Array,
     first: int,
     last: int,
@@ -155,7 +159,7 @@ def _evaluate_kriging(
     exp(−t) − 1 is squared as (1 + m)² − 1 = m (2 + m), so that rounding is not squared with it: within 3e-5 of the
     exact sum, 6e-6 in the mean, where Σ|λ| = 2,000.
     """
-    one, two, rough, smooth, slope = ONE, TWO, ROUGH, SMOOTH, SLOPE
+    one, two, smooth, slope = ONE, TWO, SMOOTH, SLOPE
     for n in range(first, last):
         x0, x1, x2 = x[n, 0], x[n, 1], x[n, 2]
         p = polynomial
@@ -204,15 +208,18 @@ def _evaluate_kriging(
 
 
 @compiled(fastmath=True)
-def _covariance(points: Array, others: Array, triangle: bool, covariance: Array, first: int, last: int) -> None:
+def _covariance(
+    points: Array, others: Array, roughness: float, triangle: bool, covariance: Array, first: int, last: int
+) -> None:
     """Fill rows of φ between points (3, n) and others (3, m), or of its lower triangle only."""
     for n in range(first, last):
         row, f0, f1, f2 = covariance[n], points[0, n], points[1, n], points[2, n]
         for i in range(n + 1 if triangle else others.shape[1]):
-            row[i] = _kriging((f0 - others[0, i]) ** 2 + (f1 - others[1, i]) ** 2 + (f2 - others[2, i]) ** 2)
+            square = (f0 - others[0, i]) ** 2 + (f1 - others[1, i]) ** 2 + (f2 - others[2, i]) ** 2
+            row[i] = _kriging(square, roughness)
 
 
-def kriging_covariance(even: Array, others: Array | None = None) -> Array:
+def kriging_covariance(even: Array, others: Array | None = None, roughness: float = ROUGHNESS) -> Array:
     """The kriging kernel between points (n, 3) of the even scale and others (m, 3), (n, m).
 
     Between the points themselves, without others, its lower triangle; 0 above.
@@ -221,7 +228,7 @@ def kriging_covariance(even: Array, others: Array | None = None) -> Array:
     columns = points if others is None else np.ascontiguousarray(flattened(others).T)
     covariance = np.zeros((points.shape[1], columns.shape[1]))
     run(
-        lambda first, last: _covariance(points, columns, others is None, covariance, first, last),
+        lambda first, last: _covariance(points, columns, roughness, others is None, covariance, first, last),
         shares(len(even), 200),
     )
     return covariance
@@ -237,8 +244,8 @@ class GamutMap:
     """h_c(X) = Σ_i λ_ci φ(‖X − X_i‖) + a_cᵀ [1, X], or on the even scale: h(X) = e⁻¹(Σ_i λ_i φ(‖e(X) − e(X_i)‖) + …).
 
     centres: X_i (n, 3), linear; coefficients: λ (n, 3); polynomial: a (4, 3), rows constant, x, y, z; offset: ε of the
-    even scale, 0 for none; kernel: the function φ of the distance. Raises ProfileError where the shapes disagree, a
-    number is not finite or the kernel is unknown.
+    even scale, 0 for none; kernel: the function φ of the distance; roughness: ρ of kriging's. Raises ProfileError where
+    the shapes disagree, a number is not finite or the kernel is unknown.
     """
 
     centres: Array
@@ -246,6 +253,7 @@ class GamutMap:
     polynomial: Array
     offset: float = 0.0
     kernel: Kernel = "linear"
+    roughness: float = ROUGHNESS
 
     def __post_init__(self) -> None:
         count = len(self.centres)
@@ -258,6 +266,8 @@ class GamutMap:
             raise ProfileError(f"gamut map: the offset of its scale, {self.offset}, is not within 0 … 1")
         if self.kernel not in KERNELS:
             raise ProfileError(f"gamut map: unknown kernel {self.kernel!r}")
+        if not 0.0 <= self.roughness <= 1e3:
+            raise ProfileError(f"gamut map: its roughness, {self.roughness}, is not within 0 … 1000")
 
     @property
     def is_identity(self) -> bool:
@@ -277,7 +287,18 @@ class GamutMap:
                 middles, _, centres, factors = self._blocks
                 middle, moments = self._moments
                 _evaluate_kriging(
-                    flat, flattened(flat), polynomial, middle, moments, middles, centres, factors, mapped, first, last
+                    flat,
+                    flattened(flat),
+                    polynomial,
+                    middle,
+                    moments,
+                    middles,
+                    centres,
+                    factors,
+                    np.float32(self.roughness),
+                    mapped,
+                    first,
+                    last,
                 )
 
         run(evaluate, shares(len(flat), 2_000))  # points that are worth a thread
@@ -298,7 +319,7 @@ class GamutMap:
         """
         middle = self._points.mean(axis=0)
         offsets = self._points - middle
-        weights = 10.0 * self.coefficients * np.exp(-WIDE * np.sum(offsets**2, axis=1))[:, None]
+        weights = 3.0 * self.coefficients * np.exp(-WIDE * np.sum(offsets**2, axis=1))[:, None]
         powers = np.cumprod(np.vstack([np.ones((1, *offsets.shape)), np.tile(offsets, (DEGREE, 1, 1))]), axis=0)
         scale = np.array([(2.0 * WIDE) ** order / factorial(order) for order in range(DEGREE + 1)])
         powers *= scale[:, None, None]

@@ -30,7 +30,7 @@ from lutforge.model.vignetting import Vignetting
 from lutforge.model.white_balance import WhiteBalance
 
 FORMAT = "lutforge-profile"
-FORMAT_VERSION = 9
+FORMAT_VERSION = 10
 """The one version that is read: profiles are quickly calibrated again."""
 
 MOST_VALUES = {1: 1 << 16, 2: 3 << 16, 3: 129**3, 4: 3 * 129**3}
@@ -219,12 +219,12 @@ def _map_to_json(base: str, gamut_map: GamutMap, stored: Callable[[str, Array], 
     """Describe a gamut map; its arrays are stored under names that begin with `base`."""
     for part in MAP_ARRAYS:
         stored(f"{base}_{part}", getattr(gamut_map, part))
-    return {"offset": gamut_map.offset, "kernel": gamut_map.kernel}
+    return {"offset": gamut_map.offset, "kernel": gamut_map.kernel, "roughness": gamut_map.roughness}
 
 
 def _map_from_json(entry: Mapping[str, Any], base: str, array: Callable[[str], Array]) -> GamutMap:
     centres, weights, trend = (array(f"{base}_{part}") for part in MAP_ARRAYS)
-    return GamutMap(centres, weights, trend, float(entry["offset"]), entry["kernel"])
+    return GamutMap(centres, weights, trend, float(entry["offset"]), entry["kernel"], float(entry["roughness"]))
 
 
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:

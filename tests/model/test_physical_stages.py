@@ -90,11 +90,12 @@ def test_kriging_is_the_sum_of_its_kernel_up_to_twice_as_far_as_its_centres() ->
     centres, coefficients = rng.random((700, 3)), rng.normal(size=(700, 3))
     coefficients *= 2000 / np.abs(coefficients).sum(axis=0)
     coefficients -= coefficients.mean(axis=0)  # as of a fit, whose long parts cancel
-    gamut_map = GamutMap(centres, coefficients, identity_gamut_map().polynomial, 0.005, "kriging")
+    gamut_map = GamutMap(centres, coefficients, identity_gamut_map().polynomial, 0.005, "kriging", 0.3)
     x = np.concatenate([rng.random((300, 3)), rng.uniform(-0.3, 3.0, (300, 3))])
     even = to_even(x, 0.005)
     distance = cdist(flattened(even), flattened(to_even(centres, 0.005))) / REACH
-    kernel = 0.2 * np.exp(-distance) + 0.8 * (1 + 8 * distance) * np.exp(-8 * distance) + 10 * np.exp(-3 * distance**2)
+    near = 0.8 * (1 + 8 * distance) * np.exp(-8 * distance)
+    kernel = 0.3 * np.exp(-distance) + near + 3 * np.exp(-3 * distance**2)
     np.testing.assert_allclose(to_even(gamut_map(x), 0.005), even + kernel @ coefficients, rtol=0, atol=1e-4)
 
 
