@@ -8,6 +8,10 @@ from pathlib import Path
 
 import pytest
 
+# As many processes run tests as there are cores. The threads of BLAS wait actively, and those of one process would take
+# the time of the others; it reads this when numpy loads it, here and in the commands that tests start.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
 from lutforge.cli.main import main
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.published_model import import_published

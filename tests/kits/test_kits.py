@@ -58,6 +58,7 @@ def colours_of_photographs(samples: SampleSet) -> np.ndarray:
     return np.asarray((samples.raw * samples.wb)[::5])
 
 
+@pytest.mark.usefixtures("small_profiles")  # of ICC, which the kit holds, too
 def test_a_dng_profile_shows_the_look(profile: CameraProfile, s40_samples: SampleSet, tmp_path: Path) -> None:
     folder = write_kit(profile, SETTING, tmp_path / "kit", "rawtherapee")
     tags = dcp_tags(folder / "Canon PowerShot S40 standard.dcp")
@@ -81,6 +82,7 @@ def test_a_dng_profile_names_the_camera_as_its_raw_files_do(
     assert dcp_tags(tmp_path / "look.dcp")[50708] == stated
 
 
+@pytest.mark.usefixtures("small_profiles")
 def test_camera_profiles_state_what_they_take_and_give(
     profile: CameraProfile, tmp_path: Path, lutforge: CommandLine
 ) -> None:
