@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 # As many processes run tests as there are cores. The threads of BLAS wait actively, and those of one process would take
@@ -19,6 +20,9 @@ from lutforge.ocio import config
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from tests.cases.real_data import CHARTS, S40, PublishedPairs, read_published_pairs
+
+hypothesis.settings.register_profile("lutforge", deadline=None)  # clocks are no test's: other work slows them
+hypothesis.settings.load_profile("lutforge")
 
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]
 """What the fixture `lutforge` gives: `lutforge(*words, cwd=folder, status=0)`; status: what it must end with."""

@@ -43,14 +43,13 @@ SETTING = "standard/auto"
 
 
 @pytest.fixture(scope="module")
-def developed_profile(s40_samples: SampleSet) -> CameraProfile:
+def developed_profile(profile: CameraProfile, s40_samples: SampleSet) -> CameraProfile:
     """As if a program had developed the RAW files: by the camera's matrix, to linear Rec. 2020."""
-    matrix = calibrate(s40_samples, CalibrationOptions(size=9))[0].matrix
     balanced = s40_samples.raw * s40_samples.wb
-    developed = np.clip(balanced @ (matrix_between("linear-srgb", "linear-rec2020") @ matrix).T, 0.0, 1.0)
+    developed = np.clip(balanced @ (matrix_between("linear-srgb", "linear-rec2020") @ profile.matrix).T, 0.0, 1.0)
     samples = replace(s40_samples, raw=developed, wb=np.ones_like(s40_samples.wb))
-    profile = calibrate(samples, CalibrationOptions(size=17))[0]
-    return replace(profile, provenance=Developed("darktable 4.2.1", "linear-rec2020"))
+    of_developed = calibrate(samples, CalibrationOptions(size=17))[0]
+    return replace(of_developed, provenance=Developed("darktable 4.2.1", "linear-rec2020"))
 
 
 def colours_of_photographs(samples: SampleSet) -> np.ndarray:

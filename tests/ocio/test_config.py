@@ -579,12 +579,15 @@ def test_stems_are_ascii_and_keep_every_script() -> None:
         assert len(file_stem(text)) <= 100
 
 
+ROLES = {role.lower() for role in base_config().getRoleNames()}
+
+
 def names(longest: int) -> st.SearchStrategy[str]:
     """What a profile takes as a name."""
     return st.text(max_size=longest).filter(str.isprintable)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(names(80), min_size=1, max_size=3), names(30), names(30))
 def test_any_names_give_spaces_of_their_own(cameras: list[str], style: str, balance: str) -> None:
     profiles = [
@@ -592,7 +595,7 @@ def test_any_names_give_spaces_of_their_own(cameras: list[str], style: str, bala
     ]
     spaces = [name for camera in name_cameras(profiles) for name in camera.spaces()]
     assert len({name.lower() for name in spaces}) == len(spaces)
-    assert not {name.lower() for name in spaces} & {role.lower() for role in base_config().getRoleNames()}
+    assert not {name.lower() for name in spaces} & ROLES
 
 
 HOSTILE = [
