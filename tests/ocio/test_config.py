@@ -510,9 +510,16 @@ def test_merging_and_folders_in_use(tmp_path: Path, lutforge: CommandLine, refus
 # --- The check names what is broken in a config in one line, and is quiet about what is sound -------------------------
 
 
+@pytest.fixture(scope="module")
+def of_two(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("two") / "ocio"
+    return write_config([plain_profile("Nikon D40"), plain_profile("Canon", "vivid")], folder).parent
+
+
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return write_config([plain_profile("Nikon D40"), plain_profile("Canon", "vivid")], tmp_path / "ocio")
+def path(of_two: Path, tmp_path: Path) -> Path:
+    """A config of two cameras, for a test to break."""
+    return shutil.copytree(of_two, tmp_path / "ocio") / "config.ocio"
 
 
 def said(config: OCIO.Config) -> str:
