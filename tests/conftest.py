@@ -6,7 +6,12 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import hypothesis
 import pytest
+
+# As many processes run tests as there are cores. The threads of BLAS wait actively, and those of one process would take
+# the time of the others; it reads this when numpy loads it, here and in the commands that tests start.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from lutforge.cli.main import main
 from lutforge.model.camera_profile import CameraProfile
@@ -15,6 +20,9 @@ from lutforge.ocio import config
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from tests.cases.real_data import CHARTS, S40, PublishedPairs, read_published_pairs
+
+hypothesis.settings.register_profile("lutforge", deadline=None)  # clocks are no test's: other work slows them
+hypothesis.settings.load_profile("lutforge")
 
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]
 """What the fixture `lutforge` gives: `lutforge(*words, cwd=folder, status=0)`; status: what it must end with."""

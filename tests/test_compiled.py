@@ -89,7 +89,7 @@ def test_tasks_keep_their_parts_to_themselves_but_the_last_one(monkeypatch: pyte
 
     def task(name: str) -> str:
         if name == "last":
-            assert first_is_done.wait(10)
+            assert first_is_done.wait(120)
         ran_by: list[int] = []
         threads.run(lambda start, stop: ran_by.append(get_ident()), [(0, 1), (1, 2)])
         others[name] = [thread for thread in ran_by if thread != get_ident()]

@@ -40,6 +40,12 @@ def sets() -> dict[str, SampleSet]:
     return {"D5100": simulated(nikon_d5100(), seed=0), "D40": d40(0), "S40": s40(0)}
 
 
+@pytest.fixture(scope="module")
+def three() -> SampleSet:
+    """Three shots: a cause that spoils all samples is found in few of them."""
+    return simulated(nikon_d5100(), seed=0, shots=3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["D5100", "D40", "S40"])
 @pytest.mark.parametrize("case", CASES)
@@ -49,13 +55,14 @@ def test_the_cause_is_named(sets: dict[str, SampleSet], case: str, name: str) ->
     assert any(words in each for each in found), found
 
 
-@pytest.mark.parametrize("name", ["D5100", "S40"])
+@pytest.mark.parametrize("name", ["D5100", pytest.param("S40", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("side", ["srgb", "raw"])
 @pytest.mark.parametrize("order", [order for order in permutations(range(3)) if order != (0, 1, 2)])
 def test_every_order_of_channels_is_named(
-    sets: dict[str, SampleSet], order: tuple[int, ...], side: str, name: str
+    sets: dict[str, SampleSet], three: SampleSet, order: tuple[int, ...], side: str, name: str
 ) -> None:
-    spoilt = replace(sets[name], **{side: getattr(sets[name], side)[:, order]})
+    samples = {"D5100": three, "S40": sets["S40"]}[name]
+    spoilt = replace(samples, **{side: getattr(samples, side)[:, order]})
     words = {"srgb": "of the JPEG", "raw": "of the RAW"}[side]
     letters = ", ".join("RGB"[channel] for channel in order)
     (found,) = diagnosed(spoilt)
@@ -63,10 +70,10 @@ def test_every_order_of_channels_is_named(
     assert ("swapped" if order == (2, 1, 0) else f"are {letters}:") in found
 
 
-def test_a_cause_is_named_only_where_it_explains_the_samples(sets: dict[str, SampleSet]) -> None:
-    for samples in (sets["D5100"], sets["D40"], sets["S40"]):
-        (found,) = diagnosed(replace(samples, wb=1.0 / samples.wb))
-        assert "multipliers are inverted" in found
+@pytest.mark.parametrize("name", ["S40", *(pytest.param(name, marks=pytest.mark.slow) for name in ("D5100", "D40"))])
+def test_a_cause_is_named_only_where_it_explains_the_samples(sets: dict[str, SampleSet], name: str) -> None:
+    (found,) = diagnosed(replace(sets[name], wb=1.0 / sets[name].wb))
+    assert "multipliers are inverted" in found
 
 
 @pytest.mark.parametrize("name", ["D5100", "S40"])
@@ -89,9 +96,9 @@ def test_ends_of_the_range_that_are_not_reached_are_named(sets: dict[str, Sample
     assert "no JPEG value lies below" in note and "235" not in note
 
 
-def test_one_style_of_two_is_not_accused_of_how_files_were_read(sets: dict[str, SampleSet]) -> None:
+def test_one_style_of_two_is_not_accused_of_how_files_were_read(three: SampleSet) -> None:
     """A style may have the tones of linear values; a reader that decodes JPEGs decodes those of both styles."""
-    samples = sets["D5100"]
+    samples = three
     contrasty = replace(samples, style=np.full(len(samples), "vivid"), srgb=srgb_decode(samples.srgb))
     assert "JPEG values are linear" in str(diagnosed(contrasty))
     assert diagnosed(concatenate([samples, contrasty])) == ()
@@ -171,7 +178,7 @@ def test_an_exposure_that_is_off_is_found_with_its_size() -> None:
 
 def test_a_power_of_one_shot_is_found() -> None:
     samples = _fifteen()
-    for name in _names(samples):
+    for name in _names(samples)[::3]:  # one of each white balance
         assert list(_found(with_gamma(samples, [name], 0.93))) == [name]
 
 
@@ -365,15 +372,6 @@ def test_two_contradicting_shots(preset: str) -> None:
     assert words in str(profile.diagnoses[0])
 
 
-def test_one_shot_that_contradicts_many_is_named() -> None:
-    samples = _shots(-2, -1, 0, 0.5, 1)
-    stray = samples.shot == "standard daylight -1"
-    lifted = np.where(stray[:, None], samples.srgb**0.6, samples.srgb)
-    profile = calibrate(replace(samples, srgb=lifted), OPTIONS["lutforge"])
-    assert any("standard daylight -1" in note and "left out" in note for note in profile.notes)
-    assert not any("daylight +0" in note for note in profile.notes)
-
-
 @pytest.mark.parametrize("preset", list(OPTIONS))
 def test_a_white_balance_with_one_shot_is_named(preset: str) -> None:
     samples = concatenate([_shots(-1, 0), _shots(0, balances=("shade",))])
@@ -399,9 +397,10 @@ def test_samples_that_suffice_make_no_such_notes() -> None:
 
 
 def test_shots_of_one_scene_say_that_the_error_on_others_is_not_known(s40_samples: SampleSet) -> None:
-    one, rng = s40_samples.select(s40_samples.shot == _names(s40_samples)[0]), np.random.default_rng(0)
+    few = s40_samples.select(np.arange(0, len(s40_samples), 4))  # of each shot a hundred and more
+    one, rng = few.select(few.shot == _names(few)[0]), np.random.default_rng(0)
     burst = []
-    for place in range(5):
+    for place in range(3):
         noisy = one.raw * (1.0 + 0.01 * rng.standard_normal(one.raw.shape))
         burst.append(replace(one, raw=noisy, shot=np.full(len(one), f"burst {place}")))
     for shots in (burst, [replace(one, shot=shot.shot) for shot in burst]):
@@ -409,10 +408,9 @@ def test_shots_of_one_scene_say_that_the_error_on_others_is_not_known(s40_sample
         assert any("of one scene" in note and "not known" in note for note in profile.notes)
         assert profile.styles["standard"].errors == {}
     mixed = calibrate(
-        concatenate([*burst, *(s40_samples.select(s40_samples.shot == name) for name in _names(s40_samples)[1:])]),
-        CalibrationOptions(size=5),
+        concatenate([*burst, *(few.select(few.shot == name) for name in _names(few)[1:])]), CalibrationOptions(size=5)
     )
-    alone = calibrate(s40_samples, CalibrationOptions(size=5))
+    alone = calibrate(few, CalibrationOptions(size=5))
     for figure, error in alone.styles["standard"].errors.items():
         if figure.endswith("_mean"):
             assert mixed.styles["standard"].errors[figure] > error / 1.5

@@ -126,7 +126,7 @@ WEAK = {
 }
 
 
-@pytest.mark.parametrize("size", [9, 33])
+@pytest.mark.parametrize("size", [9, 17])
 @pytest.mark.parametrize("name", WEAK)
 def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int) -> None:
     x = WEAK[name]
@@ -218,7 +218,6 @@ def axes(draw: st.DrawFn) -> tuple[np.ndarray, int]:
     return levels, draw(st.integers(count, 5000))
 
 
-@settings(deadline=None)
 @given(axes())
 def test_snapping(case: tuple[np.ndarray, int]) -> None:
     levels, shaper = case
@@ -247,7 +246,6 @@ def test_alpha_blends_from_uniform_to_the_histogram() -> None:
     assert median[-1] == pytest.approx(0.1, abs=0.01)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32), st.integers(2, 65))
 def test_equidistribution_gives_equal_mass(seed: int, size: int) -> None:
     density = np.random.default_rng(seed).random(200) + 1e-6
@@ -257,7 +255,7 @@ def test_equidistribution_gives_equal_mass(seed: int, size: int) -> None:
     np.testing.assert_allclose(np.diff(mass), density.sum() / (size - 1), rtol=1e-9)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.integers(0, 2**32))
 def test_rounds_find_the_best_levels_of_a_known_curve(seed: int) -> None:
     """x^0.4 along r: its curvature asks for a spacing ∝ κ^(−2/5); rounds of piecewise-linear fits must find it."""

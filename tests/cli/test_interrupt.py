@@ -48,7 +48,7 @@ def interrupted(folder: Path, seconds: float, *words: object, number: int = sign
     assert run.returncode == -number
     assert said[-1] == "lutforge: stopped"
     assert usage.ru_utime + usage.ru_stime - worked.user - worked.system < 0.5
-    assert took < 5.0
+    assert took < 60.0  # it waits for none of the programs that it runs, which may take ten minutes
     assert not [
         other
         for other in psutil.process_iter()

@@ -43,14 +43,13 @@ SETTING = "standard/auto"
 
 
 @pytest.fixture(scope="module")
-def developed_profile(s40_samples: SampleSet) -> CameraProfile:
+def developed_profile(profile: CameraProfile, s40_samples: SampleSet) -> CameraProfile:
     """As if a program had developed the RAW files: by the camera's matrix, to linear Rec. 2020."""
-    matrix = calibrate(s40_samples, CalibrationOptions(size=9))[0].matrix
     balanced = s40_samples.raw * s40_samples.wb
-    developed = np.clip(balanced @ (matrix_between("linear-srgb", "linear-rec2020") @ matrix).T, 0.0, 1.0)
+    developed = np.clip(balanced @ (matrix_between("linear-srgb", "linear-rec2020") @ profile.matrix).T, 0.0, 1.0)
     samples = replace(s40_samples, raw=developed, wb=np.ones_like(s40_samples.wb))
-    profile = calibrate(samples, CalibrationOptions(size=17))[0]
-    return replace(profile, provenance=Developed("darktable 4.2.1", "linear-rec2020"))
+    of_developed = calibrate(samples, CalibrationOptions(size=17))[0]
+    return replace(of_developed, provenance=Developed("darktable 4.2.1", "linear-rec2020"))
 
 
 def colours_of_photographs(samples: SampleSet) -> np.ndarray:
@@ -58,6 +57,7 @@ def colours_of_photographs(samples: SampleSet) -> np.ndarray:
     return np.asarray((samples.raw * samples.wb)[::5])
 
 
+@pytest.mark.usefixtures("small_profiles")  # of ICC, which the kit holds, too
 def test_a_dng_profile_shows_the_look(profile: CameraProfile, s40_samples: SampleSet, tmp_path: Path) -> None:
     folder = write_kit(profile, SETTING, tmp_path / "kit", "rawtherapee")
     tags = dcp_tags(folder / "Canon PowerShot S40 standard.dcp")
@@ -81,6 +81,7 @@ def test_a_dng_profile_names_the_camera_as_its_raw_files_do(
     assert dcp_tags(tmp_path / "look.dcp")[50708] == stated
 
 
+@pytest.mark.usefixtures("small_profiles")
 def test_camera_profiles_state_what_they_take_and_give(
     profile: CameraProfile, tmp_path: Path, lutforge: CommandLine
 ) -> None:

@@ -84,7 +84,7 @@ def test_the_camera_is_a_view_of_blenders_own_display(version: str, tmp_path: Pa
 
 
 @pytest.mark.usefixtures("small_inverses")
-@pytest.mark.parametrize("version", SPACES)
+@pytest.mark.parametrize("version", ["3.4", pytest.param("4.2.0", marks=pytest.mark.slow)])
 def test_faults_of_the_base_are_notes(version: str, tmp_path: Path, lutforge: CommandLine) -> None:
     """Blender's False Color cannot be undone, which is no fault of the cameras."""
     base = own_config(version)

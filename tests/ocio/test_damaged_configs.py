@@ -1,5 +1,6 @@
 """Configs of strangers: `check` says what they hold and what is missing; damaged ones are one line in every command."""
 
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -10,15 +11,21 @@ from lutforge.pipeline.configs import write_config
 from lutforge.pipeline.inspection import check
 from tests.cases.profiles import plain_profile
 from tests.conftest import CommandLine, Refused
+from tests.ocio.test_config import write_config as write_small
 
 pytestmark = pytest.mark.usefixtures("small_inverses")
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("whole") / "a.ocioz"
+    return write_small([plain_profile("Nikon D40")], path)
+
+
 @pytest.fixture
-def archive(tmp_path: Path) -> Path:
-    """An archive of one camera."""
-    write_config([plain_profile("Nikon D40")], tmp_path / "a.ocioz")
-    return tmp_path / "a.ocioz"
+def archive(whole: Path, tmp_path: Path) -> Path:
+    """An archive of one camera, for a test to damage."""
+    return Path(shutil.copy(whole, tmp_path))
 
 
 def repacked(path: Path, old: bytes, new: bytes) -> None:

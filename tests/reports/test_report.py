@@ -215,9 +215,7 @@ def test_no_word_is_broken_and_tables_are_folded(written: Path) -> None:
     assert "Q1" in whole and "Q1" not in first_screen
 
 
-def test_colours_are_ranked_by_their_errors() -> None:
-    samples = shots(("a", "b", "c"), 1500)
-    report = build_report(calibrate(samples, CalibrationOptions(size=9)), samples)
+def test_colours_are_ranked_by_their_errors(report: Report) -> None:
     text = answered(report, "On which colours?")
     assert re.fullmatch(r"standard: most exact on \w+ \(ΔE00 [\d.]+ in the mean\), least on \w+ \([\d.]+\)\.", text)
     best, worst = map(float, re.findall(r"\d+\.\d+", text))
@@ -273,17 +271,18 @@ def test_one_shot_is_not_praised() -> None:
 
 
 @pytest.mark.parametrize("names", [("d",), ("a", "d")])
-def test_a_shot_that_the_profile_has_not_seen_is_reported(names: tuple[str, ...]) -> None:
-    report = build_report(calibrate(shots(), CalibrationOptions(size=5)), shots(names))
+def test_a_shot_that_the_profile_has_not_seen_is_reported(
+    names: tuple[str, ...], hostile: tuple[CameraProfile, SampleSet]
+) -> None:
+    report = build_report(hostile[0], shots(names))
     assert answered(report, HOW_GOOD).startswith("standard: on ")
 
 
-def test_samples_of_another_camera_are_said_first() -> None:
-    samples = shots(("one", "two"))
-    profile = calibrate(samples, CalibrationOptions(size=5))
+def test_samples_of_another_camera_are_said_first(hostile: tuple[CameraProfile, SampleSet], report: Report) -> None:
+    profile, samples = hostile
     other = replace(samples, camera=np.full(len(samples), "Another"), raw_camera=np.full(len(samples), "Another"))
     assert "The samples are of Another" in answered(build_report(profile, other), HOW_GOOD)
-    assert "Another" not in answered(build_report(profile, samples), HOW_GOOD)
+    assert "Another" not in answered(report, HOW_GOOD)
 
 
 def test_a_spread_is_told_of_white_balances_that_shots_were_taken_with() -> None:

@@ -68,7 +68,7 @@ def assert_same(a: SampleSet, b: SampleSet, tolerance: float) -> None:
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
 @given(samples=sample_sets())
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_round_trip(samples: SampleSet, suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"samples{suffix}"
     samples.save(path)
@@ -88,7 +88,7 @@ def test_a_matrix_with_negative_numbers_comes_back(suffix: str, tmp_path: Path) 
 
 
 @given(content=st.one_of(st.binary(max_size=300), st.text(max_size=300).map(str.encode)))
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @pytest.mark.parametrize("prefix", ["", f"{HEADER}\n", f"{HEADER}\n{ROW}\n"])
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
 def test_arbitrary_bytes_never_crash(content: bytes, prefix: str, suffix: str, tmp_path: Path) -> None:

@@ -296,9 +296,9 @@ def test_endless_metadata_end_and_nothing_is_printed(
 ) -> None:
     entries = b"".join(struct.pack("<HHII", tag, 3, 999, 8) for tag in range(1, 60_000))
     (tmp_path / "a.tif").write_bytes(b"II" + struct.pack("<HIH", 42, 8, 59_999) + entries + bytes(4))
-    start = time.perf_counter()
+    start = time.process_time()
     assert len(file_tags(tmp_path / "a.tif")) < 1000
-    assert time.perf_counter() - start < 3
+    assert time.process_time() - start < 3
     (tmp_path / "b.jpg").write_bytes(b"\xff\xd8\xff\xe1\0\x10Exif\0\0II*\0\xff\xff\xff\xff")
     assert file_tags(tmp_path / "b.jpg") == {}
     assert capfd.readouterr() == ("", "")

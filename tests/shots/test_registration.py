@@ -30,14 +30,18 @@ def raw_image(pixels: Array, pixel_size: float = 1.0) -> RawImage:
 def rectangles(height: int = 600, width: int = 800, seed: int = 0) -> Array:
     """A linear scene (h, w, 3) of turned, softened rectangles of random colour."""
     rng = np.random.default_rng(seed)
-    y, x = np.mgrid[:height, :width]
     scene = np.full((height, width, 3), 0.3)
     for _ in range(90):
         cy, cx, angle = rng.uniform(0, height), rng.uniform(0, width), rng.uniform(0, math.pi)
+        half_sides = rng.uniform(5, 80), rng.uniform(5, 80)
+        reach = math.hypot(*half_sides)
+        top, left = (max(0, math.floor(centre - reach)) for centre in (cy, cx))
+        around = scene[top : math.ceil(cy + reach) + 1, left : math.ceil(cx + reach) + 1]
+        y, x = np.mgrid[: around.shape[0], : around.shape[1]]
+        y, x = y + top, x + left
         u = (x - cx) * math.cos(angle) + (y - cy) * math.sin(angle)
         v = (y - cy) * math.cos(angle) - (x - cx) * math.sin(angle)
-        inside = np.maximum(abs(u) / rng.uniform(5, 80), abs(v) / rng.uniform(5, 80)) < 1
-        scene[inside] = rng.uniform(0.02, 0.9, 3)
+        around[np.maximum(abs(u) / half_sides[0], abs(v) / half_sides[1]) < 1] = rng.uniform(0.02, 0.9, 3)
     return np.asarray(ndimage.gaussian_filter(scene, (1, 1, 0)))
 
 
