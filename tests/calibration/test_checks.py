@@ -372,6 +372,16 @@ def test_two_contradicting_shots(preset: str) -> None:
     assert words in str(profile.diagnoses[0])
 
 
+@pytest.mark.slow
+def test_one_shot_that_contradicts_many_is_named() -> None:
+    samples = _shots(-2, -1, 0, 0.5, 1)
+    stray = samples.shot == "standard daylight -1"
+    lifted = np.where(stray[:, None], samples.srgb**0.6, samples.srgb)
+    profile = calibrate(replace(samples, srgb=lifted), OPTIONS["lutforge"])
+    assert any("standard daylight -1" in note and "left out" in note for note in profile.notes)
+    assert not any("daylight +0" in note for note in profile.notes)
+
+
 @pytest.mark.parametrize("preset", list(OPTIONS))
 def test_a_white_balance_with_one_shot_is_named(preset: str) -> None:
     samples = concatenate([_shots(-1, 0), _shots(0, balances=("shade",))])

@@ -126,7 +126,7 @@ WEAK = {
 }
 
 
-@pytest.mark.parametrize("size", [9, 17])
+@pytest.mark.parametrize("size", [9, 17, pytest.param(33, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", WEAK)
 def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int) -> None:
     x = WEAK[name]
