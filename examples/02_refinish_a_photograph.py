@@ -31,7 +31,7 @@ spoilt = shots.held_out.jpeg
 assert spoilt is not None
 apply_image(LutRecipe(folder / "refinish.clf").grade(spoilt), spoilt, folder / "refinished.jpg")
 
-wanted = read_image(shots.wanted).pixels
+wanted = read_image(shots.right).pixels
 for name, path in (("as shot", spoilt), ("refinished", folder / "refinished.jpg")):
     difference = read_image(path).pixels - wanted
     print(f"{name}: RMSE {np.sqrt(np.mean(difference**2)):.4f} from what the camera would have made")

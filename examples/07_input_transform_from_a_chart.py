@@ -13,7 +13,7 @@ from PIL import Image
 
 import lutforge as lf
 from lutforge.colour.spectra import chart_reflectances
-from lutforge.pipeline.response import write_input_transform
+from lutforge.pipeline.input_transform import write_input_transform
 from lutforge.samples.chart import chart_kind
 from lutforge.simulate.camera import nikon_d5100
 

@@ -1,4 +1,4 @@
-"""Write a file under a temporary name and rename it: a killed run leaves the old file or the new, never half."""
+"""Write a file under a temporary name and rename it: a killed run leaves the old file or the new, never a part."""
 
 import os
 import re
@@ -12,15 +12,15 @@ from threading import RLock
 from lutforge.errors import LutForgeError
 
 SCRATCH = ".lutforge-"
-"""How the names of scratch folders begin."""
+"""The beginning of the names of scratch folders."""
 
 _unfinished: set[Path] = set()
-"""What this process is writing and has not renamed yet: files, and folders that go when their work is done."""
+"""Temporary files that this process has not renamed yet, and its scratch folders."""
 
-_made: set[Path] = set()
+_made_folders: set[Path] = set()
 """Folders that this process made for its outputs; one that stays empty is removed."""
 
-_beginning = RLock()  # a signal may come while this thread holds it
+_beginning = RLock()  # reentrant: a signal handler may acquire it in the thread that holds it
 
 
 def require_writable(path: str | Path) -> None:
@@ -32,7 +32,7 @@ def require_writable(path: str | Path) -> None:
     if not folder.is_dir():
         raise LutForgeError(f"{path}: {folder.name} is a file, not a folder; choose another output folder")
     try:
-        with tempfile.TemporaryFile(dir=folder):  # rights alone do not tell: of /sys, root has them
+        with tempfile.TemporaryFile(dir=folder):  # permissions are not enough: root has them in /sys
             pass
     except OSError:
         raise LutForgeError(f"{path}: the folder cannot be written to; choose another output folder") from None
@@ -40,7 +40,9 @@ def require_writable(path: str | Path) -> None:
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path` (same suffix), renamed to it when the block ends without an error.
+    """Yield a temporary path in the folder of `path`, renamed to it when the block ends without an error.
+
+    It has the same suffix.
 
     Raises LutForgeError, in one line, where the folder is missing or cannot be written to.
     """
@@ -70,7 +72,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
 
 def discard_unfinished() -> None:
-    """Delete what this process has begun to write. Nothing can be begun afterwards: the process is about to end."""
+    """Delete what this process has begun to write. Afterwards nothing can be begun: the process is about to end."""
     _beginning.acquire()
     for path in tuple(_unfinished):
         if path.is_dir():
@@ -81,51 +83,51 @@ def discard_unfinished() -> None:
 
 def _make_folder(folder: Path) -> None:
     folder = folder.absolute()
-    _made.update(place for place in (folder, *folder.parents) if not place.exists())
+    _made_folders.update(place for place in (folder, *folder.parents) if not place.exists())
     folder.mkdir(parents=True, exist_ok=True)
 
 
 def _remove_if_empty(folder: Path) -> None:
-    """Remove a folder, and those above it, as far as this process made them and they hold nothing."""
+    """Remove a folder, and those above it, while they are empty and this process made them."""
     folder = folder.absolute()
-    with _beginning, suppress(OSError):  # of the first that holds something
+    with _beginning, suppress(OSError):  # the error of the first that is not empty ends the loop
         for place in (folder, *folder.parents):
-            if place not in _made:
+            if place not in _made_folders:
                 return
             place.rmdir()
-            _made.discard(place)
+            _made_folders.discard(place)
 
 
 def remove_temporaries(paths: Iterable[Path]) -> None:
-    """Delete the temporary files that killed runs left beside these paths.
+    """Delete the temporary files for these paths that killed runs left.
 
-    No other process may be writing these paths at the same time.
+    No other process may be writing to these paths at the same time.
     """
     names: dict[Path, set[tuple[str, str]]] = {}
     for path in paths:
         names.setdefault(path.parent, set()).add((_prefix(path), path.suffix))
-    for folder, wanted in names.items():
+    for folder, prefixes_and_suffixes in names.items():
         for file in folder.iterdir() if folder.is_dir() else ():
             match = re.fullmatch(r"(\..+\.lutforge-)[a-z0-9_]{8}", file.stem)
-            if match is not None and (match[1], file.suffix) in wanted:
+            if match is not None and (match[1], file.suffix) in prefixes_and_suffixes:
                 file.unlink(missing_ok=True)
 
 
 @contextmanager
-def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
+def scratch_folder(next_to: str | Path | None = None) -> Iterator[Path]:
     """Yield an empty folder that is removed when the block ends, also by Ctrl-C or SIGTERM.
 
-    beside: what the block makes; the new folder lies beside it, or without it in the system's temporary folder. Raises
-    LutForgeError, which names `beside`, where something cannot be written.
+    next_to: the output that the block makes; the new folder is made in the same folder, or without it in the system's
+    temporary folder. Raises LutForgeError, which names `next_to`, where something cannot be written.
     """
-    parent = Path(tempfile.gettempdir()) if beside is None else Path(beside).absolute().parent
+    parent = Path(tempfile.gettempdir()) if next_to is None else Path(next_to).absolute().parent
     _make_folder(parent)
     try:
         with ExitStack() as stack:
-            if beside is None:
+            if next_to is None:
                 folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=SCRATCH)))
             else:
-                with _locked(parent, wait=True):  # until the new folder is locked, too
+                with _locked(parent, wait=True):  # until the new folder is locked as well
                     _remove_abandoned(parent)
                     name = stack.enter_context(tempfile.TemporaryDirectory(dir=parent, prefix=SCRATCH))
                     folder = Path(name)
@@ -138,9 +140,9 @@ def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
                 _unfinished.discard(folder)
     except (LutForgeError, OSError) as failure:
         cause = failure.__cause__ if isinstance(failure, LutForgeError) and SCRATCH in str(failure) else failure
-        if beside is None or not isinstance(cause, OSError):
+        if next_to is None or not isinstance(cause, OSError):
             raise
-        raise LutForgeError(f"{beside}: cannot write ({cause.strerror or cause})") from cause
+        raise LutForgeError(f"{next_to}: cannot write ({cause.strerror or cause})") from cause
     finally:
         _remove_if_empty(parent)
 
@@ -149,8 +151,8 @@ def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
 def _locked(folder: Path, wait: bool = False) -> Iterator[bool]:
     """Hold the lock of a folder, which the system frees when this process ends, however it ends.
 
-    wait: until another process frees it. Yields False where it is held by another, or where the system locks no
-    folders: Windows, some network disks.
+    wait: until another process frees it. Yields False where another process holds it, and where the system locks no
+    folders, as on Windows and some network disks.
     """
     try:
         import fcntl
@@ -161,17 +163,17 @@ def _locked(folder: Path, wait: bool = False) -> Iterator[bool]:
         return
     try:
         fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
-        is_ours = True
+        is_acquired = True
     except OSError:
-        is_ours = False
+        is_acquired = False
     try:
-        yield is_ours
+        yield is_acquired
     finally:
         os.close(handle)
 
 
 def _remove_abandoned(parent: Path) -> None:
-    """Delete the scratch folders that killed processes left in a folder; those of others at work are locked."""
+    """Delete the scratch folders that killed processes left in a folder; those of running processes are locked."""
     for folder in parent.glob(f"{SCRATCH}????????"):
         with suppress(OSError), _locked(folder) as is_abandoned:
             if is_abandoned and not folder.is_symlink():
@@ -179,7 +181,7 @@ def _remove_abandoned(parent: Path) -> None:
 
 
 def _prefix(path: Path) -> str:
-    """How the temporary names of a path begin; a name that is too long to be made longer is replaced by its hash."""
+    """The beginning of the temporary names of a path; its hash, where the name is too long to be extended."""
     import hashlib  # here: every command loads this file, and few need it
 
     name = os.fsencode(path.name)

@@ -35,7 +35,7 @@ def reading(path: str | Path, kind: str, error: type[LutForgeError] = LutForgeEr
 
 
 def reason_of(failure: BaseException) -> str:
-    """What went wrong, in at most 160 printable characters of one line."""
+    """The reason of a failure, in one line of at most 160 printable characters."""
     match failure:
         case MemoryError():
             return "it asks for more memory than there is"
@@ -45,13 +45,13 @@ def reason_of(failure: BaseException) -> str:
             return "it holds bytes that are not text"
         case OSError(strerror=str(words)):
             return words
-    words = one_line(re.sub(r"^b'(.*)'$", r"\1", str(failure)), 160)  # rawpy hands on the repr of bytes
+    words = one_line(re.sub(r"^b'(.*)'$", r"\1", str(failure)), 160)  # rawpy's messages are the repr of bytes
     name = type(failure).__name__
     return f"{name}: {words}" if words and isinstance(failure, LookupError | AttributeError) else words or name
 
 
 def path_of(path: object, kind: str = "a file or folder") -> Path:
-    """Return a path that may be a text. Raises LutForgeError where it is neither; kind: what it should lead to."""
+    """Return a path or text as a path. Raises LutForgeError where it is neither; kind: of the file, for the message."""
     if not isinstance(path, str | Path):
         raise LutForgeError(f"{path!r:.80} is no path of {kind}")
     return Path(path)

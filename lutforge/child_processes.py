@@ -1,4 +1,4 @@
-"""Run programs, and functions on strangers' files, in processes that do not outlive a command that Ctrl-C ends."""
+"""Run programs, and functions that read untrusted files, in processes that end when Ctrl-C ends the command."""
 
 import os
 import re
@@ -17,16 +17,16 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 MOST_SECONDS = 600
-"""A program that takes longer than this is given up: programs wait for a screen that is not there."""
+"""Seconds after which a program is ended; some programs wait forever for a display that does not exist."""
 SECONDS = 10
-"""Processor time of a guarded call; the largest LUTs and configs that OpenColorIO reads take three."""
+"""Most seconds of processor time of a guarded call; the largest LUTs and configs that OpenColorIO reads take three."""
 WAIT = 6 * SECONDS
-"""Seconds until a guarded call is given up, however little of the processor it had."""
+"""Seconds after which a guarded call is ended, however little processor time it got."""
 MEMORY = 4 << 30
-"""Bytes of address space of the process of guarded calls."""
+"""Most bytes of address space of the process of guarded calls."""
 
 _running: set["subprocess.Popen[Any]"] = set()
-_beginning = RLock()  # a signal may come while this thread holds it
+_beginning = RLock()  # reentrant: a signal handler may acquire it in the thread that holds it
 _guarding = Lock()
 _guard: "subprocess.Popen[bytes] | None" = None
 
@@ -57,28 +57,29 @@ def run(
 
 
 def run_command(command: Sequence[str], name: str, source: Path, output: Path) -> str:
-    """Run a command that makes `output` of `source`, and require that it did; return what it wrote to standard error.
+    """Run a command that makes the file `output` from `source`; return what it wrote to standard error.
 
-    name: of the program, for people. Raises ShotError with the line in which the program says why.
+    name: of the program, for people. Raises ShotError, with the line in which the program gives the reason, where there
+    is no output.
     """
     # Without a display variable no program waits for a window.
     environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     try:
-        done = run(command, MOST_SECONDS, environment)
+        finished = run(command, MOST_SECONDS, environment)
     except subprocess.TimeoutExpired:
         raise ShotError(f"{source}: {name} did not finish within {MOST_SECONDS // 60} minutes") from None
     except OSError as error:
         raise ShotError(f"{command[0]} cannot be run ({error.strerror or error})") from None
     if not output.is_file() or output.stat().st_size == 0:
-        lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
-        telling = [line for line in lines if re.search("fail|error|cannot|unsupported|mismatch", line, re.IGNORECASE)]
-        reason = one_line((telling or lines[-1:] or ["it gave no reason"])[0].removeprefix(f"{source}: "), 200)
+        lines = [line for line in (finished.stderr or finished.stdout).splitlines() if line.strip()]
+        errors = [line for line in lines if re.search("fail|error|cannot|unsupported|mismatch", line, re.IGNORECASE)]
+        reason = one_line((errors or lines[-1:] or ["it gave no reason"])[0].removeprefix(f"{source}: "), 200)
         raise ShotError(f"{source}: {name} made no picture of it: {reason}")
-    return done.stderr
+    return finished.stderr
 
 
 def end_all() -> None:
-    """End the programs that run, and their own children. None can be begun afterwards: this process is about to end."""
+    """End the running programs and their children. Afterwards none can be begun: this process is about to end."""
     _beginning.acquire()
     for process in tuple(_running):
         _end(process)
@@ -95,16 +96,16 @@ def _end(process: "subprocess.Popen[Any]") -> None:
 
 
 class OverrunError(LutForgeError):
-    """A guarded call that did not end within its limits, or ended the process that it ran in."""
+    """A guarded call that exceeded its limits, or ended the process that it ran in."""
 
 
 def guarded(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> R:
-    """Return what a module's function returns, called in another process, within limits of time and memory.
+    """Call a module's function in another process, within limits of time and memory, and return its value.
 
-    Native parsers may loop with Python's lock held, so that neither Ctrl-C nor a timer of this process is heard, or ask
-    for all memory. What they do in another process, which is kept for the next call, can be ended. The function, its
-    arguments and its value are pickled. What it raises is raised here; OverrunError where it takes more than SECONDS or
-    MEMORY, or ends the process. Ctrl-C ends the call.
+    Native parsers may loop while they hold Python's lock, so that neither Ctrl-C nor a timer of this process can stop
+    them, or allocate all memory. Another process can be ended; it is kept for the next call. The function, its
+    arguments and its value are pickled. Raises what the function raises; OverrunError where it takes more than SECONDS
+    or MEMORY, or ends the process. Ctrl-C ends the call.
     """
     import pickle  # imported here: most commands guard nothing
 
@@ -149,11 +150,11 @@ def _guard_process() -> Any:  # a process with its channels
 
 
 def serve() -> None:
-    """Answer guarded calls until the process that asks is gone."""
+    """Answer guarded calls until the calling process has ended."""
     import pickle  # imported here: most commands guard nothing
 
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints is no answer
+    os.dup2(2, 1)  # so that text which a library prints does not mix with the answers
     with suppress(ImportError, OSError, ValueError):  # Windows has no such limits; WAIT remains
         import resource
 
@@ -164,7 +165,7 @@ def serve() -> None:
             folder, function, arguments, words = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        with suppress(ImportError, OSError, ValueError):  # the system ends this process when it has used SECONDS more
+        with suppress(ImportError, OSError, ValueError):  # the system ends this process after SECONDS more
             import resource
 
             used = resource.getrusage(resource.RUSAGE_SELF)

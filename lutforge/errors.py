@@ -1,7 +1,7 @@
-"""Every exception that LutForge raises on purpose, in one tree, and the words of messages and notes.
+"""The exceptions that LutForge raises on purpose, and functions that format messages and notes.
 
-The message is one line for the person who caused it: what is wrong, where (path, line, row), what to do.
-The command line prints it and exits with status 2.
+A message is one line for the user: what is wrong, where (path, line, row), what to do. The command line prints it and
+exits with status 2.
 """
 
 import re
@@ -30,30 +30,31 @@ def one_line(text: str, most: int = 300) -> str:
 
 
 def alternatives(word: str, names: Iterable[str]) -> str:
-    """What an error says behind an unknown word: the names that are like it, and the known ones, as many as fit."""
+    """The end of a message on an unknown word: names that are similar to it, and the known names, as many as fit."""
     known = list(names)
-    near = get_close_matches(word.lower(), known, cutoff=0.7)
-    listed, others = ", ".join(known), 0
+    similar = get_close_matches(word.lower(), known, cutoff=0.7)
+    listed = ", ".join(known)
+    omitted = 0
     if len(listed) > 300:
         listed = listed[:300].rpartition(", ")[0]
-        others = len(known) - len(listed.split(", "))
-    asked = f"did you mean {' or '.join(near)}? " if near else ""
-    return f"{asked}known: {listed}{f' and {others} others' if others else ''}"
+        omitted = len(known) - len(listed.split(", "))
+    question = f"did you mean {' or '.join(similar)}? " if similar else ""
+    return f"{question}known: {listed}{f' and {omitted} others' if omitted else ''}"
 
 
-def in_common(notes: Iterable[tuple[str | Path, str]], what: str) -> Iterator[str]:
-    """One line for each note, by the first that it is of and the number of those that share it.
+def in_common(notes: Iterable[tuple[str | Path, str]], kind: str) -> Iterator[str]:
+    """One line for all notes with the same text: the first file, and how many share it.
 
-    notes: pairs of a file, or a shot's name, and what there is to know of it; equal notes may differ in numbers and in
-    the paths of their own files. what: they are, in the plural, such as "images".
+    notes: pairs of a file, or a shot's name, and a text; texts are the same where they differ only in numbers and in
+    the path of the file. kind: of the files, in the plural, such as "images".
     """
-    alike: dict[str, list[tuple[str | Path, str]]] = {}
+    groups: dict[str, list[tuple[str | Path, str]]] = {}
     for source, text in dict.fromkeys(notes):
-        own = rf"[^\s:]*\b{re.escape(Path(source).stem)}\b[^\s:]*|[\d.]+"
-        alike.setdefault(re.sub(own, "", text), []).append((source, text))
-    for several in alike.values():
-        source, text = several[0]
-        yield f"{source}: {text}" if len(several) == 1 else f"{len(several)} {what}, such as {source}: {text}"
+        path_or_number = rf"[^\s:]*\b{re.escape(Path(source).stem)}\b[^\s:]*|[\d.]+"
+        groups.setdefault(re.sub(path_or_number, "", text), []).append((source, text))
+    for group in groups.values():
+        source, text = group[0]
+        yield f"{source}: {text}" if len(group) == 1 else f"{len(group)} {kind}, such as {source}: {text}"
 
 
 class SettingsError(LutForgeError):
@@ -73,11 +74,11 @@ class SampleError(LutForgeError):
 
 
 class CalibrationError(LutForgeError):
-    """Samples from which the wanted model cannot be fitted."""
+    """Samples to which a model cannot be fitted."""
 
 
 class ProfileError(LutForgeError):
-    """A camera profile that cannot be read, or does not hold what is asked of it."""
+    """A camera profile that cannot be read, or does not hold what a function needs."""
 
 
 class LutError(LutForgeError):

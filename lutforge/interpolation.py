@@ -127,8 +127,10 @@ def interpolate(x: ArrayLike, levels: Levels, values: Array, method: Interpolati
     """
     points = np.asarray(x, dtype=np.float64)
     flat = np.ascontiguousarray(points.reshape(-1, 3))
-    nodes, tetrahedral = np.ascontiguousarray(values, dtype=np.float64), method == "tetrahedral"
-    result, axes = np.empty((len(flat), nodes.shape[3])), indexed(levels)
+    nodes = np.ascontiguousarray(values, dtype=np.float64)
+    axes = indexed(levels)
+    tetrahedral = method == "tetrahedral"
+    result = np.empty((len(flat), nodes.shape[3]))
     run(
         lambda first, last: _interpolate(flat, *axes, nodes, tetrahedral, result, first, last),
         shares(len(flat), POINTS_PER_THREAD),
@@ -141,7 +143,8 @@ def apply_curve(table: Array, x: Array) -> Array:
 
     table: (m, 3), the values of the curves at m even steps from 0 to 1.
     """
-    curve, points = np.ascontiguousarray(table), np.ascontiguousarray(x).reshape(-1, 3)
+    curve = np.ascontiguousarray(table)
+    points = np.ascontiguousarray(x).reshape(-1, 3)
     result = np.empty_like(points)
     run(lambda first, last: _through(curve, points, result, first, last), shares(len(points), POINTS_PER_THREAD))
     return result.reshape(x.shape)

@@ -5,33 +5,33 @@ from contextlib import contextmanager
 from typing import Any
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and the share that is done, 0 … 1."""
+"""A callback that gets the name of the present step, and the share of the work that is done, 0 … 1."""
 
 
-def silent(what: str, share: float) -> None:
-    """Take the progress of work that nobody watches, and do nothing."""
+def silent(step: str, share: float) -> None:
+    """Ignore progress."""
 
 
 def part(progress: Progress, start: float, end: float, title: str = "") -> Progress:
-    """Return the callback of a step that takes the work from share `start` to `end`. title: precedes its messages."""
+    """Return the callback of a part of the work, from share `start` to `end`. title: comes before the step's name."""
 
-    def within(what: str, share: float) -> None:
-        progress(f"{title}: {what}" if title else what, start + share * (end - start))
+    def within(step: str, share: float) -> None:
+        progress(f"{title}: {step}" if title else step, start + share * (end - start))
 
     return within
 
 
 @contextmanager
-def telling_of_compilation(progress: Progress) -> Iterator[Progress]:
-    """Yield a callback that passes progress on and says when numba compiles a kernel, once after an installation."""
+def with_compilation(progress: Progress) -> Iterator[Progress]:
+    """Yield a callback that passes progress on, and reports when numba compiles a kernel, once after installation."""
     from numba.core import event
 
     last = ("", 0.0)
 
-    def remembered(what: str, share: float) -> None:
+    def remembered(step: str, share: float) -> None:
         nonlocal last
-        last = (what, share)
-        progress(what, share)
+        last = (step, share)
+        progress(step, share)
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:

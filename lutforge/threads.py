@@ -1,8 +1,8 @@
 """Run work on all cores.
 
-A numba kernel is cut into slabs, and their number does not change the result. Whole fits run beside each other, and
-each then keeps its kernels to its own thread, so that no core waits for another within a fit; only the last one that
-runs spreads them over all cores.
+A numba kernel is cut into slabs, whose number does not change the result. Several fits run in parallel, and each then
+runs its kernels in its own thread, so that no core waits for another within a fit; the last one that runs spreads its
+kernels over all cores.
 """
 
 import os
@@ -16,10 +16,10 @@ from typing import ParamSpec, TypeVar
 from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  # it has no type information
 
 Item = TypeVar("Item")
-Made = TypeVar("Made")
+Result = TypeVar("Result")
 P = ParamSpec("P")
 
-_task = local()  # its attribute `unfinished` is there in a thread that runs one of several tasks: these
+_task = local()  # in a thread that runs one of several tasks, its attribute `unfinished` lists those that remain
 
 
 @cache
@@ -52,39 +52,40 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked child has no threads
 
 
-def _beside_others() -> bool:
+def _is_one_of_several() -> bool:
+    """True in a thread that runs one of several tasks that are not finished."""
     return len(getattr(_task, "unfinished", ())) > 1
 
 
 def run(task: Callable[[int, int], object], parts: Sequence[tuple[int, int]]) -> None:
     """Call task(start, stop) for each part: several parts in parallel on a thread pool, a single one in this thread."""
-    if len(parts) == 1 or _beside_others():
+    if len(parts) == 1 or _is_one_of_several():
         for part in parts:
             task(*part)
         return
-    for done in [_pool().submit(task, *part) for part in parts]:
-        done.result()
+    for future in [_pool().submit(task, *part) for part in parts]:
+        future.result()
 
 
-def each(task: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
-    """Yield what a task makes of each item, in order. As many run beside each other as there are cores.
+def each(task: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """Yield the result of a task for each item, in order. As many run in parallel as there are cores.
 
-    Within one of several tasks they run one after the other, and a single one in this thread. BLAS must have been
-    limited to one thread by the caller: its limit is of the process, not of a thread.
+    A single item runs in this thread, and so do items within one of several tasks, one after the other. The caller must
+    have limited BLAS to one thread, since that limit applies to the process, not to a thread.
     """
     unfinished = list(items)
-    if len(unfinished) == 1 or _beside_others():
+    if len(unfinished) == 1 or _is_one_of_several():
         yield from map(task, unfinished)
         return
 
     def begin() -> None:
         _task.unfinished = unfinished
 
-    def run_one(item: Item) -> Made:
+    def run_one(item: Item) -> Result:
         try:
             return task(item)
         finally:
-            unfinished.pop()  # whichever: their number is what counts
+            unfinished.pop()  # any of them: only their number matters
 
     with ThreadPoolExecutor(cores(), thread_name_prefix="task", initializer=begin) as pool:
         try:
@@ -93,14 +94,14 @@ def each(task: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def one_blas_thread(function: Callable[P, Made]) -> Callable[P, Made]:
+def one_blas_thread(function: Callable[P, Result]) -> Callable[P, Result]:
     """The function with BLAS limited to one thread while it runs.
 
-    The threads of BLAS wait actively, and many small products then take ten times as long.
+    The threads of BLAS occupy a core while they wait, which makes many small products ten times as slow.
     """
 
     @wraps(function)
-    def limited(*args: P.args, **kwargs: P.kwargs) -> Made:
+    def limited(*args: P.args, **kwargs: P.kwargs) -> Result:
         with _blas().limit(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 

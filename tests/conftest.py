@@ -98,7 +98,7 @@ def small_inverses(monkeypatch: pytest.MonkeyPatch) -> None:
 def small_profiles(monkeypatch: pytest.MonkeyPatch) -> None:
     """ICC profiles get a cube of 9 nodes per axis instead of 65, where only form counts."""
     monkeypatch.setattr("lutforge.kits.icc.NODES", 9)
-    monkeypatch.setattr("lutforge.kits.icc.WIDEST", 1.0)
+    monkeypatch.setattr("lutforge.kits.icc.WIDEST_CELL", 1.0)
 
 
 @pytest.fixture

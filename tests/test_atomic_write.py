@@ -62,7 +62,7 @@ def test_what_a_killed_run_left_is_removed_and_nothing_else(tmp_path: Path) -> N
 
 
 def test_a_scratch_folder_lies_beside_what_it_is_for_and_goes(tmp_path: Path) -> None:
-    with scratch_folder(beside=tmp_path / "config.ocioz") as folder:
+    with scratch_folder(next_to=tmp_path / "config.ocioz") as folder:
         assert folder.parent == tmp_path
         (folder / "half.clf").touch()
     assert list(tmp_path.iterdir()) == []
@@ -79,13 +79,13 @@ def test_folders_that_were_made_for_a_file_go_with_it(tmp_path: Path) -> None:
 def test_what_cannot_be_written_in_a_scratch_folder_is_told_of_what_it_is_for(tmp_path: Path) -> None:
     for words in (("No space left on device",), ("No space left on device", "x.clf")):
         target = tmp_path / "new" / "config.ocioz"
-        with pytest.raises(LutForgeError) as told, scratch_folder(beside=target) as folder:
+        with pytest.raises(LutForgeError) as told, scratch_folder(next_to=target) as folder:
             if len(words) == 1:
                 raise OSError(28, *words)
             with atomic_path(folder / words[1]):
                 raise OSError(28, words[0])
         assert str(told.value) == f"{target}: cannot write (No space left on device)"
-    with pytest.raises(LutForgeError, match=r"^as it is$"), scratch_folder(beside=target):
+    with pytest.raises(LutForgeError, match=r"^as it is$"), scratch_folder(next_to=target):
         raise LutForgeError("as it is")
     assert list(tmp_path.iterdir()) == []
 
@@ -161,7 +161,7 @@ def test_the_folder_of_a_killed_process_is_removed_by_the_next_and_that_of_one_a
 
     code = (
         "import sys, time\nfrom lutforge.atomic_write import scratch_folder\n"
-        f"with scratch_folder(beside={str(tmp_path / 'kit')!r}) as folder:\n"
+        f"with scratch_folder(next_to={str(tmp_path / 'kit')!r}) as folder:\n"
         "    (folder / 'half').touch()\n    print(folder, flush=True)\n    time.sleep(600)"
     )
     runs = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(2)]
@@ -173,12 +173,12 @@ def test_the_folder_of_a_killed_process_is_removed_by_the_next_and_that_of_one_a
     dead.kill()
     dead.wait()
     (tmp_path / ".lutforge-apply.jsonl").touch()
-    with scratch_folder(beside=tmp_path / "kit"):
+    with scratch_folder(next_to=tmp_path / "kit"):
         assert not folders[0].exists()
         assert (folders[1] / "half").is_file()
     alive.kill()
     alive.wait()
-    with scratch_folder(beside=tmp_path / "kit"):
+    with scratch_folder(next_to=tmp_path / "kit"):
         pass
     assert [path.name for path in tmp_path.iterdir()] == [".lutforge-apply.jsonl"]
     for run in runs:

@@ -35,7 +35,7 @@ def twice(x: float) -> float:
 if __name__ == "__main__":
     assert twice(21.0) == 42.0
     assert not numba.config.CACHE_DIR
-    print(sum(twice.made().stats.cache_misses.values()))
+    print(sum(twice.dispatcher().stats.cache_misses.values()))
 '''
 
 NOWHERE = {"HOME": os.devnull, "XDG_CACHE_HOME": f"{os.devnull}/cache", "LOCALAPPDATA": f"{os.devnull}\\cache"}

@@ -17,16 +17,16 @@ def start() -> None:
 
     try:
         main()
-    finally:  # all is done, and Python's own end would else die by a signal
+    finally:  # all is done; a signal while Python shuts down would print a traceback
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
-    """End this process by the signal that it got, so that a shell knows; threads are not waited for."""
+    """End this process by the signal that it got, so that a shell sees it; threads are not waited for."""
     end_all()
     if sys.stderr is not None:
-        clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""  # a bar hides the cursor
+        clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""  # delete a progress bar, and show the cursor again
         os.write(sys.stderr.fileno(), f"{clear}lutforge: stopped\n".encode())
     signal.signal(number, signal.SIG_DFL)
-    discard_unfinished()  # last of all: a thread that is still at work would make its file anew
+    discard_unfinished()  # as the last step: threads still run, and could make a temporary file again
     signal.raise_signal(number)

@@ -1,4 +1,4 @@
-"""What all commands share: arguments, progress bars on stderr, tables and notes."""
+"""The console of all commands: arguments, progress bars on stderr, tables and notes."""
 
 import os
 import sys
@@ -16,9 +16,9 @@ from lutforge.reports.tables import Table
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
-    """A bar on stderr while the block runs, where stderr is a terminal; yields report(what, share)."""
+    """A progress bar on stderr while the block runs, where stderr is a terminal; yields its `Progress` callback."""
     if not sys.stderr.isatty():
-        yield lambda what, share: None
+        yield lambda step, share: None
         return
     from rich.console import Console
     from rich.markup import escape
@@ -26,23 +26,24 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
 
     columns = (
         TextColumn("[bold]{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[what]}"),
+        TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[step]}"),
     )  # fmt: skip
     bar = Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty())
     with bar as bars:
-        task = bars.add_task(title, total=1.0, what="")
+        task = bars.add_task(title, total=1.0, step="")
 
-        def progress(what: str, share: float) -> None:
-            bars.update(task, completed=share, what=escape(harmless(what[:60])))
+        def progress(step: str, share: float) -> None:
+            bars.update(task, completed=share, step=escape(harmless(step[:60])))
 
         yield progress
 
 
 @contextmanager
 def quiet_codecs() -> Iterator[None]:
-    """Keep what image libraries print by themselves, such as libpng, off stderr: the errors say it in one line."""
+    """Discard text that image libraries such as libpng print on stderr: LutForge's errors report it in one line."""
     sys.stderr.flush()
-    python_stderr, stderr = sys.stderr, os.dup(2)
+    python_stderr = sys.stderr
+    stderr = os.dup(2)
     with Path(os.devnull).open("w") as nowhere, os.fdopen(os.dup(stderr), "w", buffering=1) as sys.stderr:
         os.dup2(nowhere.fileno(), 2)
         try:
@@ -54,30 +55,30 @@ def quiet_codecs() -> Iterator[None]:
 
 
 def harmless(text: str) -> str:
-    """The text with control characters, which a terminal would obey, as "?": it may quote a file of unknown origin."""
+    """The text with "?" for control characters, which a terminal would obey: it may quote an untrusted file."""
     return text.translate(dict.fromkeys((*range(32), *range(127, 160)), "?"))
 
 
 def say(*lines: str) -> None:
-    """Lines on stdout."""
+    """Print lines on stdout."""
     for line in lines:
         print(harmless(line))
 
 
 def note(*lines: str) -> None:
-    """Lines on stderr that are no errors."""
+    """Print notes on stderr."""
     dim, plain = ("\x1b[2m", "\x1b[0m") if sys.stderr.isatty() and os.name == "posix" else ("", "")
     for line in lines:
         print(f"{dim}note:{plain} {harmless(line)}", file=sys.stderr)
 
 
 def complain(text: str) -> None:
-    """One line on stderr about what failed, where other things go on."""
+    """Print the error of one file on stderr, in one line, where the command continues with others."""
     print(f"lutforge: {harmless(text)}", file=sys.stderr)
 
 
 def for_each(title: str, files: Sequence[Path], show: Callable[[Path], None]) -> None:
-    """Show each file. One that fails becomes an error line, the others are shown, and the exit status is 2."""
+    """Show each file. For one that fails an error is printed, the others are shown, and the exit status is 2."""
     failed = False
     with progress_bar(title) as progress:
         for index, file in enumerate(files):
@@ -94,7 +95,7 @@ def for_each(title: str, files: Sequence[Path], show: Callable[[Path], None]) ->
 
 
 def print_tables(*tables: Table) -> None:
-    """Tables on stdout, those that have rows; columns of numbers are set right. A narrow terminal wraps whole lines."""
+    """Print the tables that have rows; columns of numbers are aligned right. A narrow terminal wraps whole lines."""
     bold, plain = ("\x1b[1m", "\x1b[0m") if sys.stdout.isatty() and os.name == "posix" else ("", "")
     for table in (table for table in tables if table.rows):
         lines = [[harmless(cell) for cell in row] for row in (table.header, *table.rows)]
@@ -111,18 +112,18 @@ def print_tables(*tables: Table) -> None:
 
 
 def _columns(text: str) -> int:
-    """How wide a terminal shows the text: ideographs take two columns, combining marks none."""
+    """The width of a text on a terminal, in columns: an ideograph has two, a combining mark none."""
     return len(text) if text.isascii() else sum(1 + (east_asian_width(c) in "WF") - (combining(c) > 0) for c in text)
 
 
-def argument(help: str, **more: Any) -> Any:
-    """What a command is given, in words for its help."""
-    return typer.Argument(help=help, **{"show_default": False, **more})
+def argument(help: str, **settings: Any) -> Any:
+    """A positional argument of a command. help: its text in the help; settings: of typer."""
+    return typer.Argument(help=help, **{"show_default": False, **settings})
 
 
-def option(help: str, *names: str, **more: Any) -> Any:
-    """An option of a command, in words for its help, and its names where the parameter's is not enough."""
-    return typer.Option(*names, help=help, **more)
+def option(help: str, *names: str, **settings: Any) -> Any:
+    """An option of a command. help: its text in the help; names: where not the parameter's; settings: of typer."""
+    return typer.Option(*names, help=help, **settings)
 
 
 Profile = Annotated[Path, argument("The profile (.npz).")]

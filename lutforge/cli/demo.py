@@ -1,4 +1,4 @@
-"""`lutforge demo`: the whole journey on shots of a simulated camera, whose truth is known."""
+"""`lutforge demo`: the whole way of the data on shots of a simulated camera, whose rendering is known."""
 
 import sys
 from collections.abc import Iterator
@@ -29,9 +29,9 @@ def demo(
     from lutforge.reports.matplotlib_figure import calibration_sheet
 
     check_output(output / "report.html")
-    taken = count()
+    numbers = count()
     with progress_bar("photographing") as progress:
-        shots = demo_shots(output / "shots", lambda name: progress(name, next(taken) / (len(SHOTS) + 1)))
+        shots = demo_shots(output / "shots", lambda name: progress(name, next(numbers) / (len(SHOTS) + 1)))
     say(
         f"1. Photograph: {len(shots.calibration)} RAW files with their JPEGs, by a simulated camera: {output / 'shots'}"
     )
@@ -40,8 +40,8 @@ def demo(
         sampled = sample_shots(shots.calibration, progress)
     sampled.samples.save(output / "samples.csv")
     say(f"2. Sample: {len(sampled.samples):,} colours that RAW and JPEG share: {output / 'samples.csv'}")
-    for account in sampled.shots if verbose else ():
-        say(f"   {account.summary}")
+    for shot in sampled.shots if verbose else ():
+        say(f"   {shot.summary}")
 
     with progress_bar("calibrating") as progress:
         profile = lf.calibrate(sampled.samples, lf.CalibrationOptions(size=size), progress)
@@ -70,7 +70,7 @@ def demo(
 
 
 def _bake(profile: "lf.CameraProfile", shots: "DemoShots", folder: Path, verbose: bool) -> None:
-    """Bake a LUT for each job, and say by how much the worst of the files differs from the model."""
+    """Bake LUT files for each kind of transform, and print where they are."""
     from lutforge.pipeline.baking import bake_files
     from lutforge.pipeline.transforms import TransformRequest
 
@@ -94,7 +94,7 @@ def _bake(profile: "lf.CameraProfile", shots: "DemoShots", folder: Path, verbose
 
 
 def _write_config(profile: "lf.CameraProfile", folder: Path) -> str:
-    """Write the OpenColorIO config, and say where it is and what OpenColorIO's program says of it."""
+    """Write the OpenColorIO config; return, in words, where it is, and the verdict of OpenColorIO's program."""
     written = lf.write_config([profile], folder, replace=True)
     program = Path(sys.executable).with_name("ociocheck")
     if not program.exists():
@@ -104,14 +104,15 @@ def _write_config(profile: "lf.CameraProfile", folder: Path) -> str:
 
 
 def _grade(shots: "DemoShots", output: Path, verbose: bool) -> tuple[str, ...]:
+    """Correct the photograph with wrong settings by a LUT; return its errors, a row of the table."""
     from lutforge.evaluation.figures import error_figures
     from lutforge.images.read import read_image
     from lutforge.reports.matplotlib_figure import refinish_sheet
 
     spoilt = shots.held_out.jpeg
     assert spoilt is not None
-    (applied,) = lf.apply(output / "luts" / "refinish.clf", spoilt, output / "graded").done
-    before, after, target = (read_image(path).pixels[..., :3] for path in (spoilt, applied.target, shots.wanted))
+    (graded,) = lf.apply(output / "luts" / "refinish.clf", spoilt, output / "graded").done
+    before, after, target = (read_image(path).pixels[..., :3] for path in (spoilt, graded.target, shots.right))
     titles = (
         f"as shot: {shots.source}, too dark",
         f"corrected: {shots.target}, {shots.ev:+g} EV",
@@ -120,30 +121,34 @@ def _grade(shots: "DemoShots", output: Path, verbose: bool) -> tuple[str, ...]:
     refinish_sheet(before, after, target, output / "refinish.png", titles)
 
     usable = ((before > 0) & (before < 1) & (target > 0) & (target < 1)).all(axis=-1)
-    say(f"6. Grade: a photograph with wrong white balance and exposure, corrected by one LUT: {applied.target}")
+    say(f"6. Grade: a photograph with wrong white balance and exposure, corrected by one LUT: {graded.target}")
     if verbose:
         say(f"   {100 * (1 - usable.mean()):.1f} % of its pixels are clipped and are not counted below")
     figures = error_figures(after[usable].astype(float), target[usable].astype(float), display=True)
     return _cells("graded JPEG, 8 bit", figures)
 
 
-def _cells(what: str, figures: "ErrorFigures") -> tuple[str, ...]:
+def _cells(title: str, figures: "ErrorFigures") -> tuple[str, ...]:
+    """A row of the table of errors."""
     numbers = (f"{value:.4f}" for value in (figures.mean, figures.maximum, figures.rmse))
-    return (what, str(figures.count), *numbers, "–" if figures.de00_mean is None else f"{figures.de00_mean:.2f}")
+    return (title, str(figures.count), *numbers, "–" if figures.de00_mean is None else f"{figures.de00_mean:.2f}")
 
 
 def _truth(profile: "lf.CameraProfile", shots: "DemoShots") -> Iterator[tuple[str, ...]]:
     """Render, linearize and refinish on the colours of the held-out shot, against the camera's own functions."""
     from lutforge.evaluation.figures import error_figures
 
-    raw, camera, ev = lf.sample(shots.held_out.dng).raw, shots.camera, shots.ev
-    (style, balance), (wanted_style, wanted_balance) = shots.source.split("/"), shots.target.split("/")
-    before, after = camera.render(raw, style, balance), camera.render(raw, wanted_style, wanted_balance, ev)
+    raw = lf.sample(shots.held_out.dng).raw
+    ev = shots.ev
+    style, balance = shots.source.split("/")
+    target_style, target_balance = shots.target.split("/")
+    before = shots.camera.render(raw, style, balance)
+    after = shots.camera.render(raw, target_style, target_balance, ev)
     usable = ((before > 0.002) & (before < 0.998) & (after > 0.002) & (after < 0.998)).all(axis=-1)
-    for what, got, wanted in (
+    for title, predicted, true in (
         (f"render {shots.source}", profile.render(shots.source)(raw), before),
         (f"render {shots.target}, {ev:+g} EV", profile.render(shots.target)(raw * 2**ev), after),
         (f"linearize {shots.source}", profile.linearize(shots.source)(before), raw),
         ("refinish", profile.refinish(shots.source, shots.target, ev)(before), after),
     ):
-        yield _cells(what, error_figures(got[usable], wanted[usable], display=wanted is not raw))
+        yield _cells(title, error_figures(predicted[usable], true[usable], display=true is not raw))

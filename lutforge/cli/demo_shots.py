@@ -12,10 +12,10 @@ from lutforge.simulate.scene import SCENES, Scene
 
 @dataclass(frozen=True)
 class DemoShot:
-    """One shot to take: the camera's dials, the scene and its seed, relative exposure, and the light.
+    """One shot to take: the camera's settings, the scene and its seed, the relative exposure, and the illuminant.
 
-    The light is the one that the dial is made for, unless it is named: a dial that is wrong for the light gives strong
-    colours, and so covers the corners of the colour space, as the thesis's shots do (4.2.3).
+    light: None for the illuminant that the white balance is made for. A white balance that is wrong for the illuminant
+    gives strong colours, and so covers the corners of the colour space, as the thesis's shots do (4.2.3).
     """
 
     style: str
@@ -52,24 +52,24 @@ SHOTS = (
     DemoShot("vivid", "daylight", "wall", 6, 1.4, light="fluorescent"),
     DemoShot("vivid", "tungsten", "wall", 6, 1.2, light="daylight"),
 )
-"""What the demo calibrates from, as the guide advises: each white balance twice or more, dials that are wrong for the
-light, shots that are darker and brighter. Every other shot has no JPEG beside it, only the preview in the DNG."""
+"""The shots that the demo calibrates from, as the guide advises: each white balance at least twice, white balances that
+are wrong for the illuminant, darker and brighter shots. Every second has no JPEG file, only a preview in the DNG."""
 
-HELD_OUT = DemoShot("standard", "tungsten", "still-life", 7, 0.6, light="daylight")
-"""What the demo grades, never calibrated from: the camera was left on tungsten in daylight, the exposure is short."""
+HELD_OUT_SHOT = DemoShot("standard", "tungsten", "still-life", 7, 0.6, light="daylight")
+"""The shot that the demo grades, and does not calibrate from: with tungsten white balance in daylight, underexposed."""
 
 
 @dataclass(frozen=True)
 class DemoShots:
-    """What `demo_shots` wrote: RAW files to calibrate from, a spoilt photograph, and the JPEG that it should be.
+    """The files of `demo_shots`: RAW files to calibrate from, a photograph with wrong settings, and the right JPEG.
 
-    source, target: its settings as selectors, now and wanted; ev: the stops that it lacks.
+    source, target: the wrong and the right settings as selectors; ev: the exposure change to the right one, in stops.
     """
 
     camera: SimulatedCamera
     calibration: tuple[Path, ...]
     held_out: Photograph
-    wanted: Path
+    right: Path
     source: str
     target: str
     ev: float
@@ -82,24 +82,36 @@ def demo_shots(
     shape: tuple[int, int] = (808, 1216),
 ) -> DemoShots:
     """Photograph the demo's scenes into `folder`, and one into its "held-out". shape: of the sensor, even numbers."""
-    camera, folder = nikon_d5100() if camera is None else camera, Path(folder)
+    camera = nikon_d5100() if camera is None else camera
+    folder = Path(folder)
     scenes: dict[tuple[str, int], Scene] = {}
 
-    def take(shot: DemoShot, where: Path, name: str, jpeg_beside: bool) -> Photograph:
+    def take(shot: DemoShot, place: Path, name: str, jpeg_beside: bool) -> Photograph:
         progress(name)
         key = (shot.scene, shot.seed)
         if key not in scenes:
             scenes[key] = SCENES[shot.scene](*shape, shot.seed)
         settings = shot.settings(camera)
-        return photograph(camera, scenes[key], settings, where, name, jpeg_beside=jpeg_beside, light=shot.light)
+        return photograph(camera, scenes[key], settings, place, name, jpeg_beside=jpeg_beside, light=shot.light)
 
     calibration = tuple(
         take(shot, folder, f"LF{number:04d}-{shot.style}-{shot.white_balance}-{shot.scene}", number % 2 == 1).dng
         for number, shot in enumerate(SHOTS, start=1)
     )
-    held_out = take(HELD_OUT, folder / "held-out", "held-out", True)
-    style, white_balance, ev = "vivid", "daylight", 0.7  # what it should have had
-    right = replace(HELD_OUT.settings(camera), style=style, white_balance=white_balance, push_ev=ev)
-    wanted = develop_again(camera, held_out, right, folder / "held-out" / "wanted.JPG")
-    source, target = f"{HELD_OUT.style}/{HELD_OUT.white_balance}", f"{style}/{white_balance}"
-    return DemoShots(camera, calibration, held_out, wanted, source, target, ev)
+
+    # The photograph with wrong settings, and the JPEG with the right ones.
+    held_out = take(HELD_OUT_SHOT, folder / "held-out", "held-out", True)
+    style = "vivid"
+    white_balance = "daylight"
+    ev = 0.7
+    settings = replace(HELD_OUT_SHOT.settings(camera), style=style, white_balance=white_balance, push_ev=ev)
+    right = develop_again(camera, held_out, settings, folder / "held-out" / "wanted.JPG")
+    return DemoShots(
+        camera=camera,
+        calibration=calibration,
+        held_out=held_out,
+        right=right,
+        source=f"{HELD_OUT_SHOT.style}/{HELD_OUT_SHOT.white_balance}",
+        target=f"{style}/{white_balance}",
+        ev=ev,
+    )

@@ -1,4 +1,4 @@
-"""The commands that use profiles: LUTs, kits, configs and graded pictures; each loads what it runs when it runs."""
+"""The commands that use profiles: LUTs, kits, configs and graded pictures; each imports its use case when it runs."""
 
 import json
 import time
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from lutforge.pipeline.grading import Grading
 
 
-PROGRAMS = (
+PROGRAM_NAMES = (
     "resolve, nuke, ocio, oiio, baselight, flame, blender, photoshop, lightroom, premiere, aftereffects, finalcut, "
     "ffmpeg, mpv, mlt, kdenlive, shotcut, obs, darktable, rawtherapee, art, captureone, gmic, gimp, imagemagick, "
     "graphicsmagick, pillow, three, parse-cube-lut"
 )
-"""What `--for` takes: the programs of `lutforge.luts.programs`, written here because that takes a second to load."""
+"""The choices of `--for`: the programs of `lutforge.luts.programs`, repeated since importing it takes a second."""
 
 
 def bake(
@@ -56,9 +56,9 @@ def bake(
     reader: Annotated[
         str | None,
         option(
-            f"The program that will read it, which without -o names the files: {PROGRAMS}.",
+            f"The program that will read it, which without -o names the files: {PROGRAM_NAMES}.",
             "--for",
-            autocompletion=lambda: PROGRAMS.split(", "),
+            autocompletion=lambda: PROGRAM_NAMES.split(", "),
         ),
     ] = None,
     size: Annotated[int | None, option("Nodes per axis of the cube.")] = None,
@@ -77,10 +77,10 @@ def bake(
     from lutforge.pipeline.baking import bake_files
     from lutforge.pipeline.transforms import TransformRequest
 
-    wanted = TransformRequest(kind, source, target, ev, space, model, other, transfer)
+    request = TransformRequest(kind, source, target, ev, space, model, other, transfer)
     with progress_bar("baking") as progress:
         files, notes = bake_files(
-            profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
+            profile, request, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
             colours=colours, clf_version=clf_version, progress=progress,
         )  # fmt: skip
     for file in files:
@@ -91,7 +91,7 @@ def bake(
 def kit(
     profile: Annotated[Path | None, argument("A profile (.npz); not for --uninstall.")] = None,
     to: Annotated[str | None, option("The look: STYLE or STYLE/WB; all for every style.", "--to")] = None,
-    more: Annotated[list[Path] | None, argument("Further RAW files of --check.", metavar="[SHOT]...")] = None,
+    further_shots: Annotated[list[Path] | None, argument("Further RAW files of --check.", metavar="[SHOT]...")] = None,
     output: Annotated[Path, option("The folder to write.", "-o", "--output")] = Path("kit"),
     program: Annotated[
         str,
@@ -122,8 +122,8 @@ def kit(
         return
     if profile is None or to is None:
         raise SettingsError("a kit needs a profile and a look: lutforge kit camera.npz --to STYLE --for PROGRAM -o kit")
-    if more and not check:
-        raise SettingsError(f"{more[0]}: shots go with --check")
+    if further_shots and not check:
+        raise SettingsError(f"{further_shots[0]}: shots go with --check")
     with progress_bar("writing a kit") as progress:
         folder = lf.write_kit(profile, to, output, program, base=base, look=look, progress=progress)
     say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")
@@ -133,37 +133,36 @@ def kit(
     if not check:
         return
     with progress_bar("developing") as progress:
-        checks, notes = check_kit(folder, [*check, *(more or [])], progress)
+        checks, notes = check_kit(folder, [*check, *(further_shots or [])], progress)
     note(*notes)
     rows = []
-    for each in checks:
-        figures = (f"{value:.2f}" for value in (each.mean, each.p95, each.maximum))
-        rows.append((each.shot, str(each.tiles), *figures, "yes" if each.calibrated else "no"))
+    for result in checks:
+        figures = (f"{value:.2f}" for value in (result.mean, result.p95, result.maximum))
+        rows.append((result.shot, str(result.tiles), *figures, "yes" if result.calibrated else "no"))
     header = ("shot", "tiles", "mean", "95 %", "max", "calibrated from")
     print_tables(Table("What the program shows against the camera's JPEG, ΔE00", header, rows))
-    if any(each.calibrated for each in checks):
+    if any(result.calibrated for result in checks):
         note("shots that the profile was calibrated from flatter it: check others, too")
 
 
 def _install(folder: Path, into: Path | None) -> None:
-    """Put a kit where its program looks for it, and print each file."""
+    """Copy a kit to where its program looks for it, and print each file."""
     from lutforge.pipeline.kits import install_kit
 
-    done = install_kit(folder, into)
-    if done.found:
-        say(*(f"installed: {file}" for file in done.files))
-        note(f"{done.program}: {done.use}")
-        return
-    if done.files:
-        note(
-            f"{done.program} is not on this machine, so nothing was installed. Its files go to:", *map(str, done.files)
-        )
+    installation = install_kit(folder, into)
+    program = installation.program
+    files = installation.files
+    if installation.found:
+        say(*(f"installed: {file}" for file in files))
+        note(f"{program}: {installation.use}")
+    elif files:
+        note(f"{program} is not on this machine, so nothing was installed. Its files go to:", *map(str, files))
     else:
-        note(f"{done.program} has no folder for them on this system; the README of {folder} says what to do")
+        note(f"{program} has no folder for them on this system; the README of {folder} says what to do")
 
 
 def _uninstall(program: str) -> None:
-    """Take away what was installed for a program, and print each file."""
+    """Remove the files installed for a program, and print each file."""
     from lutforge.pipeline.kits import uninstall_kit
 
     removed, changed = uninstall_kit(program)
@@ -186,16 +185,16 @@ def config(
     profile_version: Annotated[str, option("2.1, or 2.5 with interoperability IDs and rules of views.")] = "2.1",
 ) -> None:
     """Write an OpenColorIO config with the cameras' RAW and JPEG colour spaces, views and refinish looks."""
-    chosen = [] if looks is None else [name.strip() for name in looks.split(",")]
+    balances = [] if looks is None else [name.strip() for name in looks.split(",")]
     with progress_bar("config") as progress:
         written = lf.write_config(
-            profiles, output, merge=merge, replace=replace, looks=chosen, profile_version=profile_version,
+            profiles, output, merge=merge, replace=replace, looks=balances, profile_version=profile_version,
             progress=progress,
         )  # fmt: skip
     note(*written.notes)
     counts = ((written.spaces, "input colour spaces"), (written.views, "view transforms"), (written.looks, "looks"))
-    held = ", ".join(f"{len(entries)} {title}" for entries, title in counts)
-    say(f"{written.path}: profile version {written.version}, checked: {held}")
+    contents = ", ".join(f"{len(entries)} {title}" for entries, title in counts)
+    say(f"{written.path}: profile version {written.version}, checked: {contents}")
 
 
 def apply(
@@ -256,7 +255,7 @@ def apply(
 
 
 def _run(grading: "Grading", as_json: bool) -> bool:
-    """Grade, and say what became of the images. Returns whether one failed."""
+    """Grade, and print the outcome for each image. Returns True where one failed."""
     from lutforge.grading.batch import rate
 
     began = time.monotonic()
@@ -268,8 +267,8 @@ def _run(grading: "Grading", as_json: bool) -> bool:
     first: dict[str, Path] = {}
     for failure in result.failed:
         reason = failure.reason.removeprefix(f"{failure.source}: ")
-        same = first.setdefault(reason, failure.source)
-        complain(failure.reason if same == failure.source else f"{failure.source}: as {same}")
+        first_source = first.setdefault(reason, failure.source)
+        complain(failure.reason if first_source == failure.source else f"{failure.source}: as {first_source}")
     if as_json:
         graded = [
             {"source": str(done.source), "output": str(done.target)}

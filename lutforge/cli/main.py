@@ -20,14 +20,14 @@ COMMANDS = {
     **dict.fromkeys(("bake", "kit", "config", "apply"), "looks"),
     **dict.fromkeys(("transfer", "check", "report", "compare", "studio", "import-nus", "export-nus"), "profiles"),
 }
-"""The commands in the order of the help, and the module of `lutforge.cli` that each stands in."""
+"""The commands in the order of the help, and the module of `lutforge.cli` that defines each."""
 
 UsageErrors: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 """The root of typer's errors of usage, which typer itself does not name."""
 
 
 def command_line(first: str = "") -> typer.Typer:
-    """The command line with the command that the first word names, which need not wait for the others, or with all."""
+    """The command line. first: the first word; where it names a command, only that command's module is imported."""
     app = typer.Typer(
         name="lutforge",
         help=PURPOSE,
@@ -55,7 +55,7 @@ def command_line(first: str = "") -> typer.Typer:
 def main() -> None:
     """Run the command line and exit: 0 done, 1 some images of a batch failed, 2 bad input or usage."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
-        if getattr(sys, name) is None:  # closed, as under some daemons: the next file to be opened would take its place
+        if getattr(sys, name) is None:  # closed, as under some daemons: the next opened file would get its number
             opened = os.open(os.devnull, os.O_RDONLY if name == "stdin" else os.O_WRONLY)
             if opened != number:
                 os.dup2(opened, number)
@@ -63,11 +63,11 @@ def main() -> None:
             setattr(sys, name, os.fdopen(number, "r" if name == "stdin" else "w", encoding="utf-8"))
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "→" and "Δ" shows "?"
-    if "" in sys.argv[1:]:  # a path would take it for this folder
+    if "" in sys.argv[1:]:  # as a path it would mean this folder
         _stop("an empty word: is a variable of the shell not set?", 2)
     try:
         status = command_line(*sys.argv[1:2])(standalone_mode=False)
-        sys.stdout.flush()  # a full disk is told here
+        sys.stdout.flush()  # raises an error where the disk is full
     except LutForgeError as error:
         _stop(str(error), 2)
     except UsageErrors as error:
@@ -76,7 +76,7 @@ def main() -> None:
         _stop(error.format_message() + hint, 2)
     except (KeyboardInterrupt, typer.Abort):
         _stop("stopped", 130)
-    except BrokenPipeError:  # the reader of a pipe, such as head, has gone
+    except BrokenPipeError:  # the reader of a pipe, such as head, has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except MemoryError:
@@ -84,12 +84,13 @@ def main() -> None:
     except OSError as error:
         _stop(f"{error.filename or 'file system'}: {error.strerror or error}", 2)
     except RuntimeError as error:
-        if not str(error).startswith("Symlink loop"):  # what Python before 3.13 says of a link that leads to itself
+        if not str(error).startswith("Symlink loop"):  # Python's error before 3.13 for a link that leads to itself
             raise
         _stop(f"{error}: name the file that it should lead to", 2)
     sys.exit(status if isinstance(status, int) else 0)
 
 
 def _stop(message: str, status: int) -> None:
+    """Print an error and exit."""
     complain(" ".join(message.split()))
     sys.exit(status)

@@ -1,4 +1,4 @@
-"""The commands that make profiles and tell of them, from files to reports; each loads what it runs when it runs."""
+"""The commands that make profiles and report on them, from files to pages; each imports its use case when it runs."""
 
 import json
 import signal
@@ -15,6 +15,7 @@ from lutforge.errors import LutForgeError, ProfileError, SettingsError
 from lutforge.reports.tables import TITLES, Table, error_table, held_out_table, more_tables, response_table
 
 if TYPE_CHECKING:
+    from lutforge.pipeline.response import FittedResponse
     from lutforge.pipeline.sampling import SampledShots
 
 ProfileOutput = Annotated[
@@ -82,7 +83,8 @@ def sample(
 ) -> None:
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
     from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output, named_or_new
-    from lutforge.pipeline.sampling import raw_substitute, sample_by_reference, sample_shots
+    from lutforge.pipeline.pairing import raw_substitute
+    from lutforge.pipeline.sampling import sample_by_reference, sample_shots
 
     output = check_output(named_or_new(output, "samples.csv"), TABLE_SUFFIXES, shots)
     if chart and reference is not None:
@@ -92,13 +94,13 @@ def sample(
             sampled = sample_by_reference(shots, reference, progress)
         else:
             sampled = sample_shots(shots, progress, raw_substitute(developed, developed_space), chart)
-    tell(sampled)
+    print_shots(sampled)
     sampled.samples.save(output)
     say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shot{'s' * (len(sampled.shots) != 1)}")
 
 
-def tell(sampled: "SampledShots") -> None:
-    """Print the account of each shot, the notes that shots share, and what was left out."""
+def print_shots(sampled: "SampledShots") -> None:
+    """Print the summary of each shot, the notes that shots share, and the shots that were left out."""
     from lutforge.pipeline.sampling import file_notes
 
     for shot in sampled.shots:
@@ -126,7 +128,8 @@ def calibrate(
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output, named_or_new
-    from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs
+    from lutforge.pipeline.pairing import raw_substitute, sample_pairs
+    from lutforge.pipeline.sampling import gather_samples
     from lutforge.thesis.options import options_of_preset
 
     output = check_output(named_or_new(output, "camera.npz"), PROFILE_SUFFIXES, sources or ())
@@ -138,7 +141,7 @@ def calibrate(
             sampled = sample_pairs(*pairs, from_space, progress)
         else:
             sampled = gather_samples(sources or [], progress, raw_substitute(developed, developed_space))
-    tell(sampled)
+    print_shots(sampled)
     with progress_bar("calibrating") as progress:
         profile = lf.calibrate(sampled.samples, options, progress)
     note(*map(str, profile.diagnoses), *profile.notes)
@@ -170,27 +173,45 @@ def response(
     ] = None,
 ) -> None:
     """Find the response of a camera without RAW from one scene at several exposures, and how exact these were."""
-    from lutforge.model.provenance import Chart
     from lutforge.pipeline.outputs import named_or_new
-    from lutforge.pipeline.response import ResponseRequest
+    from lutforge.pipeline.response_request import ResponseRequest
 
     output = named_or_new(output, "camera.npz")
-    words = (times or "", camera, all_colours, chart or "", light or "", corners or "")
-    request = ResponseRequest(tuple(bracket), *words)
+    request = ResponseRequest(
+        files=tuple(bracket),
+        times=times or "",
+        camera=camera,
+        all_colours=all_colours,
+        chart=chart or "",
+        light=light or "",
+        corners=corners or "",
+    )
     if request.is_one_picture:
         with progress_bar("response") as progress:
             approximate = request.approximate(output, progress)
-        made = approximate.profile
-        selector = f"{next(iter(made.styles))}/{next(iter(made.white_balances))}"
-        say(f"{output}: {made.camera}, {selector}", *approximate.told)
+        profile = approximate.profile
+        selector = f"{next(iter(profile.styles))}/{next(iter(profile.white_balances))}"
+        say(f"{output}: {profile.camera}, {selector}", *approximate.notes)
         say(f"next: lutforge bake {output} linearize --from {selector} --space aces2065-1 -o input.clf")
         return
+
     with progress_bar("response") as progress:
         fitted = request.fit(output, progress)
-    fit, profile, exposures, samples = fitted.fit, fitted.profile, fitted.exposure_s, fitted.samples
+    _print_response(fitted, output, searched=corners is None)
+
+
+def _print_response(fitted: "FittedResponse", output: Path, searched: bool) -> None:
+    """Print a fitted response, the errors of the exposures, and the next command. searched: for a chart."""
+    from lutforge.model.provenance import Chart
+
+    fit = fitted.fit
+    profile = fitted.profile
+    exposures = fitted.exposure_s
+    samples = fitted.samples
     (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
-    least, error = min(exposures.values()), fit.exposure_error
-    known, follows = fit.told
+    least = min(exposures.values())
+    error = fit.exposure_error
+    on_error, on_range = fit.told
     columns: dict[str, Iterable[str]] = {
         "shot": exposures,
         "stated, relative": [f"{time / least:.4g}" for time in exposures.values()],
@@ -199,30 +220,31 @@ def response(
     if samples is not None and isinstance(profile.provenance, Chart):
         say(f"{output}: {profile.camera}, {selector}, of the {profile.provenance.lit}")
         used = {name: str(len(rows)) for name, rows in samples.by_shot()}
-        seen = ["found" if name in fitted.found else "" for name in exposures]
         columns = {
             "shot": exposures,
-            "chart": seen,
+            "chart": ["found" if name in fitted.found else "" for name in exposures],
             "patches used": [used.get(name, "0") for name in exposures],
         } | columns
         columns["white beside the chart"] = [f"{fitted.level[name]:.3g}" for name in exposures]
     else:
-        say(f"{output}: {profile.camera}, {selector}", known)
+        say(f"{output}: {profile.camera}, {selector}", on_error)
         print_tables(response_table(fit))
     print_tables(Table("Exposures", list(columns), list(zip(*columns.values(), strict=True))))
+
     if samples is None:
-        say(follows)
-    elif corners is None and (missed := ", ".join(name for name in exposures if name not in fitted.found)):
+        say(on_range)
+    elif searched and (missed := ", ".join(name for name in exposures if name not in fitted.found)):
         note(f"the chart was not found in {missed}: its place in the nearest exposure was taken; see --corners")
     say(fit.verdict.told)
     if not fit.verdict.fixed:
         note("fix exposure mode, white balance and picture style, and switch off what adapts to the scene (HDR, DRO)")
-    to = "-o linear.cube"
+
+    options = "-o linear.cube"
     if samples is not None:
         note(*profile.notes)
         print_tables(held_out_table(profile))
-        to = "--space aces2065-1 -o input.clf"
-    say(f"next: lutforge bake {output} linearize --from {selector} {to}")
+        options = "--space aces2065-1 -o input.clf"
+    say(f"next: lutforge bake {output} linearize --from {selector} {options}")
 
 
 def transfer(
@@ -264,7 +286,7 @@ def evaluate(
     with progress_bar("sampling") as progress:
         sampled = gather_samples(sources, progress)
     if not as_json:
-        tell(sampled)
+        print_shots(sampled)
     with progress_bar("evaluating") as progress:
         evaluation = lf.evaluate(camera, sampled.samples, progress, tables=tables)
     note(*evaluation.notes)
@@ -293,11 +315,12 @@ def report(
     from lutforge.pipeline.sampling import gather_samples
 
     check_report_output(output, [profile, *(sources or [])])
-    camera, sampled = lf.load_profile(profile), None
+    camera = lf.load_profile(profile)
+    sampled = None
     if sources:
         with progress_bar("sampling") as progress:
             sampled = gather_samples(sources, progress)
-        tell(sampled)
+        print_shots(sampled)
     with progress_bar("reporting") as progress:
         page = lf.report(camera, sampled, output, progress)
     say(f"{output}: {len(page.pictures)} figures, {output.stat().st_size / 1e6:.1f} MB")
@@ -307,16 +330,18 @@ def compare(
     first: Profile,
     second: Annotated[Path | None, argument("Another profile (.npz).", show_default="the first")] = None,
     output: Annotated[Path, option("The page to write (.html).", "-o", "--output")] = Path("compare.html"),
-    one: Annotated[
+    first_setting: Annotated[
         str | None, option("STYLE/WB of the first profile; unless given, the first in it.", "--from")
     ] = None,
-    other: Annotated[str | None, option("STYLE/WB of the second; unless given, the first in it.", "--to")] = None,
+    second_setting: Annotated[
+        str | None, option("STYLE/WB of the second; unless given, the first in it.", "--to")
+    ] = None,
 ) -> None:
     """Show what two cameras, or two styles of one, make of the same light: a chart, ΔE00."""
     from lutforge.pipeline.reports import compare as write_comparison
 
     with progress_bar("comparing") as progress:
-        page = write_comparison(first, second or first, output, one, other, progress)
+        page = write_comparison(first, second or first, output, first_setting, second_setting, progress)
     say(f"{output}: {page.title}")
     say(*page.lead)
 
@@ -347,10 +372,10 @@ def export_nus(
     from lutforge.model.published_model import export_published
 
     camera = lf.load_profile(profile)
-    chosen = (style or (next(iter(camera.styles)) if len(camera.styles) == 1 else "")).lower()
-    if chosen not in camera.styles:
+    name = (style or (next(iter(camera.styles)) if len(camera.styles) == 1 else "")).lower()
+    if name not in camera.styles:
         raise ProfileError(f"{camera.camera} has the styles {', '.join(camera.styles)}; name one with --style")
-    for folder in export_published(camera, chosen, output):
+    for folder in export_published(camera, name, output):
         say(f"{folder}")
 
 
@@ -372,10 +397,10 @@ def studio(
     from lutforge.studio.opening import Folders
     from lutforge.studio.server import serve
 
-    given = tuple(path.resolve() for path in sources or [])
-    for path in given:
+    inputs = tuple(path.resolve() for path in sources or [])
+    for path in inputs:
         if not path.is_dir():
             require_file(path, "a sample table, shot, profile or workspace")
-    named = folder or [Path.cwd(), *(path if path.is_dir() else path.parent for path in given)]
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # which the server waits for
-    serve(Folders(named), given, address, port, show, lambda url: say(f"LutForge studio: {url}"))
+    folders = folder or [Path.cwd(), *(path if path.is_dir() else path.parent for path in inputs)]
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # the server ends by its KeyboardInterrupt
+    serve(Folders(folders), inputs, address, port, show, lambda url: say(f"LutForge studio: {url}"))

@@ -1,4 +1,4 @@
-"""The cache of baked grades: LUTs of refinishes and renders, whose slow steps are baked once for all pictures."""
+"""The cache of baked grades: LUTs of refinishes and renders; steps that are slow to bake are shared by all pictures."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,9 +22,10 @@ from lutforge.settings import Selector
 
 @dataclass(frozen=True)
 class SettingChange:
-    """What a refinish changes: `source`, the settings of a camera, to `target`, those of `look`, the same or another.
+    """The change that a refinish makes: from settings of a camera to settings of a look, that of the same or another.
 
-    ev: exposure change in stops. transfer: RAW → RAW between the two cameras, where one was measured.
+    source: of `camera`; target: of `look`. ev: exposure change in stops. transfer: RAW → RAW between the two cameras,
+    where one was measured.
     """
 
     camera: CameraProfile
@@ -41,14 +42,15 @@ class SettingChange:
 
     @property
     def is_none(self) -> bool:
-        """True where both settings render alike."""
+        """True where both settings render in the same way."""
         if self.look is not self.camera or self.ev or self.source.style != self.target.style:
             return False
-        before, after = self.camera.multipliers(self.source), self.camera.multipliers(self.target)
+        before = self.camera.multipliers(self.source)
+        after = self.camera.multipliers(self.target)
         return bool(np.allclose(before, after, rtol=1e-4))
 
     def history(self, picture: str) -> str:
-        """What was done, in one line for an image's history. picture: what it was, settings or RAW."""
+        """The change in one line, for an image's history. picture: its settings before, or RAW."""
         exposure = f", {self.ev:+g} EV" if self.ev else ""
         return f"{self.camera.camera}: {picture} -> {self.look.camera}: {self.target}{exposure}"
 
@@ -58,14 +60,14 @@ class BakedGrades:
 
     def __init__(self) -> None:
         self._luts: dict[object, Lut] = {}
-        # Only the last ones are kept: pictures on automatic white balance each have a grade of their own.
+        # Only the last LUTs are kept: every picture on automatic white balance has another.
         self.refinish: Callable[[SettingChange], Lut] = lru_cache(16)(
             lambda change: refinish_lut(change.transform, self.baked)
         )
         self.processor: Callable[..., OCIO.CPUProcessor] = lru_cache(32)(Lut.processor)
 
     def develop(self, change: SettingChange) -> OCIO.CPUProcessor:
-        """The processor that renders RAW; highlights, clipped before less exposure darkens them, stay neutral."""
+        """The processor that renders RAW. Values are clipped before exposure is lowered: highlights stay neutral."""
         camera = change.camera
         look = change.look
         target = change.target
@@ -73,17 +75,18 @@ class BakedGrades:
         k = 2.0**change.ev
         stages = raw_to_balanced(camera, change.source, look, target, transfer=change.transfer)
         balanced = through_stages(stages, grid(uniform_levels(2)) / before)
-        gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
-        exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
+        brightened = Matrix(np.diag(before * max(k, 1.0)))
+        darkened = Matrix(min(k, 1.0) * np.eye(3))
+        exposed = (brightened, Range(), Cube(balanced, "trilinear"), darkened)
         return Lut((*exposed, *self.baked(look.render_balanced(target)).ops)).processor()
 
     def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
-        """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""
+        """The steps of a refinish that take seconds to bake, those with a gamut map, and that have not been baked."""
         steps = () if refinish.is_identity else (steps_of(refinish).linearize, steps_of(refinish).render)
         return tuple(step for step in steps if isinstance(_core(step), GamutMap) and _core(step) not in self._luts)
 
     def add(self, step: Transform, lut: Lut) -> None:
-        """Take over a step that was baked elsewhere."""
+        """Add a step that was baked elsewhere."""
         self._luts[_core(step)] = lut
 
     def baked(self, step: Transform) -> Lut:
@@ -104,4 +107,5 @@ def baked_steps(steps: Sequence[Transform], progress: Progress = silent) -> tupl
 
 
 def _core(step: Transform) -> Lattice | GamutMap:
+    """The lattice or gamut map of a step, which identifies it in the cache."""
     return next(stage for stage in step.stages if isinstance(stage, Lattice | GamutMap))

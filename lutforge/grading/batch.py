@@ -1,4 +1,4 @@
-"""Grade many images by one recipe; an image that fails is reported, and the others go on."""
+"""Grade many images by one recipe; an image that fails is reported, and the others are graded."""
 
 import json
 import os
@@ -40,7 +40,7 @@ def read_journal(folder: Path) -> Mapping[str, Record]:
 
 def add_to_journal(folder: Path, record: Record) -> None:
     """Append a record in one write, so that runs that share a folder do not mix their lines. Raises OSError."""
-    # The line break in front ends what a killed run may have left.
+    # The first line break ends an incomplete line that a killed run may have left.
     line = b"\n" + json.dumps(asdict(record)).encode() + b"\n"
     handle = os.open(folder / JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
     try:
@@ -52,7 +52,10 @@ def add_to_journal(folder: Path, record: Record) -> None:
 
 @dataclass(frozen=True)
 class BatchResult:
-    """Every input is in one of the three. skipped: the outputs that an earlier run made, and that are still right."""
+    """The result of a batch: every input is in one of the first three fields.
+
+    done: graded; failed: with the reason; skipped: outputs of an earlier run that are still valid. notes: for the user.
+    """
 
     done: tuple[GradedImage, ...]
     failed: tuple[Failure, ...]
@@ -73,25 +76,28 @@ def apply_batch(
     """Grade images into a folder under their own names; each output is written whole or not at all.
 
     suffix: such as ".exr", for another format. workers: threads, by default one per core. progress: called, in this
-    thread, with the rate of work, a few times a second. resume: what an earlier run did by this recipe is skipped where
-    neither source nor output has changed since. scheduler: the address of a Dask cluster that does the work. Raises
+    thread, with the rate of work, a few times a second. resume: skip images that an earlier run graded by this recipe,
+    if neither source nor output has changed since. scheduler: the address of a Dask cluster that does the work. Raises
     LutForgeError, and writes nothing, where two inputs would become one output, an output would replace an input, or
-    the recipe is wrong for all images.
+    the recipe cannot grade any image.
     """
     folder = Path(folder)
     jobs = plan_jobs(list(map(Path, images)), folder, suffix)
     recipe.check()
     remove_temporaries(job.target for job in jobs)
+
     records = read_journal(folder) if resume else {}
     already: set[Job] = set()
     for job in jobs:
-        known = records.get(str(job.target.absolute()))
-        if known is not None and known.still_true(recipe.key, job.source):
+        record = records.get(str(job.target.absolute()))
+        if record is not None and record.is_valid(recipe.key, job.source):
             already.add(job)
     waiting = [job for job in jobs if job not in already]
+
     outcomes: dict[Job, Outcome] = {}
     notes: list[str] = []
-    pixels, began = 0, time.monotonic()
+    pixels = 0
+    began = time.monotonic()
     if scheduler is None:
         running = _run_here(recipe, waiting, workers or os.cpu_count() or 1)
     else:
@@ -103,14 +109,15 @@ def apply_batch(
             job, outcome = finished
             outcomes[job] = outcome
             if not isinstance(outcome, Failure):
-                applied, record = outcome
+                graded, entry = outcome
                 try:
-                    add_to_journal(folder, record)
+                    add_to_journal(folder, entry)
                 except OSError as error:
                     notes.append(f"{job.target}: graded, but --resume will not know of it ({error.strerror})")
-                pixels += applied.width * applied.height
+                pixels += graded.width * graded.height
         images_done = len(already) + len(outcomes)
         progress(rate(images_done, pixels, time.monotonic() - began), images_done / len(jobs))
+
     ordered = [outcomes[job] for job in waiting]
     return BatchResult(
         tuple(outcome[0] for outcome in ordered if not isinstance(outcome, Failure)),
@@ -121,13 +128,13 @@ def apply_batch(
 
 
 def rate(images: int, pixels: int, seconds: float) -> str:
-    """How fast images are graded, in words."""
+    """The speed of a batch, in words."""
     seconds = max(seconds, 1e-3)
     return f"{images / seconds:.2g} images/s, {pixels / 1e6 / seconds:.3g} Mpixel/s"
 
 
 def plan_jobs(images: Sequence[Path], folder: Path, suffix: str | None = None) -> list[Job]:
-    """Choose where each image is written. Raises ImageError where two share a place or one would replace an input."""
+    """Choose the output of each image. Raises ImageError where two have the same, or one would replace an input."""
     if suffix is not None and not suffix.startswith("."):
         suffix = f".{suffix}"
     if suffix is not None and Path(f"x{suffix}").suffix != suffix:
@@ -144,27 +151,27 @@ def plan_jobs(images: Sequence[Path], folder: Path, suffix: str | None = None) -
         place = resolved(job.target)
         if place in sources:
             raise ImageError(f"{job.target}: the output would replace an input; choose another folder")
-        # Some file systems do not tell upper from lower case.
-        other = seen.setdefault(str(place).lower(), job.source)
-        if other is not job.source:
-            raise ImageError(f"{job.source} and {other} would both become {job.target}; grade them into two folders")
+        # Some file systems do not distinguish upper and lower case.
+        earlier = seen.setdefault(str(place).lower(), job.source)
+        if earlier is not job.source:
+            raise ImageError(f"{job.source} and {earlier} would both become {job.target}; grade them into two folders")
     return jobs
 
 
 def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Outcome] | None]:
-    """The jobs and their outcomes as they come, and None a few times a second meanwhile.
+    """The jobs and their outcomes as they finish, and None a few times a second in between.
 
-    As many images are in work as there are threads, and one more waits in the pool for the first that is free. Where
+    As many images are graded at once as there are threads, and one more waits in the pool for a free thread. Where
     there are fewer images than threads, each gets several.
     """
     at_once = max(1, min(workers, len(jobs)))
     threads = max(1, workers // at_once)
-    # With less than a million values (4 MB), the work between two calls of a codec gets too small.
+    # With fewer than a million values (4 MB) per region, the calls of codecs take too large a share of the time.
     samples = max(1_000_000, REGION_SAMPLES // at_once)
     begun = 0
     running: dict[Future[Outcome], Job] = {}
     codecs = {name: oiio.get_int_attribute(name) for name in ("threads", "exr_threads")}
-    oiio.attribute("threads", threads)  # OpenImageIO's own, per image
+    oiio.attribute("threads", threads)  # of OpenImageIO, per image
     oiio.attribute("exr_threads", threads if threads > 1 else -1)
     pool = ThreadPoolExecutor(at_once)
     try:

@@ -1,4 +1,4 @@
-"""Grade the images of a batch on a Dask cluster whose machines see the same files under the same paths."""
+"""Grade the images of a batch on a Dask cluster whose machines have the same files under the same paths."""
 
 import logging
 import platform
@@ -23,20 +23,21 @@ from lutforge.grading.jobs import Job, Outcome, run_job
 Sent = TypeVar("Sent", Recipe, Job)
 
 _RECIPES: dict[str, Recipe] = {}
-"""The recipe that this worker has prepared, by its key."""
+"""The recipe that this worker has prepared, by its key; one at most."""
 
 _PREPARING = Lock()
 
 
 def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterator[tuple[Job, Outcome]]:
-    """The jobs and their outcomes as they come.
+    """The jobs and their outcomes as they finish.
 
     An image whose worker dies is graded again by another, up to the scheduler's `allowed-failures`. Each result is
-    checked: the worker had this recipe, and the file that it tells of is here. Raises LutForgeError where Dask is not
-    installed, or no scheduler or worker answers.
+    checked: the worker had this recipe, and the file that it wrote has arrived here. Raises LutForgeError where Dask is
+    not installed, or no scheduler or worker answers.
     """
     with _connected(address) as (distributed, client):
-        shared, key = _with_absolute_paths(recipe), recipe.key
+        shared = _with_absolute_paths(recipe)
+        key = recipe.key
         threads = max(1, sum(client.nthreads().values()))
         waiting = deque(jobs)
         running: dict[str, Job] = {}
@@ -47,7 +48,7 @@ def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterato
             running[future.key] = job
             return future
 
-        # A few per thread wait at the workers, so that none is idle; not all, so that the scheduler stays small.
+        # A few jobs per thread wait at the workers, so that none is idle; not all, to save memory of the scheduler.
         futures = [submit() for _ in range(min(4 * threads, len(waiting)))]
         finished = distributed.as_completed(futures, loop=client.loop)
         for future in finished:
@@ -66,7 +67,7 @@ def _connected(address: str) -> Iterator[tuple[Any, Any]]:
         distributed: Any = import_module("distributed")
     except ImportError as error:
         raise LutForgeError('--scheduler needs Dask: pip install "lutforge[cluster]"') from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is told here
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors that matter are reported here
     try:
         client = distributed.Client(address, timeout=10, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
@@ -81,27 +82,27 @@ def _connected(address: str) -> Iterator[tuple[Any, Any]]:
 
 
 def _outcome(job: Job, future: Any) -> Outcome:
-    """A worker's answer, checked against the file that is here."""
+    """A worker's answer, checked against the file on this machine."""
     try:
         answer: Outcome = future.result()
-    except Exception as error:  # whatever went wrong there: the other images are graded
+    except Exception as error:  # any failure of the worker concerns this image only
         line = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
         return Failure(job.source, f"{job.source}: the cluster did not grade it ({line})")
     if isinstance(answer, Failure):
         return replace(answer, source=job.source)
-    applied, record = answer
-    # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
+    graded, record = answer
+    # On network file systems a file that another machine wrote may appear here with a delay.
     until = time.monotonic() + 10
     output = record.output
-    while not output.still_true() and time.monotonic() < until:
+    while not output.is_unchanged() and time.monotonic() < until:
         time.sleep(0.2)
-    if output.still_true():
-        return replace(applied, source=job.source, target=job.target), record
+    if output.is_unchanged():
+        return replace(graded, source=job.source, target=job.target), record
     return Failure(job.source, f"{output.path}: a worker wrote it, but it is not here, or is another file")
 
 
 def _with_absolute_paths(record: Sent) -> Sent:
-    """A copy for machines with another working folder, of the fields alone: without what was computed from them."""
+    """A copy of a record for machines with another working folder, without values that are computed from its fields."""
 
     def absolute(value: object) -> object:
         if isinstance(value, tuple):
@@ -121,7 +122,7 @@ def _run_there(recipe: Recipe, key: str, job: Job) -> Outcome:
                 if recipe.key != key:
                     differs = "has other versions of the recipe's files, LutForge or OpenColorIO than who asks"
                     raise LutForgeError(f"{platform.node()} {differs}")
-                # A worker is one thread: codecs that took all cores would take them from the other workers.
+                # A worker is one thread: codecs on all cores would slow down the other workers.
                 oiio.attribute("threads", 1)
                 oiio.attribute("exr_threads", -1)
                 _RECIPES.clear()

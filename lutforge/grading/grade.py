@@ -1,4 +1,4 @@
-"""Recipes and grades: a recipe says how a batch grades any image, and gives the grade of each image."""
+"""Recipes and grades: a recipe states how a batch grades images, and returns the grade of each image."""
 
 import hashlib
 from abc import ABC, abstractmethod
@@ -20,7 +20,7 @@ from lutforge.luts.check import check_lut, other_half
 from lutforge.luts.forms import MAX_SIZE
 from lutforge.luts.input_and_output import ENCODED, read_input_and_output
 from lutforge.luts.ocio_transforms import OCIO_ERRORS, of_codes
-from lutforge.luts.reading import NoFiguresError, is_read_by_ocio, processor_of_stranger
+from lutforge.luts.reading import NoFiguresError, is_read_by_ocio, processor_of_untrusted
 from lutforge.luts.sequence import Lut
 
 if TYPE_CHECKING:
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Grade:
-    """What is to be done to one image.
+    """The grade of one image.
 
-    processor: colours in the image's own encoding → graded colours; history: one line for the output's metadata.
-    attributes: further metadata to set in the output, by OpenImageIO's names; with None those that match the name, a
-    regular expression, are erased. raw: the source is a RAW file, and its linear camera RGB is graded, brightened by
-    the one of vignettings that is of its lens setting.
-    notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
-    scene-linear light and not an encoded picture, where that is known. oiiotool: the arguments with which oiiotool does
-    the same, where it can; lut: the LUT of `processor`, where it is in no file. unchanged: the pixels stay as they are.
-    codes: what `processor` does, for 8-bit codes in and out; None for RAW files. for_srgb: it takes pictures in sRGB,
-    as far as that is known. marks_clipped: a channel "clipped" is added, 1 where a channel of the source is at an end.
+    processor: colours in the image's own encoding → graded colours; codes: the same for 8-bit codes in and out, None
+    for RAW files. history: one line for the output's metadata. attributes: further metadata to set in the output, by
+    OpenImageIO's names; those with None, whose name is a regular expression, are erased. notes: for the user.
+
+    raw: the source is a RAW file, and its linear camera RGB is graded after a correction of vignetting, by the one of
+    `vignettings` that is of its lens setting. takes_linear, gives_linear: the input, or the output, is known to be
+    scene-linear, and not an encoded picture. for_srgb: the input is known to be sRGB. oiiotool: the arguments by which
+    oiiotool does the same, where it can; lut: the LUT of `processor`, where it is in no file. unchanged: the pixels
+    stay as they are. marks_clipped: a channel "clipped" is added, 1 where a channel of the source is at 0 or 1.
     """
 
     processor: OCIO.CPUProcessor
@@ -60,27 +60,29 @@ class Grade:
 
 @dataclass(frozen=True)
 class Recipe(ABC):
-    """How to grade any image. Its fields are paths and settings only, so that another machine can rebuild it."""
+    """The instructions by which a batch grades images.
+
+    Its fields are paths and settings only, so that another machine can rebuild it.
+    """
 
     @cached_property
     def key(self) -> str:
-        """A fingerprint of all that decides the result."""
+        """A fingerprint of everything that affects the result."""
         return fingerprint(type(self).__name__, *(getattr(self, field.name) for field in fields(self)))
 
     def check(self) -> None:
-        """Raise LutForgeError where what all images share is wrong, so that none can be graded."""
+        """Raise LutForgeError where a part that all images share is wrong, so that none can be graded."""
         self.grade(Path())
 
     @abstractmethod
     def grade(self, source: Path) -> Grade:
-        """The grade of one image, made once where images share it. Raises LutForgeError: this image fails."""
+        """The grade of one image; images can share a grade. Raises LutForgeError where this image cannot be graded."""
 
 
 def fingerprint(*parts: object) -> str:
-    """Return the SHA-256, in hexadecimal, of what a grade is made of. Raises LutError where a file cannot be read.
+    """Return the SHA-256, in hexadecimal, of the parts of a grade. Raises LutError where a file cannot be read.
 
-    It is over the contents of the files among `parts`, the other parts as text, and the versions of LutForge and
-    OpenColorIO.
+    It covers the contents of files, other parts as text, and the versions of LutForge and OpenColorIO.
     """
     total = hashlib.sha256(f"{__version__} {OCIO.__version__}".encode())
     for part in parts:
@@ -95,9 +97,9 @@ def fingerprint(*parts: object) -> str:
 
 @dataclass(frozen=True)
 class LutRecipe(Recipe):
-    """One LUT file for all images; what `check` calls a problem of it is a note of each.
+    """Grade all images by one LUT file. Problems that `check` finds in it are notes on each image.
 
-    Cubes of files that name no interpolation are interpolated tetrahedrally, Hald images and their like trilinearly.
+    Cubes are interpolated as their file states, else tetrahedrally; cubes in pictures, such as Halds, trilinearly.
     """
 
     path: Path
@@ -108,17 +110,19 @@ class LutRecipe(Recipe):
 
     @cached_property
     def _grade(self) -> Grade:
-        other = other_half(self.path)
-        if other is not None:
+        second_file = other_half(self.path)
+        if second_file is not None:
             raise LutError(
-                f"{self.path}: half of a LUT, {other.name} is the other; bake a .clf or .cube to apply, or use the two "
-                "in an OpenColorIO config"
+                f"{self.path}: half of a LUT, {second_file.name} is the other; bake a .clf or .cube to apply, or use "
+                "the two in an OpenColorIO config"
             )
+
         lut: Lut | None = None
         problems: tuple[str, ...] = ()
-        with suppress(NoFiguresError):  # of which OpenColorIO alone knows what it does
+        with suppress(NoFiguresError):  # a LUT that only OpenColorIO can evaluate
             report = check_lut(self.path)
-            lut, problems = report.lut, report.problems
+            lut = report.lut
+            problems = report.problems
         ends = None if lut is None else read_input_and_output(lut.comments)
         takes_linear, gives_linear = (False, False) if ends is None else ends.are_linear
         grade = Grade(
@@ -133,7 +137,7 @@ class LutRecipe(Recipe):
             if lut.size > MAX_SIZE:
                 return replace(grade, processor=Evaluation(lut), lut=lut)
             return replace(grade, processor=lut.processor(), codes=lut.processor(codes=True), lut=lut)
-        processor = processor_of_stranger(self.path)
+        processor = processor_of_untrusted(self.path)
         return replace(
             grade,
             processor=processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
@@ -144,12 +148,12 @@ class LutRecipe(Recipe):
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A LUT with more nodes than OpenColorIO takes, as a processor of float32 pixels."""
+    """A processor of float32 pixels, for a LUT with more nodes than OpenColorIO accepts."""
 
     lut: Lut
 
-    def applyRGB(self, pixels: Single) -> None:  # noqa: N802 - as OpenColorIO's processors have it
-        """Grade pixels (…, 3) where they are."""
+    def applyRGB(self, pixels: Single) -> None:  # noqa: N802 - the method of OpenColorIO's processors
+        """Grade pixels (…, 3) in place."""
         pixels[:] = self.lut(pixels.astype(np.float64)).astype(np.float32)
 
 
@@ -162,7 +166,7 @@ class OfConfig(Recipe):
 
     @cached_property
     def key(self) -> str:
-        """Identify the conversion by its contents: the processor's identity holds those of the config's LUT files."""
+        """A fingerprint of the conversion: the processor's cache ID depends on the contents of the config's LUTs."""
         return fingerprint("config", self._grade.processor.getCacheID())
 
     def grade(self, source: Path) -> Grade:
@@ -171,7 +175,7 @@ class OfConfig(Recipe):
 
     @cached_property
     def _grade(self) -> Grade:
-        from lutforge.ocio.check import load_config  # a LUT does without what is known of configs
+        from lutforge.ocio.check import load_config  # imported here: a LUT does not need it
 
         config = load_config(self.path)
         try:
@@ -186,6 +190,7 @@ class OfConfig(Recipe):
         """The grade. Raises ConfigError, OpenColorIO's errors, and those of `guarded`."""
 
     def _space(self, config: OCIO.Config, name: str) -> OCIO.ColorSpace:
+        """A colour space of the config. Raises ConfigError on an unknown name."""
         space = config.getColorSpace(name)
         if space is None:
             raise ConfigError(
@@ -196,7 +201,7 @@ class OfConfig(Recipe):
     def _graded(
         self, processor: OCIO.Processor, history: str, linear: tuple[bool, bool], words: Sequence[str]
     ) -> Grade:
-        """The grade of a processor. linear: what it takes and gives; words: how oiiotool does the same."""
+        """The grade of a processor. linear: its input, and its output, are linear; words: of oiiotool for the same."""
         takes_linear, gives_linear = linear
         return Grade(
             processor.getDefaultCPUProcessor(),
@@ -262,12 +267,13 @@ class ViewRecipe(OfConfig):
         )
 
     def _named(self, kind: str, name: str, names: Iterable[str]) -> str:
-        """The name among those of a config, whatever its case. Raises ConfigError."""
-        known = {entry.lower(): entry for entry in names}
-        if name.lower() not in known:
-            raise ConfigError(f'{self.path}: no {kind} is called "{name}"; {alternatives(name, known.values())}')
-        return known[name.lower()]
+        """The name as the config writes it, in upper or lower case. Raises ConfigError."""
+        by_lower = {entry.lower(): entry for entry in names}
+        if name.lower() not in by_lower:
+            raise ConfigError(f'{self.path}: no {kind} is called "{name}"; {alternatives(name, by_lower.values())}')
+        return by_lower[name.lower()]
 
 
 def _is_linear(config: OCIO.Config, space: OCIO.ColorSpace) -> bool:
+    """True where a colour space of a config is linear."""
     return bool(config.isColorSpaceLinear(space.getName(), space.getReferenceSpaceType()))

@@ -1,12 +1,12 @@
-"""Grade one image: read, grade and write it region by region, so that memory does not grow with the image.
+"""Grade one image: it is read, graded and written region by region, so that memory does not grow with the image.
 
-Whole in memory are images that must be rendered, turned or converted, and JPEG files that become JPEG files.
+Images that must be rendered, turned or converted are in memory as a whole, and so are JPEGs that are graded to JPEGs.
 """
 
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -22,24 +22,17 @@ from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.grading.grade import Grade
-from lutforge.grading.image_colours import check_colours, colour_space, notes_on, notes_on_packets, other_space
+from lutforge.grading.image_colours import check_colours, colour_space, foreign_space, notes_on, notes_on_packets
 from lutforge.grading.pixels import grade_floats
 from lutforge.grading.whole_jpeg import grade_whole, jpeg_metadata
 from lutforge.images.heif import is_heif
 from lutforge.images.icc import foreign_profile, pixels_to_srgb, profile_name
-from lutforge.images.jpeg import read_header
+from lutforge.images.jpeg import JpegHeader, read_header
 from lutforge.images.orientation import upright
+from lutforge.images.output_spec import IN_SRGB, describe_output, format_of, keeps_orientation, with_shape
 from lutforge.images.packets import Packets, read_packets, without_further_pictures
 from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
-from lutforge.images.write import (
-    IN_SRGB,
-    ImageWriter,
-    describe_output,
-    format_of,
-    image_writer,
-    keeps_orientation,
-    with_shape,
-)
+from lutforge.images.write import ImageWriter, image_writer
 from lutforge.model.highlights import clipped
 from lutforge.shots.discover import RAW_SUFFIXES
 
@@ -51,7 +44,7 @@ ROWS_AT_ONCE = 256
 
 @dataclass(frozen=True)
 class GradedImage:
-    """A graded image. notes: what the user should know, such as parts of a file that were left out."""
+    """A graded image. notes: for the user, such as on parts of a file that were left out."""
 
     source: Path
     target: Path
@@ -85,10 +78,10 @@ def apply_image(
             converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
             grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
 
-        # What its header and its packets say of its colours.
+        # The colours, as the header and the packets state them.
         check_colours(source, spec)
         packets = Packets() if grade.raw else read_packets(source)
-        if image.format == "openexr":  # whose attribute `image_writer` sets
+        if image.format == "openexr":  # where XMP is an attribute, which `image_writer` sets
             packets = replace(packets, xmp=spec.get_string_attribute("xmp").encode())
         if grade.for_srgb and packets.encoding:
             raise ImageError(
@@ -96,33 +89,19 @@ def apply_image(
                 "convert it to sRGB first"
             )
         jpeg = read_header(source.read_bytes()) if image.format == format_of(target) == "jpeg" else None
-        attributes = {**colour_space(source, spec, image.format, jpeg), **grade.attributes}
-        if not spec.get_string_attribute("DateTime"):
-            # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
-            changed = time.gmtime(source.stat().st_mtime)
-            attributes.setdefault("DateTime", time.strftime("%Y:%m:%d %H:%M:%S", changed))
-        space = other_space(grade, spec, attributes)
+        attributes = _output_attributes(grade, source, image, jpeg)
+        space = foreign_space(grade, spec, attributes)
         if grade.for_srgb and space:
             raise ImageError(
                 f"{source}: the picture is in {space}, and this grade is for sRGB; convert it to sRGB first"
             )
 
-        # What the output holds: a further channel that marks what is clipped, in linear files.
-        written = oiio.ImageSpec(spec)
-        if grade.marks_clipped:
-            names = (*spec.channelnames, "clipped")
-            written.nchannels = len(names)
-            written.channelnames = names
-            written.channelformats = ()
-        output = describe_output(target, written, image.format, grade.history, attributes)
-        if grade.marks_clipped:
-            output.set_format(oiio.HALF)
-
+        output = _described(grade, target, image, attributes)
         threads = None if count == 1 else stack.enter_context(ThreadPoolExecutor(count))
-        total = spec.width * spec.height
 
-        # Whole, as codes, pictures of more than 64 Mpixel would take more than 256 MB each.
-        if jpeg is not None and jpeg.plain and total <= 64_000_000 and grade.codes is not None and not profile:
+        # As a whole, as codes, only pictures up to 64 Mpixel: larger ones would take more than 256 MB each.
+        is_small = spec.width * spec.height <= 64_000_000
+        if jpeg is not None and jpeg.plain and is_small and grade.codes is not None and not profile:
             broken = 0
             grade_whole(source, jpeg, grade, target, threads)
         else:
@@ -144,8 +123,36 @@ def apply_image(
     return GradedImage(source, target, spec.width, spec.height, notes)
 
 
+def _output_attributes(
+    grade: Grade, source: Path, image: ImageReader | Image, jpeg: JpegHeader | None
+) -> dict[str, object]:
+    """The metadata to set in the output, by OpenImageIO's names."""
+    attributes = {**colour_space(source, image.spec, image.format, jpeg), **grade.attributes}
+    if not image.spec.get_string_attribute("DateTime"):
+        # Without a date OpenImageIO writes the present time to a TIFF, and two runs would give different files.
+        changed = time.gmtime(source.stat().st_mtime)
+        attributes.setdefault("DateTime", time.strftime("%Y:%m:%d %H:%M:%S", changed))
+    return attributes
+
+
+def _described(
+    grade: Grade, target: Path, image: ImageReader | Image, attributes: Mapping[str, object]
+) -> oiio.ImageSpec:
+    """The description of the output, in half floats and with the channel "clipped" where the grade adds it."""
+    spec = oiio.ImageSpec(image.spec)
+    if grade.marks_clipped:
+        names = (*spec.channelnames, "clipped")
+        spec.nchannels = len(names)
+        spec.channelnames = names
+        spec.channelformats = ()
+    output = describe_output(target, spec, image.format, grade.history, attributes)
+    if grade.marks_clipped:
+        output.set_format(oiio.HALF)
+    return output
+
+
 def _copied(grade: Grade, source: Path, target: Path) -> GradedImage:
-    """A picture that has the settings already: its file as it is."""
+    """A picture that has the target settings already: its file is copied."""
     with ImageReader(source) as reader:
         width = reader.spec.width
         height = reader.spec.height
@@ -156,12 +163,13 @@ def _copied(grade: Grade, source: Path, target: Path) -> GradedImage:
 
 @contextmanager
 def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageReader | Image, bytes]]:
-    """Open an image for its grade: RAW files rendered linear, pictures turned where the target's format cannot tell so.
+    """Open an image for its grade: a RAW file is demosaicked, and a picture turned upright where its target needs it.
 
-    With it the ICC profile of the space that it was converted from, to sRGB; empty where it was not.
+    Yields the image, and the ICC profile of the space from which it was converted to sRGB; empty where it was not. A
+    picture is turned where the format of the target has no tag for the orientation.
     """
     if grade.raw:
-        from lutforge.images.raw import read_raw  # LibRaw, and what reads metadata, for RAW files alone
+        from lutforge.images.raw import read_raw  # imported here: only RAW files need LibRaw and their metadata
         from lutforge.model.vignetting import vignetting_of
         from lutforge.shots.metadata import lens_of, raw_attributes
 
@@ -192,7 +200,8 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageRea
             yield reader, b""
             return
         with _in_memory():
-            pixels, spec = reader.read(reader.whole), reader.spec
+            pixels = reader.read(reader.whole)
+            spec = reader.spec
             if turned:
                 pixels = upright(pixels, orientation)
                 spec = with_shape(spec, pixels.shape)
@@ -201,10 +210,11 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageRea
 
 
 def _in_srgb(image: Image, grade: Grade) -> tuple[Image, bytes]:
-    """The image, converted to sRGB where its grade wants that, and the profile that it had."""
-    profile, spec = foreign_profile(image.spec), oiio.ImageSpec(image.spec)
+    """The image, converted to sRGB where its grade is for sRGB, and the profile that it was converted from."""
+    profile = foreign_profile(image.spec)
     if not grade.for_srgb or not profile:
         return image, b""
+    spec = oiio.ImageSpec(image.spec)
     spec.erase_attribute("ICCProfile")
     spec.attribute("Exif:ColorSpace", IN_SRGB)
     return replace(image, pixels=pixels_to_srgb(image.pixels, profile), spec=spec), profile
@@ -212,9 +222,9 @@ def _in_srgb(image: Image, grade: Grade) -> tuple[Image, bytes]:
 
 @cache
 def _in_memory() -> Semaphore:
-    """How many images may be in memory as a whole at once: a decoded RAW file takes about 2 GB in the worst case."""
-    pages = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8_000_000_000
-    return Semaphore(max(1, pages // 4_000_000_000))
+    """The limit of images that are in memory as a whole: a decoded RAW file takes up to about 2 GB."""
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8_000_000_000
+    return Semaphore(max(1, memory // 4_000_000_000))
 
 
 def _grade_regions(
@@ -227,7 +237,7 @@ def _grade_regions(
 ) -> int:
     """Read, grade and write an image region by region, and count the pixels that are no finite numbers.
 
-    overlap: the next region is read, and the last one written, meanwhile.
+    overlap: while a region is graded, the next one is read and the last one written.
     """
     premultiplied = is_premultiplied(image.spec)
     broken = 0
@@ -236,7 +246,7 @@ def _grade_regions(
         nonlocal broken
         clips = clipped(pixels[..., :3]) if grade.marks_clipped else None
         with np.errstate(all="ignore"):
-            total = np.sum(pixels)  # NaN and infinity stay what they are
+            total = np.sum(pixels)  # not finite if a pixel is not
         if not np.isfinite(total):
             broken += int(np.count_nonzero(~np.isfinite(pixels[..., :3]).all(axis=-1)))
         grade_floats(grade.processor, pixels, premultiplied, threads)
@@ -248,16 +258,16 @@ def _grade_regions(
             writer.write(region, work(image.read(region)))
         return broken
     with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(1) as writing:
-        ahead = reading.submit(image.read, regions[0])
-        behind: Future[None] | None = None
+        being_read = reading.submit(image.read, regions[0])
+        being_written: Future[None] | None = None
         for region, following in zip_longest(regions, regions[1:]):
-            pixels = ahead.result()
+            pixels = being_read.result()
             if following is not None:
-                ahead = reading.submit(image.read, following)
+                being_read = reading.submit(image.read, following)
             pixels = work(pixels)
-            if behind is not None:
-                behind.result()
-            behind = writing.submit(writer.write, region, pixels)
-        if behind is not None:
-            behind.result()
+            if being_written is not None:
+                being_written.result()
+            being_written = writing.submit(writer.write, region, pixels)
+        if being_written is not None:
+            being_written.result()
     return broken

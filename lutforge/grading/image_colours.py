@@ -1,4 +1,4 @@
-"""Whether a grade can take the colours of an image, what states their space, and notes on them."""
+"""Checks of an image's colours before its grade, the metadata that state their space, and notes on them."""
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,11 +10,11 @@ from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.grading.grade import Grade
 from lutforge.images.heif import is_heif
-from lutforge.images.icc import codes_moved, is_srgb, stored_profile
+from lutforge.images.icc import is_srgb, mean_code_change, stored_profile
 from lutforge.images.jpeg import JpegHeader
+from lutforge.images.output_spec import IN_ANOTHER_SPACE
 from lutforge.images.packets import LARGEST_JPEG_PACKET, Packets, declares_film, holds_packets
 from lutforge.images.read import ImageReader, is_premultiplied
-from lutforge.images.write import IN_ANOTHER_SPACE
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 
@@ -22,9 +22,9 @@ _NOT_RGB = {
     "CMYK": "CMYK", "YCbCrK": "CMYK", "color separated": "CMYK",
     "CIELAB": "CIELAB", "ICCLAB": "CIELAB", "ITULAB": "CIELAB",
 }  # fmt: skip
-"""What OpenImageIO says of files whose colours it gives as RGB all the same, and what they are."""
+"""The colours of files whose channels OpenImageIO names R, G and B although they are not, by its words for them."""
 
-TELL_ADOBE_RGB: Mapping[str, object] = {"ICCProfile": adobe_rgb_profile(), "Exif:ColorSpace": IN_ANOTHER_SPACE}
+ADOBE_RGB_METADATA: Mapping[str, object] = {"ICCProfile": adobe_rgb_profile(), "Exif:ColorSpace": IN_ANOTHER_SPACE}
 """Metadata, by OpenImageIO's names, of a picture in Adobe RGB."""
 
 
@@ -51,11 +51,11 @@ def check_colours(path: Path, spec: oiio.ImageSpec) -> None:
 
 
 def part_with_colours(path: Path) -> int | None:
-    """The first part of a file, after the one at 0, that has red, green and blue; None where there is none."""
+    """The index of the first part of a file, after part 0, with red, green and blue; None where there is none."""
     if is_heif(path):
         return None
     with ImageReader(path) as reader:
-        parts = enumerate(reader.further_parts(), 1)
+        parts = enumerate(reader.later_parts(), 1)
         return next((index for index, part in parts if {*_last_words(part.channelnames)} >= {"r", "g", "b"}), None)
 
 
@@ -65,19 +65,19 @@ def _last_words(names: Sequence[str]) -> Iterator[str]:
 
 
 def colour_space(source: Path, spec: oiio.ImageSpec, format: str, jpeg: JpegHeader | None) -> Mapping[str, object]:
-    """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep."""
+    """The metadata of Adobe RGB, where the source states this space only in a tag that OpenImageIO does not keep."""
     if jpeg is not None:
-        return TELL_ADOBE_RGB if jpeg.says_adobe_rgb and spec.getattribute("ICCProfile") is None else {}
+        return ADOBE_RGB_METADATA if jpeg.is_adobe_rgb and spec.getattribute("ICCProfile") is None else {}
     if format != "jpeg" or spec.getattribute("ICCProfile") is not None:
         return {}
-    from lutforge.shots.maker_settings import in_adobe_rgb  # loads what reads metadata
+    from lutforge.shots.maker_settings import in_adobe_rgb  # imported here: few pictures need it
     from lutforge.shots.tags import tags
 
-    return TELL_ADOBE_RGB if in_adobe_rgb(tags(source)) else {}
+    return ADOBE_RGB_METADATA if in_adobe_rgb(tags(source)) else {}
 
 
-def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> str:
-    """The name of a space other than sRGB that neither the grade nor an output with these attributes tells, else ""."""
+def foreign_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> str:
+    """The name of the picture's space where it is not sRGB and the grade does not set a profile itself, else ""."""
     if "ICCProfile" in grade.attributes:
         return ""
     if "ICCProfile" in attributes:
@@ -91,9 +91,9 @@ def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, o
 def notes_on_packets(
     packets: Packets, source: oiio.ImageSpec, format: str, written: str, segments_stay: bool
 ) -> Iterator[str]:
-    """Yield what of a file besides its picture is not in the graded one.
+    """Yield notes on parts of the source file that the graded file does not have.
 
-    format, written: of source and result; segments_stay: both are JPEG, and all segments of metadata are copied.
+    format, written: of source and graded file; segments_stay: both are JPEG, and all segments of metadata are copied.
     """
     if packets.encoding:
         yield f"the picture says that it is encoded as {packets.encoding}, and was graded as it is"
@@ -101,16 +101,18 @@ def notes_on_packets(
         yield "an animation: its first frame was graded, the others were left out"
     if declares_film(packets.xmp):
         yield "the film of the motion photo was left out"
+
     names = [attribute.name for attribute in source.extra_attribs]
     lost = ["EXIF"] if any(name.startswith("Exif:") for name in names) and written not in _HOLDS_EXIF else []
     lost += ["GPS"] if any(name.startswith("GPS:") for name in names) and written not in _HOLDS_EXIF else []
-    held = set(holds_packets(written))
+    kinds = set(holds_packets(written))
+    # OpenEXR gets IPTC as attributes, which OpenImageIO reads from JPEG and TIFF only, PNG from PNG as a text.
     if (written == "openexr" and format in ("jpeg", "tiff")) or written == format == "png":
-        held.add("IPTC")  # as attributes, which OpenImageIO reads of these alone; as a text
+        kinds.add("IPTC")
     for kind, packet in (("XMP", packets.xmp), ("IPTC", packets.iptc)):
         if not packet or segments_stay:
             continue
-        if kind not in held:
+        if kind not in kinds:
             lost.append(kind)
         elif written == "jpeg" and len(packet) >= LARGEST_JPEG_PACKET:
             lost.append(f"{kind} of {len(packet):,} bytes, more than a JPEG holds")
@@ -124,19 +126,20 @@ def notes_on_packets(
 
 
 _HOLDS_EXIF = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "openexr", "jpegxl"})
+"""Formats, by OpenImageIO's names, to which EXIF is written."""
 _HOLDS_ICC = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "jpegxl"})
-"""Formats, by OpenImageIO's names, that a graded picture's metadata are written to."""
+"""Formats, by OpenImageIO's names, to which an ICC profile is written."""
 
 
 def notes_on(
     grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec, space: str, broken: int
 ) -> Iterator[str]:
-    """Yield what the user should know of the colours of a graded image.
+    """Yield notes for the user on the colours of a graded image.
 
-    format: of the source, as `Image.format`; space: as `other_space` names it; broken: how many pixels are no finite
+    format: of the source, as `Image.format`; space: of `foreign_space`; broken: the number of pixels that are no finite
     numbers.
     """
-    # Scene-linear light in 8-bit files, which hardly ever hold it, and in formats that are made for it
+    # Formats that usually hold scene-linear values, and 8 bits, which hardly ever do.
     if grade.for_srgb and not grade.raw and format in ("openexr", "hdr"):
         yield "such a file holds scene-linear light, as a rule, and this grade takes encoded sRGB: encode it first"
     if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
@@ -146,13 +149,15 @@ def notes_on(
     if space:
         yield f"the picture is in {space}, and was graded as it is: what is made for sRGB wants it converted"
     profile = stored_profile(source)
-    if profile and codes_moved(profile) is None:
+    if profile and mean_code_change(profile) is None:
         yield "the picture's ICC profile is broken: its colours were taken as they are"
-    # Graded channels with unusual names, and further layers
-    graded, others = ", ".join(source.channelnames[:3]), source.channelnames[3:]
+
+    # Channels with unusual names, and layers that were not graded.
+    graded = ", ".join(source.channelnames[:3])
     if tuple(_last_words(source.channelnames[:3])) not in _RGB:
         yield f"the channels {graded} were graded as red, green and blue"
-    layers = dict.fromkeys(name.rpartition(".")[0] for name in others if name.lower().endswith((".r", ".red")))
+    reds = [name for name in source.channelnames[3:] if name.lower().endswith((".r", ".red"))]
+    layers = dict.fromkeys(name.rpartition(".")[0] for name in reds)
     if layers:
         yield f"{graded} were graded; the layers {', '.join(layers)} are as they were"
     if broken:

@@ -1,4 +1,4 @@
-"""Which images a batch grades: files, and the images of folders."""
+"""The images that a batch grades: files, and the images of folders."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -14,22 +14,22 @@ from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.shots.discover import RAW_SUFFIXES
 
 JOURNAL = ".lutforge-apply.jsonl"
-"""What a batch has done, in its output folder: one JSON object per line and graded image, the last one counts."""
+"""The file in the output folder that records graded images: one JSON object per line; of several the last counts."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """An image that was not graded, and why, in one line."""
+    """An image that was not graded, and the reason, in one line."""
 
     source: Path
     reason: str
 
 
 def find_inputs(words: Sequence[Path], output: Path, raw: bool = False) -> tuple[list[Path], list[str]]:
-    """The images that files and folders name, in order, and notes on what was left out.
+    """The images of files and folders, in order, and notes on those that are left out.
 
-    A folder gives the images in it, by name; one that the graded images go into is refused. raw: RAW files are images,
-    save those beside a picture of the same name, which is the same photograph. Raises ImageError.
+    Those of a folder are sorted by name; the output folder is refused. raw: RAW files count as images, unless their
+    folder has a picture of the same name, which is the same photograph. Raises ImageError.
     """
     images: list[Path] = []
     notes: list[str] = []
@@ -44,22 +44,23 @@ def find_inputs(words: Sequence[Path], output: Path, raw: bool = False) -> tuple
         if not in_folder:
             raise ImageError(f"{word}: no image in this folder")
         images += in_folder
+
     # A file that is named twice for one output is graded once; links with other names count as other images.
     first: dict[tuple[Path, str], Path] = {}
     resolved = resolver()
-    again = [path for path in images if first.setdefault((resolved(path), path.name), path) is not path]
-    notes += [f"{path}: given twice; graded once" for path in dict.fromkeys(again)]
+    repeated = [path for path in images if first.setdefault((resolved(path), path.name), path) is not path]
+    notes += [f"{path}: given twice; graded once" for path in dict.fromkeys(repeated)]
     return list(first.values()), notes
 
 
 def resolver() -> Callable[[Path], Path]:
-    """A function that resolves paths as `Path.resolve`, but each folder once: it holds most of thousands of files."""
+    """A function that resolves paths as `Path.resolve` does, but resolves a folder of thousands of files only once."""
     folder = cache(Path.resolve)
 
     def resolved(path: Path) -> Path:
-        linked = os.path.islink(path)  # noqa: PTH114 - Path.is_symlink raises where nothing may be read
+        linked = os.path.islink(path)  # noqa: PTH114 - Path.is_symlink raises where the folder may not be read
         if linked:
-            with suppress(RuntimeError, OSError):  # a link that leads to itself is no file, as its reader will say
+            with suppress(RuntimeError, OSError):  # a link that leads to itself; the reader of the file reports it
                 return path.resolve()
         place: Path = folder(path.parent) / path.name
         return place
@@ -68,12 +69,12 @@ def resolver() -> Callable[[Path], Path]:
 
 
 def is_picture(path: Path) -> bool:
-    """Whether the suffix is that of an image file."""
+    """True where the suffix is that of an image file."""
     return path.suffix.lower() in _suffixes() | RAW_SUFFIXES
 
 
 def _in_folder(folder: Path, raw: bool) -> tuple[list[Path], list[str]]:
-    """The images of a folder by name, links to files among them, and notes on what was left out."""
+    """The images of a folder by name, including links to files, and notes on those that are left out."""
     suffixes = _suffixes() | (RAW_SUFFIXES if raw else frozenset())
     try:
         entries = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
@@ -82,17 +83,17 @@ def _in_folder(folder: Path, raw: bool) -> tuple[list[Path], list[str]]:
         raise ImageError(f"{folder}: {reason}; name the files to grade") from error
     paths = [path for path in entries if path.suffix.lower() in suffixes and not path.is_dir()]
     pictures = {path.stem.lower() for path in paths if path.suffix.lower() not in RAW_SUFFIXES}
-    beside = {path for path in paths if path.suffix.lower() in RAW_SUFFIXES and path.stem.lower() in pictures}
+    left_out = {path for path in paths if path.suffix.lower() in RAW_SUFFIXES and path.stem.lower() in pictures}
     notes = []
-    if beside:
-        files = f"{len(beside)} RAW file{'s' if len(beside) > 1 else ''}"
+    if left_out:
+        files = f"{len(left_out)} RAW file{'s' if len(left_out) > 1 else ''}"
         notes.append(f"{folder}: {files} left out beside pictures of the same name; to render them, name them")
-    return [path for path in paths if path not in beside], notes
+    return [path for path in paths if path not in left_out], notes
 
 
 @cache
 def _suffixes() -> frozenset[str]:
-    """The suffixes of finished pictures, in lower case: OpenImageIO's, but for those that are no files, and HEIF's."""
+    """The suffixes of pictures, in lower case: those of OpenImageIO's formats that are files, and of HEIF."""
     groups = (group.partition(":") for group in oiio.get_string_attribute("extension_list").split(";"))
     files = (suffixes.split(",") for name, _, suffixes in groups if name not in ("null", "term"))
     return frozenset(f".{suffix}" for suffixes in files for suffix in suffixes) | frozenset(HEIF_SUFFIXES)

@@ -1,4 +1,4 @@
-"""A job of a batch: one image to grade, what became of it, and which content its files had."""
+"""The jobs of a batch: an image to grade, its outcome, and the record of its files by which a batch resumes."""
 
 import hashlib
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from lutforge.grading.inputs import Failure
 
 @dataclass(frozen=True)
 class Job:
-    """An image to grade, and where it goes."""
+    """An image to grade, and its output."""
 
     source: Path
     target: Path
@@ -20,15 +20,15 @@ class Job:
 
 @dataclass(frozen=True)
 class FileIdentity:
-    """Which content a file has. path: absolute; time_ns: of its last change; sha256: "" where it was not read."""
+    """The identity of a file's content. path: absolute; time_ns: of its last change; sha256: "" where not computed."""
 
     path: str
     size: int
     time_ns: int
     sha256: str = ""
 
-    def still_true(self) -> bool:
-        """True where the file has this content still: same size and time, or same size and hash."""
+    def is_unchanged(self) -> bool:
+        """True where the file still has this content: same size and time, or same size and hash."""
         try:
             now = Path(self.path).stat()
             if now.st_size != self.size:
@@ -40,20 +40,20 @@ class FileIdentity:
 
 @dataclass(frozen=True)
 class Record:
-    """An image that was graded. recipe: its key."""
+    """The record of a graded image. recipe: the key of its recipe."""
 
     recipe: str
     source: FileIdentity
     output: FileIdentity
 
-    def still_true(self, recipe: str, source: Path) -> bool:
-        """True where this recipe was applied to this source, which has not changed since, and the output is whole."""
-        same = self.recipe == recipe and self.source.path == str(source.absolute())
-        return same and self.source.still_true() and self.output.still_true()
+    def is_valid(self, recipe: str, source: Path) -> bool:
+        """True where it is of this recipe and source, and neither the source nor the output has changed since."""
+        is_of_job = self.recipe == recipe and self.source.path == str(source.absolute())
+        return is_of_job and self.source.is_unchanged() and self.output.is_unchanged()
 
 
 Outcome = tuple[GradedImage, Record] | Failure
-"""What became of a job."""
+"""The outcome of a job."""
 
 
 def run_job(recipe: Recipe, job: Job, threads: int = 1, region_samples: int = REGION_SAMPLES) -> Outcome:
@@ -62,20 +62,20 @@ def run_job(recipe: Recipe, job: Job, threads: int = 1, region_samples: int = RE
     try:
         before = _identify(source)
         grade = recipe.grade(source)
-        applied = apply_image(grade, source, job.target, threads, region_samples)
+        graded = apply_image(grade, source, job.target, threads, region_samples)
         if _identify(source) != before:
             raise ImageError(f"{source}: it was changed while it was graded; grade it again")
-        return applied, Record(recipe.key, before, _identify(job.target, written=True))
+        return graded, Record(recipe.key, before, _identify(job.target, written=True))
     except LutForgeError as error:
         return Failure(source, str(error))
     except MemoryError:
         return Failure(source, f"{source}: not enough memory for this image")
-    except Exception as error:  # whatever a codec does with one file, the others are graded
+    except Exception as error:  # any error of a codec concerns this file only
         return Failure(source, f"{source}: {type(error).__name__}: {' '.join(str(error).split())[:300]}")
 
 
 def _identify(path: Path, written: bool = False) -> FileIdentity:
-    """A file as it is now; one that was just written is read back. Raises ImageError."""
+    """The present identity of a file, with its hash where it was just written. Raises ImageError."""
     try:
         now = path.stat()
         return FileIdentity(str(path.absolute()), now.st_size, now.st_mtime_ns, _sha256(path) if written else "")
@@ -85,5 +85,6 @@ def _identify(path: Path, written: bool = False) -> FileIdentity:
 
 
 def _sha256(path: Path) -> str:
+    """The SHA-256 of a file in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,4 +1,4 @@
-"""The oiiotool commands that grade as a batch would: for render farms that run programs, not Python."""
+"""The oiiotool commands that grade as a batch does, for render farms that run programs, not Python."""
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,20 +12,20 @@ from lutforge.grading.grade import Grade, Recipe
 from lutforge.grading.image_colours import check_colours
 from lutforge.grading.inputs import Failure
 from lutforge.grading.jobs import Job
+from lutforge.images.output_spec import SOFTWARE, describe_output, keeps_orientation
 from lutforge.images.read import ImageReader, is_premultiplied
-from lutforge.images.write import SOFTWARE, describe_output, keeps_orientation
 from lutforge.luts.sequence import Lut
 
 PLAIN_CONFIG = "plain.ocio"
-"""A config of one space, beside profiles' LUTs: oiiotool 2.4 applies no LUT without a config."""
+"""The name of a config of one space, which oiiotool 2.4 needs to apply a LUT."""
 
 
 def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iterator[str | Failure]:
-    """Per image a shell line that gives the pixels of `apply`, or why there is none. folder: for what lines need.
+    """For each image a line for a shell that grades as `apply` does, or the reason why there is none.
 
-    The lines run in any folder, and whatever config the variable OCIO names: they name one of their own, and their
-    paths are absolute, since OpenColorIO looks for relative ones beside the config. The shell makes the folder of the
-    output, which older versions of oiiotool do not.
+    folder: for files that the lines use. The lines run in any folder, and name a config, so that the variable OCIO does
+    not matter; their paths are absolute, since OpenColorIO would look for relative ones next to the config. The shell
+    makes the folder of the output, since older versions of oiiotool do not.
     """
     folder = folder.absolute()
     plain_config = folder / PLAIN_CONFIG
@@ -35,15 +35,16 @@ def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iter
             grade = recipe.grade(job.source)
             if grade.unchanged:
                 raise ImageError(f"{job.source}: {grade.notes[0]}; copy it")
-            words, lut = grade.oiiotool, grade.lut
+            words = grade.oiiotool
+            lut = grade.lut
             if lut is not None:
                 path = folder / f"{recipe.key[:12]}-{len(files) + 1}.clf"
                 words = ("--ociofiletransform", str(files.get(id(lut), (lut, path))[1]))
-            of_lut = "--ociofiletransform" in words
-            if of_lut:
+            applies_lut = "--ociofiletransform" in words
+            if applies_lut:
                 words = ("--colorconfig", str(plain_config), *words)
             command = _command(grade, words, job)
-            if of_lut and not plain_config.exists():
+            if applies_lut and not plain_config.exists():
                 with atomic_path(plain_config) as temporary:
                     temporary.write_text(_plain_config(), encoding="utf-8")
             if lut is not None and id(lut) not in files:
@@ -54,14 +55,16 @@ def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iter
 
 
 def _plain_config() -> str:
+    """The text of a config with one colour space."""
     config = OCIO.Config.CreateRaw()
     config.setVersion(2, 0)
     config.addColorSpace(OCIO.ColorSpace(name="linear"))
-    config.setRole(OCIO.ROLE_SCENE_LINEAR, "linear")  # without which oiiotool makes no transform
+    config.setRole(OCIO.ROLE_SCENE_LINEAR, "linear")  # oiiotool requires this role
     return str(config.serialize())
 
 
 def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
+    """The words of the command that grades an image. words: of the conversion. Raises ImageError if there is none."""
     if grade.raw:
         raise ImageError(f"{job.source}: oiiotool does not develop RAW files; let `lutforge apply` render it")
     if any(sign in word for word in words for sign in "$%"):
@@ -72,7 +75,8 @@ def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
         described = describe_output(job.target, reader.spec, reader.format)
         premultiplied = is_premultiplied(reader.spec)
         turned = reader.spec.get_int_attribute("Orientation", 1) != 1 and not keeps_orientation(job.target)
-    # Names are taken as they are: no frame numbers, no expressions.
+
+    # File names are literal: no wildcards for frame numbers, no expressions.
     command = ["oiiotool", "--wildcardoff", "--evaloff"]
     if not premultiplied and described.alpha_channel >= 0:
         command += ["--iconfig", "oiio:UnassociatedAlpha", "1"]
@@ -93,6 +97,7 @@ def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
 
 
 def _attributes(attributes: Mapping[str, object]) -> Iterator[str]:
+    """The words that set or erase metadata. Raises ImageError on an ICC profile."""
     for name, value in attributes.items():
         if value is None:
             yield from ("--eraseattrib", name)

@@ -1,4 +1,4 @@
-"""Pixels through a processor: in blocks that stay in a core's cache, on several threads."""
+"""The evaluation of pixels by a processor, in blocks that stay in a core's cache, on several threads."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -8,7 +8,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.arrays import Codes, Pixels
 
-BLOCK = 64 * 1024
+BLOCK_PIXELS = 64 * 1024
 """Pixels per call of OpenColorIO: 1 MB of RGBA floats, which fit into the cache of a core."""
 
 
@@ -18,8 +18,8 @@ def grade_floats(processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bo
     flat = pixels.reshape(-1, channels)
 
     def grade(start: int) -> None:
-        for at in range(start, min(start + 2 * BLOCK, len(flat)), BLOCK):
-            block = flat[at : at + BLOCK]
+        for at in range(start, min(start + 2 * BLOCK_PIXELS, len(flat)), BLOCK_PIXELS):
+            block = flat[at : at + BLOCK_PIXELS]
             if channels == 3:
                 processor.applyRGB(block)
                 continue
@@ -34,14 +34,15 @@ def grade_floats(processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bo
                 processor.applyRGB(colours)
                 block[:, :3] = colours
 
-    _in_pieces(grade, range(0, len(flat), 2 * BLOCK), threads)
+    _in_pieces(grade, range(0, len(flat), 2 * BLOCK_PIXELS), threads)
 
 
 def grade_codes(processor: OCIO.CPUProcessor, canvas: Codes, threads: Executor | None) -> None:
     """Grade 8-bit codes (h, w, 4), C-contiguous, in place."""
     flat = canvas.reshape(-1, 4)
-    # OpenColorIO makes floats of the codes: a quarter of a block fills a core's cache together with them.
-    block, piece = BLOCK // 4, 8 * BLOCK
+    # OpenColorIO converts the codes to floats, so that a quarter of the pixels fills a core's cache.
+    block = BLOCK_PIXELS // 4
+    piece = 8 * BLOCK_PIXELS
 
     def grade(start: int) -> None:
         for at in range(start, min(start + piece, len(flat)), block):
@@ -51,5 +52,6 @@ def grade_codes(processor: OCIO.CPUProcessor, canvas: Codes, threads: Executor |
 
 
 def _in_pieces(grade: Callable[[int], None], starts: range, threads: Executor | None) -> None:
+    """Call a function for each start, on threads where there are several starts."""
     for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
         pass

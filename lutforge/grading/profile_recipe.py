@@ -1,4 +1,4 @@
-"""Grade pictures with camera profiles, each by its own settings: to other settings, or to another camera's."""
+"""Grade pictures by camera profiles, each from its own settings to other settings, or to those of another camera."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,9 +10,9 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.grading.baked_grades import BakedGrades, SettingChange
 from lutforge.grading.grade import Grade, Recipe
-from lutforge.grading.image_colours import TELL_ADOBE_RGB
+from lutforge.grading.image_colours import ADOBE_RGB_METADATA
 from lutforge.grading.picture_settings import AS_IT_IS, AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
-from lutforge.images.write import IN_SRGB
+from lutforge.images.output_spec import IN_SRGB
 from lutforge.luts.ocio_transforms import of_codes
 from lutforge.model.camera_profile import CameraProfile, load_profile, same_light
 from lutforge.model.provenance import Pictures
@@ -26,16 +26,16 @@ STALE = (
     "Exif:MakerNote", "Exif:Saturation", "Exif:Contrast", "Exif:CustomRendered",
     "(Canon|Nikon|Olympus|Panasonic|Pentax|Fujifilm|Sony):.*",
 )  # fmt: skip
-"""What the camera wrote about a rendering that is no longer the picture's."""
+"""Metadata on the camera's rendering, which a graded picture no longer has; names are regular expressions."""
 
 
 @dataclass(frozen=True)
 class RecipeOfProfiles(Recipe):
-    """What recipes of camera profiles share.
+    """The common part of recipes with camera profiles.
 
-    profiles: of one camera or of several; the camera that a picture names decides which applies. source: STYLE/WB of
-    all pictures, by default what each one's metadata tell. target: STYLE/WB wanted; "as-shot" keeps a picture's own
-    style or white balance. ev: exposure change in stops.
+    profiles: of one camera or several; the profile of the camera that a picture names applies to it. source: STYLE/WB
+    of all pictures, by default that in the metadata of each. target: STYLE/WB of the graded pictures, "as-shot" for a
+    picture's own style or white balance. ev: exposure change in stops.
     """
 
     profiles: tuple[Path, ...]
@@ -71,7 +71,7 @@ class RecipeOfProfiles(Recipe):
 
     @cached_property
     def baked_grades(self) -> BakedGrades:
-        """The LUTs of the grades, which pictures share."""
+        """The LUTs of the grades, shared by all pictures."""
         return BakedGrades()
 
 
@@ -79,14 +79,14 @@ class RecipeOfProfiles(Recipe):
 class ProfileRecipe(RecipeOfProfiles):
     """Grade each picture from the settings that it was made with to other settings.
 
-    look: the profile of the camera whose look is wanted. transfer: RAW → RAW from another camera to it.
+    look: the profile of the camera whose look the pictures get. transfer: RAW → RAW from another camera to it.
     """
 
     look: Path | None = None
     transfer: Path | None = None
 
     def check(self) -> None:
-        """Raise SettingsError or ProfileError where the profiles, the transfer or the settings asked for are wrong."""
+        """Raise SettingsError or ProfileError where the profiles, the transfer or the target settings are wrong."""
         super().check()
         for camera in [self._look] if self._look else self.cameras.values():
             style = self.goal.style if self.goal.style != AS_SHOT else next(iter(camera.styles))
@@ -101,41 +101,43 @@ class ProfileRecipe(RecipeOfProfiles):
         if source.suffix.lower() in RAW_SUFFIXES:
             return self._developed(source, settings, camera)
         needed = self._look not in (None, camera) or self.shift != Shift()
-        given, doubts = source_selector(source, settings, camera, self.stated, needed)
-        change, grades = self.change(camera, given), self.baked_grades
-        if change.is_none:  # it is copied, or saved in another format
-            nothing = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform())
+        made_with, doubts = source_selector(source, settings, camera, self.stated, needed)
+        change = self.change(camera, made_with)
+        if change.is_none:  # the picture is copied, or saved in another format
+            identity = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform())
             return Grade(
-                nothing.getDefaultCPUProcessor(),
-                change.history(str(given)),
+                identity.getDefaultCPUProcessor(),
+                change.history(str(made_with)),
                 notes=("it was made with these settings: nothing to change",),
                 unchanged=True,
-                codes=of_codes(nothing),
+                codes=of_codes(identity),
             )
+
+        grades = self.baked_grades
         lut = grades.refinish(change)
         return Grade(
             grades.processor(lut),
-            change.history(str(given)),
-            attributes=_attributes(change.look, change.target, given),
+            change.history(str(made_with)),
+            attributes=_attributes(change.look, change.target, made_with),
             notes=(*settings.notes, *notes, *doubts),
             lut=lut,
             codes=grades.processor(lut, codes=True),
-            for_srgb=given.colour_space == "srgb",
+            for_srgb=made_with.colour_space == "srgb",
         )
 
     def _developed(self, source: Path, settings: ShotMetadata, camera: CameraProfile) -> Grade:
-        """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
+        """The grade of a RAW file: its rendering, with its own white balance or that of the target."""
         if isinstance(camera.provenance, Pictures):
             raise SettingsError(
                 f"{source}: the profile is of {camera.provenance}, not of RAW: develop it with `lutforge kit`"
             )
-        stated = (settings.style, str(replace(StyleName.parse(settings.style), colour_space="srgb")))
-        style = next((name for name in stated if name in camera.styles), next(iter(camera.styles)))
-        stated_here = Selector(style, self.stated.white_balance)
-        given, notes = source_selector(source, replace(settings, style=style), camera, stated_here)
-        if self.goal.style == AS_SHOT and style not in stated:
+        names = (settings.style, str(replace(StyleName.parse(settings.style), colour_space="srgb")))
+        style = next((name for name in names if name in camera.styles), next(iter(camera.styles)))
+        stated = Selector(style, self.stated.white_balance)
+        made_with, notes = source_selector(source, replace(settings, style=style), camera, stated)
+        if self.goal.style == AS_SHOT and style not in names:
             notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
-        change = self.change(camera, given)
+        change = self.change(camera, made_with)
         return Grade(
             self.baked_grades.develop(change),
             change.history("RAW"),
@@ -147,7 +149,7 @@ class ProfileRecipe(RecipeOfProfiles):
 
     @cached_property
     def shift(self) -> Shift | None:
-        """The step from a picture's own white balance ("as-shot", "as-shot+500K"); None where another is wanted."""
+        """The step from a picture's own white balance ("as-shot", "as-shot+500K"); None for another white balance."""
         balance = str(self.goal.white_balance)
         name, shift = split_shift(balance) or (balance, Shift())
         return shift if name in NAMED_BY_FILE else None
@@ -157,8 +159,8 @@ class ProfileRecipe(RecipeOfProfiles):
         if self.look is None:
             return None
         look = load_profile(self.look)
-        same = [path for path in self.profiles if path.resolve() == self.look.resolve()]
-        return self.cameras[look.camera.lower()] if same else look
+        is_a_source = any(path.resolve() == self.look.resolve() for path in self.profiles)
+        return self.cameras[look.camera.lower()] if is_a_source else look
 
     @cached_property
     def _transfer(self) -> RawTransfer | None:
@@ -174,46 +176,48 @@ class ProfileRecipe(RecipeOfProfiles):
             )
         return transfer
 
-    def change(self, camera: CameraProfile, given: Selector) -> SettingChange:
-        """What is changed of a picture with given settings.
+    def change(self, camera: CameraProfile, source: Selector) -> SettingChange:
+        """The change of a picture that was made with the settings `source`.
 
-        "as-shot" ones are those of the picture, for another camera those under which the same light is neutral.
+        A target "as-shot" keeps the picture's white balance; for another camera it is the one under which the same
+        illuminant is neutral.
         """
         look = self._look or camera
         transfer = self._transfer
         if look is camera or (transfer is not None and transfer.source != camera.camera):
             transfer = None
-        style = given.style if self.goal.style == AS_SHOT else self.goal.style
-        balance = given.white_balance
+
+        style = source.style if self.goal.style == AS_SHOT else self.goal.style
+        balance = source.white_balance
         if self.shift is None:
             balance = self.goal.white_balance
         elif look is not camera:
-            light = same_light(camera, given, look)
-            if light is not None:
-                balance = light
+            same_illuminant = same_light(camera, source, look)
+            if same_illuminant is not None:
+                balance = same_illuminant
             elif transfer is not None:
-                neutral = transfer(1 / camera.multipliers(given))
+                neutral = transfer(1 / camera.multipliers(source))
                 red, _, blue = (neutral[1] / neutral).tolist()
                 balance = Multipliers((red, 1.0, blue))
             else:
-                # Where the light is unknown to the other camera, any setting that it knows serves to stay neutral.
+                # The illuminant is unknown to the other camera. Greys stay neutral under any of its white balances.
                 balance = next(iter(look.white_balances))
         target = look.selector(Selector(style, balance))
         if self.shift not in (None, Shift()):
             target = Selector(style, look.shifted(look.multipliers(target), self.shift))
-        return SettingChange(camera, given, look, target, self.ev, transfer)
+        return SettingChange(camera, source, look, target, self.ev, transfer)
 
 
-def _attributes(look: CameraProfile, target: Selector, given: Selector | None = None) -> dict[str, object]:
-    """EXIF tags of the new rendering, and the stale ones of the old as None. given: the settings of a picture."""
-    light_source = 255  # EXIF's code of any other
+def _attributes(look: CameraProfile, target: Selector, source: Selector | None = None) -> dict[str, object]:
+    """EXIF tags of the new rendering, and None for stale ones. source: settings of a picture, None for a RAW file."""
+    light_source = 255  # EXIF's code of a light source that has no other
     if isinstance(target.white_balance, str):
         light_source = LIGHT_SOURCES.get(target.white_balance, 0)
     software = software_tag(look.camera, str(target))
     space: Mapping[str, object] = {}
     if target.colour_space == "adobe rgb":
-        space = TELL_ADOBE_RGB
-    elif given is not None and given.colour_space == "adobe rgb":
+        space = ADOBE_RGB_METADATA
+    elif source is not None and source.colour_space == "adobe rgb":
         space = {"ICCProfile": None, "Exif:ColorSpace": IN_SRGB}
     return {
         **dict.fromkeys(STALE),

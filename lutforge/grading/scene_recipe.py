@@ -1,4 +1,4 @@
-"""Take pictures by camera profiles from the settings that they were made with to linear values of a colour space."""
+"""Linearize pictures by camera profiles: each from the settings that it was made with to linear values of a space."""
 
 import math
 from dataclasses import dataclass, field
@@ -20,32 +20,32 @@ from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.metadata import read_picture_settings
 
 UNIT_EXPOSURE = 2.0**-10
-"""Time in seconds · ISO / 100 / f-number² of a picture that keeps its values: 1/60 s at f/4 and ISO 100, nearly.
+"""Time in seconds · ISO / 100 / f-number² of a picture whose values are not scaled: about 1/60 s at f/4 and ISO 100.
 
-Half floats hold noon and a lit room beside it without loss.
+With this unit half floats hold a sunlit scene and a room lit by lamps without loss.
 """
 
 
 @dataclass(frozen=True)
 class SceneRecipe(RecipeOfProfiles):
-    """Take each picture from the settings that it was made with to linear light of a colour space.
+    """Linearize each picture from the settings that it was made with to linear values of a colour space.
 
-    target: whose white balance names the light that becomes neutral, "as-shot/WB"; by default a picture's own, or where
-    exposures are minded one for all, daylight or else the profile's first. by_exposure: divide by time, ISO and
-    aperture, as the file states them, so that pictures of one scene agree.
+    target: "as-shot/WB", whose white balance is that of the illuminant that becomes neutral; by default a picture's
+    own, or, with `by_exposure`, the same for all: daylight, or else the profile's first. by_exposure: divide by time,
+    ISO and aperture, as the file states them, so that pictures of one scene agree.
     """
 
     space: str = field(kw_only=True)
     by_exposure: bool = False
 
     def check(self) -> None:
-        """Raise SettingsError or ProfileError where the profiles or the settings asked for are wrong."""
+        """Raise SettingsError or ProfileError where the profiles or the settings are wrong."""
         if not rgb_space(self.space).is_linear:
             raise SettingsError(f"--space {self.space}: encoded; pictures become linear light, such as acescg")
         require_exposure(self.ev)
         if self.goal.style != AS_SHOT:
-            helps = f"write --to {AS_SHOT}/{self.goal.white_balance}"
-            raise SettingsError(f"--to {self.target}: light has no style, only a white balance; {helps}")
+            advice = f"write --to {AS_SHOT}/{self.goal.white_balance}"
+            raise SettingsError(f"--to {self.target}: light has no style, only a white balance; {advice}")
         super().check()
         for camera in self.cameras.values():
             self._neutral(camera, Selector(next(iter(camera.styles)), next(iter(camera.white_balances))))
@@ -56,24 +56,26 @@ class SceneRecipe(RecipeOfProfiles):
             raise SettingsError(f"{source}: a RAW file; --space takes finished pictures")
         settings = read_picture_settings(source)
         camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
-        given, doubts = source_selector(source, settings, camera, self.stated)
+        made_with, doubts = source_selector(source, settings, camera, self.stated)
         scale = 2.0**self.ev
         if self.by_exposure:
             if not math.isfinite(settings.exposure):
                 raise ImageError(f"{source}: the file does not tell its exposure; leave out --exposure exif")
             scale *= UNIT_EXPOSURE / settings.exposure
             doubts += settings.exposure_notes
-        neutral, space = self._neutral(camera, given), rgb_space(self.space)
-        # The LUT to light: the step to balanced RAW, baked once for each style, and a matrix.
-        stages = camera.linearize_to_own_raw(given).stages
-        to_balanced, to_raw = Transform(stages[:-1]), Transform(stages[-1:])
-        raw = to_raw(np.eye(3)).T
-        light = from_linear_srgb(self.space) @ camera.matrix @ np.diag(camera.multipliers(neutral))
-        lut = Lut((*self.baked_grades.baked(to_balanced).ops, Matrix(scale * light @ raw)))
+
+        # The LUT to linear values: the step to balanced RAW, baked once for each style, and a matrix.
+        neutral = self._neutral(camera, made_with)
+        space = rgb_space(self.space)
+        stages = camera.linearize_to_own_raw(made_with).stages
+        to_balanced = Transform(stages[:-1])
+        to_raw = Transform(stages[-1:])(np.eye(3)).T
+        from_raw = from_linear_srgb(self.space) @ camera.matrix @ np.diag(camera.multipliers(neutral))
+        lut = Lut((*self.baked_grades.baked(to_balanced).ops, Matrix(scale * from_raw @ to_raw)))
         details = f", {self.ev:+g} EV" * bool(self.ev) + ", by exposure" * self.by_exposure
         return Grade(
             self.baked_grades.processor(lut),
-            f"{camera.camera}: {given} -> {self.space}, neutral {neutral.white_balance}{details}",
+            f"{camera.camera}: {made_with} -> {self.space}, neutral {neutral.white_balance}{details}",
             attributes={
                 **dict.fromkeys((*STALE, "ICCProfile", "Exif:ColorSpace", "oiio:ColorSpace", "oiio:Gamma")),
                 "colorInteropID": INTEROP_IDS.get(space.name),
@@ -82,15 +84,16 @@ class SceneRecipe(RecipeOfProfiles):
             notes=(*settings.notes, *notes, *doubts),
             gives_linear=True,
             lut=lut,
-            for_srgb=given.colour_space == "srgb",
+            for_srgb=made_with.colour_space == "srgb",
             marks_clipped=True,
         )
 
-    def _neutral(self, camera: CameraProfile, given: Selector) -> Selector:
-        """The setting whose light becomes neutral."""
+    def _neutral(self, camera: CameraProfile, source: Selector) -> Selector:
+        """The setting whose illuminant becomes neutral. source: the settings of the picture."""
         if self.goal.white_balance not in NAMED_BY_FILE:
-            return camera.selector(Selector(given.style, self.goal.white_balance))
+            return camera.selector(Selector(source.style, self.goal.white_balance))
         if self.target is not None or not self.by_exposure:
-            return given
-        known = camera.white_balances
-        return camera.selector(Selector(given.style, "daylight" if "daylight" in known else next(iter(known))))
+            return source
+        balances = camera.white_balances
+        name = "daylight" if "daylight" in balances else next(iter(balances))
+        return camera.selector(Selector(source.style, name))

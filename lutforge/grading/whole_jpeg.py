@@ -1,4 +1,4 @@
-"""A JPEG file to a JPEG file: graded as 8-bit codes, with the source's quality and all of its metadata."""
+"""A JPEG file graded to a JPEG file: as 8-bit codes, with the quality of the source and all of its metadata."""
 
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -10,24 +10,28 @@ import numpy as np
 from lutforge.atomic_write import atomic_path
 from lutforge.grading.grade import Grade
 from lutforge.grading.pixels import grade_codes
-from lutforge.images.jpeg import APP1, APP2, JpegHeader, decode, encode, stored_metadata, with_colours
+from lutforge.images.jpeg import APP1, APP2, JpegHeader
+from lutforge.images.jpeg_copy import stored_metadata, with_colours
+from lutforge.images.jpeg_pixels import decode, encode
+from lutforge.images.output_spec import IN_ANOTHER_SPACE, SOFTWARE
 from lutforge.images.packets import XMP_SEGMENT, without_further_pictures
-from lutforge.images.write import IN_ANOTHER_SPACE, SOFTWARE
 
 
 def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:
-    """What precedes the graded pixels: the source's segments, with a comment on what was done.
+    """The part of a graded JPEG before its pixels: the source's segments, and a comment on what was done.
 
-    The thumbnail is of the old colours and left out; where the colours get another space, ICC profile and ColorSpace
-    change.
+    The thumbnail shows the old colours and is left out. Where the grade changes the colour space, the ICC profile and
+    the tag ColorSpace change.
     """
-    segments, attributes = header.segments, grade.attributes
+    segments = header.segments
+    attributes = grade.attributes
     if "ICCProfile" in attributes:
         new = attributes["ICCProfile"]
         adobe_rgb = attributes.get("Exif:ColorSpace") == IN_ANOTHER_SPACE
         segments = with_colours(segments, new if isinstance(new, bytes) else None, adobe_rgb)
     comment = f"{attributes.get('Software', SOFTWARE)}\n{' '.join(grade.history.split())}"
-    # What follows the picture, a gain map or a film, is left out, and XMP does not declare it.
+
+    # A gain map or film after the picture is left out, so XMP must not declare it.
     retained = []
     for segment in segments:
         if segment.holds((APP1, XMP_SEGMENT)):
@@ -45,7 +49,7 @@ def grade_whole(
     target: Path,
     threads: Executor | None,
 ) -> None:
-    """Grade a picture whole."""
+    """Grade a picture that is in memory as a whole, and write it."""
     assert grade.codes is not None
     start = jpeg_metadata(header, grade)
     canvas = np.empty((header.height, header.width, 4), np.uint8)

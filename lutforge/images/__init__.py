@@ -1,1 +1,1 @@
-"""Pixels in and out: image files through OpenImageIO, RAW files through rawpy."""
+"""Image files, read and written: pictures by OpenImageIO, JPEG by libjpeg-turbo, RAW files by LibRaw."""

@@ -1,6 +1,6 @@
-"""HEIF pictures (.heic, .heif, .hif) of cameras and phones, by libheif: 8 to 12 bits a channel, turned as they say.
+"""HEIF pictures (.heic, .heif, .hif) of cameras and phones, read by libheif: 8 to 12 bits a channel, and upright.
 
-pillow-heif, an optional package, brings libheif. A picture is decoded to RGB in its own encoding; nothing is converted.
+libheif comes with pillow-heif, an optional package. A picture is decoded to RGB in its own encoding, not converted.
 """
 
 import importlib
@@ -22,9 +22,10 @@ HDR = {16: "PQ", 18: "HLG"}
 
 @dataclass(frozen=True, eq=False)
 class Heif:
-    """A decoded picture. codes: (h, w, 3), 0 … 65535 whatever the bits; exif: its TIFF structure; icc: the profile.
+    """A decoded picture. codes: (h, w, 3), 0 … 65535 for any number of bits.
 
-    exif and icc are empty where there are none. hdr: "PQ", "HLG" or "". primaries: of H.273, 0 where not said.
+    exif: its TIFF structure; icc: the profile; both empty where there is none. hdr: "PQ", "HLG" or "". primaries: their
+    number in H.273, 0 if unknown.
     """
 
     codes: NDArray[np.uint16]
@@ -56,7 +57,7 @@ def read_heif(path: Path) -> Heif:
             raise ImageError(f"{path}: its colours are {opened.mode[:20]}, not RGB")
         pixels = np.asarray(opened)[..., :3]
         bits = int(opened.info.get("bit_depth", 8))
-        if pixels.dtype == np.uint16:  # libheif's values stand in the upper bits
+        if pixels.dtype == np.uint16:  # libheif's values are in the upper bits
             steps = 2**bits - 1
             wide = ((pixels >> (16 - bits)).astype(np.uint32) * 65535 + steps // 2) // steps
         else:
@@ -83,12 +84,13 @@ def read_heif_xmp(path: Path) -> bytes:
 
 
 def _exif_of(info: dict[str, Any]) -> bytes:
-    """The TIFF structure in what pillow-heif tells of a picture."""
+    """The TIFF structure of EXIF in pillow-heif's description of a picture."""
     block = bytes(info.get("exif") or b"")
     return block[6:] if block.startswith(b"Exif\0\0") else block
 
 
 def _opened(path: Path) -> Any:
+    """pillow-heif's object of a file. Raises ImageError."""
     require_file(path, "an image", ImageError)
     try:
         package = importlib.import_module("pillow_heif")

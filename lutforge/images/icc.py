@@ -1,4 +1,4 @@
-"""ICC profiles of pictures: which are sRGB, and the way to sRGB through the others, by LittleCMS."""
+"""ICC profiles of pictures: which of them are sRGB, and the conversion of others to sRGB, by Little CMS."""
 
 from functools import lru_cache
 from io import BytesIO
@@ -17,7 +17,7 @@ def to_srgb(codes: Codes, profile: bytes) -> Codes:
     """
     if is_srgb(profile):
         return codes
-    from PIL import Image, ImageCms  # for pictures with a profile alone
+    from PIL import Image, ImageCms  # imported here: only pictures with a profile need it
 
     return np.array(ImageCms.applyTransform(Image.fromarray(codes), _transform(profile)), dtype=np.uint8)
 
@@ -42,25 +42,25 @@ def pixels_to_srgb(pixels: Pixels, profile: bytes) -> Pixels:
 
 
 def is_srgb(profile: bytes) -> bool:
-    """True where an ICC profile moves 8-bit codes by less than one on their way to sRGB, in the mean, or is broken.
+    """True where the conversion to sRGB changes 8-bit codes by less than one, on average, or the profile is broken.
 
-    Its name does not tell: sRGB has many, and programs that save space give none.
+    The name of a profile does not show it: sRGB profiles have many names, and short ones have none.
     """
-    return (codes_moved(profile) or 0.0) < 1
+    return (mean_code_change(profile) or 0.0) < 1
 
 
 @lru_cache(maxsize=64)
-def codes_moved(profile: bytes) -> float | None:
-    """How many codes of 255 an ICC profile moves colours by on their way to sRGB, in the mean; None of a broken one."""
+def mean_code_change(profile: bytes) -> float | None:
+    """The mean change of 8-bit codes by the conversion from an ICC profile to sRGB; None for a broken profile."""
     from PIL import Image, ImageCms  # as above
 
     axis = np.arange(0, 256, 15, dtype=np.uint8)
     codes = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(1, -1, 3)
     try:
-        moved = ImageCms.applyTransform(Image.fromarray(codes), _transform(profile))
+        converted = ImageCms.applyTransform(Image.fromarray(codes), _transform(profile))
     except ImageCms.PyCMSError:
         return None
-    return float(np.abs(np.asarray(moved, dtype=np.float64) - codes).mean())
+    return float(np.abs(np.asarray(converted, dtype=np.float64) - codes).mean())
 
 
 def profile_name(profile: bytes) -> str:
@@ -68,13 +68,14 @@ def profile_name(profile: bytes) -> str:
     from PIL import ImageCms  # as above
 
     try:
-        told = ImageCms.getProfileDescription(BytesIO(profile))
+        description = ImageCms.getProfileDescription(BytesIO(profile))
     except ImageCms.PyCMSError:
-        told = ""
-    return " ".join(told.split())[:80] or "a space without a name"
+        description = ""
+    return " ".join(description.split())[:80] or "a space without a name"
 
 
 def _transform(profile: bytes) -> Any:
+    """Little CMS's transform from a profile to sRGB, relative to white."""
     from PIL import ImageCms  # as above
 
     relative = ImageCms.Intent.RELATIVE_COLORIMETRIC

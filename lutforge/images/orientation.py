@@ -1,4 +1,4 @@
-"""Orientations of stored pictures, as the tag Orientation numbers them: 1 … 8 (TIFF 6.0, Exif 2.32, 4.6.4 A)."""
+"""Orientations of stored pictures, by the numbers of the tag Orientation, 1 … 8 (TIFF 6.0; Exif 2.32, 4.6.4 A)."""
 
 from typing import TypeVar
 
@@ -20,23 +20,23 @@ QUARTER_TURNS = {1: 0, 2: 0, 3: 2, 4: 2, 5: 1, 6: 3, 7: 3, 8: 1}
 
 
 def upright(array: NDArray[Kind], orientation: int) -> NDArray[Kind]:
-    """Turn a stored image (h, w, …) the way its orientation asks for; a number outside 1 … 8 asks for nothing."""
+    """Turn a stored image (h, w, …) upright by its orientation; a number outside 1 … 8 turns nothing."""
     mirrored = array[:, ::-1] if orientation in MIRRORED else array
     return np.ascontiguousarray(np.rot90(mirrored, QUARTER_TURNS.get(orientation, 0)))
 
 
 def inverse(orientation: int) -> int:
-    """Return the orientation that brings an upright image back to how it was stored."""
+    """Return the orientation that turns an upright image back to the stored one."""
     return {6: 8, 8: 6}.get(orientation, orientation)
 
 
 def orientation_between(stored: NDArray[Kind], shown: NDArray[Kind]) -> int | None:
-    """The orientation by which one image becomes exactly the other; None where they are different pictures."""
+    """The orientation that turns `stored` into exactly `shown`; None where they are different pictures."""
     return next((number for number in QUARTER_TURNS if np.array_equal(upright(stored, number), shown)), None)
 
 
 def upright_places(places: Array, orientation: int) -> Array:
-    """Places (n, 2) in a stored image, x and y as shares of its width and height, as places in the upright one."""
+    """The places in the upright image of places (n, 2) in a stored one: x, y as shares of its width and height."""
     x, y = places[:, 0], places[:, 1]
     if orientation in MIRRORED:
         x = 1.0 - x

@@ -1,4 +1,4 @@
-"""Read an image file with OpenImageIO: pixels in the file's own encoding, and all of its metadata."""
+"""Image files, read by OpenImageIO: pixels in the encoding of the file, and its metadata."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,14 +11,13 @@ import PIL.Image
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import MAX_SAMPLES, reading, require_file
-from lutforge.colour.rgb_spaces import rgb_space
-from lutforge.errors import ImageError, ShotError, one_line
+from lutforge.errors import ImageError, one_line
 from lutforge.images.heif import Heif, is_heif, read_heif
 from lutforge.images.jpeg import read_header
 from lutforge.images.packets import read_packets
 
-_OF_THE_SHOT = frozenset({"Make", "Model", "DateTime", "ExposureTime", "FNumber", "Software", "Artist", "Copyright"})
-"""OpenImageIO's names of the tags of a picture's first directory that a graded one keeps."""
+_SHOT_TAGS = frozenset({"Make", "Model", "DateTime", "ExposureTime", "FNumber", "Software", "Artist", "Copyright"})
+"""OpenImageIO's names of the tags of a picture's first directory that a graded picture keeps."""
 
 
 def is_premultiplied(spec: oiio.ImageSpec) -> bool:
@@ -37,16 +36,16 @@ class Region:
 
     @property
     def pixels(self) -> int:
-        """How many pixels it holds."""
+        """The number of its pixels."""
         return (self.right - self.left) * (self.bottom - self.top)
 
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """An image as it is stored: no colour conversion, no rotation, straight alpha left straight.
+    """An image as its file stores it: colours are not converted, pixels not rotated, straight alpha stays straight.
 
     pixels: (h, w, c) float32; integers are scaled to [0, 1], half and float are as they are.
-    spec: everything else that the file says (EXIF, IPTC, XMP, ICC profile, orientation, bit depth).
+    spec: all metadata of the file (EXIF, IPTC, XMP, ICC profile, orientation, bit depth).
     format: OpenImageIO's name of the format ("jpeg", "tiff", "openexr", …); "" for an image not from a file.
     parts: how many images the file holds; `pixels` is the first.
     """
@@ -70,7 +69,7 @@ class Image:
 class ImageReader:
     """An open image file that is read region by region, so that memory does not grow with the image.
 
-    Formats whose decoder knows no rows (WebP, JPEG 2000, JPEG XL, GIF, PSD) are decoded whole inside OpenImageIO.
+    Formats that cannot be decoded by rows (WebP, JPEG 2000, JPEG XL, GIF, PSD) are decoded whole inside OpenImageIO.
     """
 
     def __init__(self, path: Path) -> None:
@@ -86,19 +85,19 @@ class ImageReader:
                 raise ImageError(f"{path}: cannot be read as an image ({reason}); copy it again, or convert it to TIFF")
             self._path, self._source = path, source
             spec = self.spec = source.spec()
-            if spec.alpha_channel >= spec.nchannels:  # of a GIF, in OpenImageIO 3.2
+            if spec.alpha_channel >= spec.nchannels:  # for a GIF, in OpenImageIO 3.2
                 spec.alpha_channel = spec.nchannels - 1
             self.format: str = source.format_name()
             if self.format == "jpeg" and (quality := jpeg_quality(path)) is not None:
                 spec.attribute("jpeg:quality", quality)
-            if self.format == "jpeg2000":  # OpenImageIO looks for no metadata there
-                _describe_exif(spec, read_packets(path).exif, _OF_THE_SHOT | {"Orientation"})
+            if self.format == "jpeg2000":  # whose metadata OpenImageIO does not read
+                _describe_exif(spec, read_packets(path).exif, _SHOT_TAGS | {"Orientation"})
             problem = ""
             if spec.deep or spec.depth > 1:
                 problem = "a deep or volume image; flatten it first"
             elif min(spec.width, spec.height, spec.nchannels) < 1:
                 problem = f"the file claims {spec.width} x {spec.height} pixels"
-            elif max(spec.width, spec.height) > 300_000:  # the longest side, in pixels, that is believed
+            elif max(spec.width, spec.height) > 300_000:  # pixels; longer sides are a sign of damage
                 problem = f"claims {spec.width} x {spec.height} pixels, more than is believed"
             if problem:
                 source.close()
@@ -145,7 +144,7 @@ class ImageReader:
             pixels = source.read_tiles(0, 0, left, right, top, bottom, *depth, 0, spec.nchannels, oiio.FLOAT)
         else:
             pixels = source.read_scanlines(0, 0, top, bottom, spec.z, 0, spec.nchannels, oiio.FLOAT)
-        with reading(self._path, "an image", ImageError):  # what it says may be no text
+        with reading(self._path, "an image", ImageError):  # the message may not be text
             problem = source.geterror()
         if pixels is None or problem:
             raise ImageError(f"{self._path}: damaged or cut short ({_reason(problem)}); copy the file again")
@@ -154,10 +153,10 @@ class ImageReader:
 
     @property
     def parts(self) -> int:
-        """How many images the file holds, up to 100. Nothing can be read afterwards."""
-        return 1 + sum(1 for _ in self.further_parts())
+        """The number of images in the file, up to 100. Nothing can be read afterwards."""
+        return 1 + sum(1 for _ in self.later_parts())
 
-    def further_parts(self) -> Iterator[oiio.ImageSpec]:
+    def later_parts(self) -> Iterator[oiio.ImageSpec]:
         """Describe the images of the file after the first, up to 99. Nothing can be read afterwards."""
         part = 1
         while part < 100 and self._source.seek_subimage(part, 0):
@@ -186,16 +185,16 @@ def _heif_spec(heif: Heif) -> oiio.ImageSpec:
     """Describe a HEIF picture, with its EXIF as OpenImageIO reads it from a JPEG, which holds at most 64 kB of it."""
     height, width, _ = heif.codes.shape
     spec = oiio.ImageSpec(width, height, 3, oiio.UINT8 if heif.bits == 8 else oiio.UINT16)
-    _describe_exif(spec, heif.exif, _OF_THE_SHOT)
+    _describe_exif(spec, heif.exif, _SHOT_TAGS)
     if heif.icc:
         spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(heif.icc)}]"), heif.icc)
     return spec
 
 
-def _describe_exif(spec: oiio.ImageSpec, exif: bytes, further: frozenset[str]) -> None:
+def _describe_exif(spec: oiio.ImageSpec, exif: bytes, tags: frozenset[str]) -> None:
     """Add EXIF and GPS of a TIFF structure to a description, as OpenImageIO reads them from a JPEG: at most 64 kB.
 
-    further: OpenImageIO's names of other tags that are added.
+    tags: OpenImageIO's names of other tags that are added.
     """
     if not 0 < len(exif) < 65_500:
         return
@@ -203,15 +202,15 @@ def _describe_exif(spec: oiio.ImageSpec, exif: bytes, further: frozenset[str]) -
         PIL.Image.new("RGB", (8, 8)).save(folder / "exif.jpg", exif=b"Exif\0\0" + exif)
         with ImageReader(folder / "exif.jpg") as reader:
             for attribute in reader.spec.extra_attribs:
-                if attribute.name.startswith(("Exif:", "GPS:")) or attribute.name in further:
+                if attribute.name.startswith(("Exif:", "GPS:")) or attribute.name in tags:
                     value = attribute.value
-                    if isinstance(value, str):  # OpenImageIO takes no bytes back that are no text
+                    if isinstance(value, str):  # OpenImageIO refuses bytes that are not text, although it reads them
                         value = value.encode("utf-8", "replace").decode("utf-8")
                     spec.attribute(attribute.name, attribute.type, value)
 
 
 def jpeg_quality(path: Path) -> int | None:
-    """The libjpeg quality (1 … 100) whose luminance table comes nearest to a JPEG file's; None where it has none.
+    """The libjpeg quality, 1 … 100, with the luminance table nearest to a JPEG file's; None where it has no table.
 
     libjpeg scales the table of ITU-T T.81, Annex K.1 (its entries sum to 3688) by 2 − quality / 50 from 50 upwards, and
     by 50 / quality below (jpeg_quality_scaling in its jcparam.c).
@@ -228,28 +227,3 @@ def _reason(text: str) -> str:
     if "could not find a format reader" in text:
         return "OpenImageIO knows no such format"
     return one_line(text, 160).rstrip(".") or "unreadable"
-
-
-# --- Pictures that a program developed from RAW files: calibration can use them instead of the RAW --------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Development:
-    """A white-balanced picture in any of the four orientations: linear RGB (h, w, 3) of a space's primaries.
-
-    space: of `lutforge.colour.rgb_spaces`, in which the picture was encoded. developer: what made it.
-    """
-
-    pixels: Pixels
-    space: str
-    developer: str
-
-
-def read_developed(path: Path, space: str) -> Development:
-    """Read a picture that any program developed: 16-bit TIFF or EXR, encoded in `space`."""
-    encoding = rgb_space(space)
-    pixels = read_image(path).pixels
-    if pixels.ndim != 3 or pixels.shape[2] < 3:
-        raise ShotError(f"{path}: its development is not a colour picture")
-    linear = encoding.linearize(pixels[..., :3]).astype(np.float32)
-    return Development(linear, encoding.name, f"pictures in {encoding.name}")

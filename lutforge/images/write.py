@@ -1,9 +1,8 @@
-"""Write an image file with OpenImageIO, keeping what the source file said about itself."""
+"""Image files, written by OpenImageIO with the metadata of their source, atomically."""
 
 import os
-import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,161 +16,24 @@ from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.jpeg import metadata_end
 from lutforge.images.orientation import upright
+from lutforge.images.output_spec import create_output, describe_output, format_of, keeps_orientation, with_shape
 from lutforge.images.packets import add_packets
 from lutforge.images.read import Image, ImageReader, Region
 
-SOFTWARE = "LutForge"
-IN_SRGB, IN_ANOTHER_SPACE = 1, 0xFFFF
-"""Values of the Exif tag ColorSpace (Exif 2.32, 4.6.5)."""
-
-_WIDEST = {  # the deepest pixel type that a format takes, where it is not float
-    **dict.fromkeys(("jpeg", "targa", "bmp", "webp", "ico"), "uint8"),
-    **dict.fromkeys(("png", "dpx", "jpeg2000", "sgi", "pnm"), "uint16"),
-}
-_NO_INTEGERS = frozenset({"openexr", "hdr"})
-_DEPTHS = ("uint8", "uint16", "half", "float")
-_KEEPS_ORIENTATION = frozenset({"jpeg", "tiff", "png", "openexr"})
-_OF_THE_FORMAT = ("compression", "oiio:BitsPerSample", "planarconfig")
-_OWN_ATTRIBUTES = ("jpeg:", "png:", "tiff:", "openexr:", "dpx:", "targa:", "bmp:", "webp:", "gif:", "jpegxl:")
-
-
-def describe_output(
-    path: Path,
-    spec: oiio.ImageSpec,
-    format: str,
-    note: str | None = None,
-    attributes: Mapping[str, object] | None = None,
-) -> oiio.ImageSpec:
-    """Describe the file that is written; note, and what is kept, as for `write_image`.
-
-    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name. attributes:
-    metadata to set, by OpenImageIO's names; None erases one.
-    """
-    result = _output_spec(path, create_output(path), spec, format)
-    if note is not None:
-        result.attribute("Software", SOFTWARE)
-        history = result.get_string_attribute("Exif:ImageHistory")
-        line = " ".join(note.split())
-        result.attribute("Exif:ImageHistory", f"{history}\n{line}" if history else line)
-    for name, value in (attributes or {}).items():
-        if value is None:
-            result.erase_attribute(name)
-        elif isinstance(value, bytes):
-            result.attribute(name, oiio.TypeDesc(f"uint8[{len(value)}]"), value)
-        elif isinstance(value, tuple):
-            result.attribute(name, oiio.TypeDesc(f"float[{len(value)}]"), value)
-        else:
-            result[name] = value
-    for name in ("DateTime", "Exif:DateTimeOriginal", "Exif:DateTimeDigitized"):
-        if (date := result.get_string_attribute(name)) != exif_date(date):
-            result.attribute(name, exif_date(date))
-    if result.get_int_attribute("Exif:ColorSpace", IN_SRGB) != IN_SRGB:
-        result.erase_attribute("oiio:ColorSpace")  # OpenImageIO else writes that it is in sRGB
-    return result
-
-
-def exif_date(text: str) -> str:
-    """XMP's "2020-02-18T08:56:13.29-07:00" as Exif 2.32, 4.6.4 has it: "2020:02:18 08:56:13"; all else stays."""
-    found = re.match(r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d:\d\d)(:\d\d)?", text)
-    return f"{found[1]}:{found[2]}:{found[3]} {found[4]}{found[5] or ':00'}" if found else text
-
-
-def create_output(path: Path) -> oiio.ImageOutput:
-    """Create the writer of the format that a suffix stands for. Raises ImageError where there is none."""
-    probe = oiio.ImageOutput.create(path.name)
-    if probe is None or path.suffix.lower() in (".pfm", ".gif"):
-        oiio.geterror()
-        asked = f'cannot write "{path.suffix}" images' if path.suffix else "its name needs a suffix"
-        raise ImageError(f"{path}: {asked}; use .tif, .exr, .png, .jpg or .dpx")
-    return probe
-
-
-def format_of(path: Path) -> str:
-    """OpenImageIO's name of the format that a suffix stands for. Raises ImageError where it cannot be written."""
-    return str(create_output(path).format_name())
-
-
-def keeps_orientation(path: Path) -> bool:
-    """True where the format has an orientation tag. Raises ImageError for a format that cannot be written."""
-    return format_of(path) in _KEEPS_ORIENTATION
-
-
-def with_shape(spec: oiio.ImageSpec, shape: tuple[int, ...]) -> oiio.ImageSpec:
-    """A copy of a description for pixels of another height, width or number of channels."""
-    spec = oiio.ImageSpec(spec)
-    height, width, channels = shape
-    if shape != (spec.height, spec.width, spec.nchannels):
-        if channels != spec.nchannels:
-            spec.nchannels = channels
-            spec.default_channel_names()
-        spec.x = spec.y = spec.full_x = spec.full_y = 0
-        spec.width = spec.full_width = width
-        spec.height = spec.full_height = height
-    return spec
-
-
-def _output_spec(path: Path, target: oiio.ImageOutput, source: oiio.ImageSpec, format: str) -> oiio.ImageSpec:
-    """The source's description, changed where the format asks for it."""
-    name = target.format_name()
-    spec = oiio.ImageSpec(source)
-    if format != name:
-        for attribute in list(spec.extra_attribs):
-            if attribute.name.lower().startswith(_OWN_ATTRIBUTES) or attribute.name in _OF_THE_FORMAT:
-                spec.erase_attribute(attribute.name)
-    for thumbnail in ("thumbnail_image", "thumbnail_width", "thumbnail_height", "thumbnail_nchannels"):
-        spec.erase_attribute(thumbnail)
-    # A profile without the signature and the length that ICC.1:2022, 7.2 asks for makes the PNG writer fail.
-    stored = spec.getattribute("ICCProfile")
-    profile = bytes(stored) if isinstance(stored, bytes | np.ndarray) else b""
-    if len(profile) < 132 or profile[36:40] != b"acsp" or int.from_bytes(profile[:4], "big") != len(profile):
-        spec.erase_attribute("ICCProfile")
-    if not target.supports("tiles"):
-        spec.tile_width = spec.tile_height = spec.tile_depth = 0
-    depth = _depth(name, str(source.format))
-    if depth != str(source.format):
-        spec.erase_attribute("oiio:BitsPerSample")
-    spec.set_format(oiio.TypeDesc(depth))
-    if name == "tiff" and spec.get_string_attribute("compression").startswith("jpeg"):
-        spec.attribute("compression", "zip")
-    known = spec.get_int_attribute("Exif:RecommendedExposureIndex", 0)
-    if name == "tiff" and not known and (iso := spec.get_int_attribute("Exif:PhotographicSensitivity", 0)):
-        spec.attribute("Exif:RecommendedExposureIndex", iso)  # OpenImageIO's TIFF writer knows no other tag for it
-    if name == "pnm":
-        spec.attribute("pnm:pfmflip", 0)  # OpenImageIO 3.2 else writes them upside down
-    if name == "jpeg":
-        if spec.nchannels not in (1, 3):
-            raise ImageError(f"{path}: JPEG holds no alpha or extra channels; write .tif, .png or .exr")
-        spec.attribute("compression", f"jpeg:{spec.get_int_attribute('jpeg:quality', 97)}")
-        if format != name:
-            spec.attribute("jpeg:subsampling", "4:4:4")
-    return spec
-
-
-def _depth(name: str, source: str) -> str:
-    """The pixel type to write: the source's, else the nearest that the format has and that loses least."""
-    if name in _NO_INTEGERS:
-        return {"uint8": "half", "half": "half"}.get(source, "float") if name == "openexr" else "float"
-    wanted = {"int8": "uint8", "int16": "uint16"}.get(source, source)
-    if wanted not in _DEPTHS:
-        wanted = "float"  # 32-bit integers, doubles
-    widest = _WIDEST.get(name, "float")
-    return wanted if _DEPTHS.index(wanted) <= _DEPTHS.index(widest) else widest
-
-
-# --- The file --------------------------------------------------------------------------------------------------------
-
-
-_TELL_OF_FAILURES = frozenset({"openexr", "dpx", "hdr", "pnm", "jpegxl"})
+_REPORT_FAILURES = frozenset({"openexr", "dpx", "hdr", "pnm", "jpegxl"})
+"""Formats, by OpenImageIO's names, whose writers report every failed write."""
 _NOT_SAFE_ON_DISK = frozenset({"jpeg", "webp"})
+"""Formats whose writers end the program, or never end, on a full disk."""
 
 
 def write_image(path: str | Path, pixels: ArrayLike, spec_like: Image, note: str | None = None) -> None:
     """Write `pixels` (h, w, c) with the metadata of `spec_like`, atomically; the suffix picks the format.
 
-    Pixels are in the encoding of the file: integers from [0, 1] (clipped), half and float as they are. Bit depth is the
-    source's where the format has it, else the nearest that loses least. A JPEG of a JPEG has its source's quality and
-    chroma subsampling, any other quality 97 and none. EXIF, IPTC, XMP, ICC profile and orientation are kept, thumbnails
-    of the old pixels dropped. `note` says what was done, for Software and ImageHistory. Raises ImageError.
+    Pixels are in the encoding of the file: integers from [0, 1] (clipped), half and float as they are. The bit depth is
+    the source's if the format has it, else the one that loses least. A JPEG from a JPEG has the quality and the chroma
+    subsampling of its source, any other JPEG quality 97 and no subsampling. EXIF, IPTC, XMP, ICC profile and
+    orientation are kept, thumbnails are dropped. note: on what was done, for Software and ImageHistory. Raises
+    ImageError.
     """
     path = Path(path)
     array = np.ascontiguousarray(pixels, dtype=np.float32)
@@ -189,7 +51,7 @@ def write_image(path: str | Path, pixels: ArrayLike, spec_like: Image, note: str
 
 @dataclass(frozen=True, eq=False)
 class ImageWriter:
-    """An open output, written region by region from top to bottom; spec describes the file as it is written."""
+    """An open output, written region by region from top to bottom. spec: the description of the file."""
 
     path: Path
     spec: oiio.ImageSpec
@@ -216,6 +78,7 @@ class ImageWriter:
 
 
 def _cut_short(path: Path) -> ImageError:
+    """The error for a file that was not written as a whole."""
     return ImageError(f"{path}: it was not written as a whole; is the disk full?")
 
 
@@ -225,8 +88,8 @@ def image_writer(
 ) -> Iterator[ImageWriter]:
     """Open an output under a temporary name; the file appears, whole, when the block ends without an error.
 
-    described: what is written, as `describe_output` gives it. start: SOI and the metadata segments of a JPEG, in place
-    of those that OpenImageIO makes. xmp, iptc: packets as the source has them; WebP and JPEG 2000 get EXIF here, too.
+    described: the description of the file, by `describe_output`. start: SOI and the metadata segments of a JPEG, in
+    place of those that OpenImageIO writes. xmp, iptc: the source's packets; WebP and JPEG 2000 get EXIF here, too.
     """
     if xmp and format_of(path) == "openexr":
         described.attribute("xmp", xmp.decode("utf-8", "replace"))  # OpenEXR has attributes of any name
@@ -238,6 +101,7 @@ def image_writer(
 
 @contextmanager
 def _opened(path: Path, temporary: Path, described: oiio.ImageSpec, start: bytes | None) -> Iterator[ImageWriter]:
+    """Open OpenImageIO's writer of a file that becomes `temporary`."""
     with _safe_place(path, temporary, described, start) as place:
         target = create_output(path)
         if not target.open(str(place), described):
@@ -253,11 +117,11 @@ def _opened(path: Path, temporary: Path, described: oiio.ImageSpec, start: bytes
 
 @contextmanager
 def _safe_place(path: Path, temporary: Path, spec: oiio.ImageSpec, start: bytes | None) -> Iterator[Path]:
-    """Where OpenImageIO may write a file that becomes `temporary`, so that a full disk is noticed, and ends nothing.
+    """Yield the path where OpenImageIO writes a file that becomes `temporary`, such that a full disk raises an error.
 
-    Of OpenImageIO 3.2's writers, those of OpenEXR, DPX, Radiance, PNM and JPEG XL tell of a failed write, that of TIFF
-    tells of pixels and not of the directory behind them; libjpeg ends the program, libwebp tries for ever: those encode
-    into memory; the others lose data in silence, so that their files are checked.
+    Of OpenImageIO 3.2's writers, those of OpenEXR, DPX, Radiance, PNM and JPEG XL report a failed write. libjpeg ends
+    the program, and libwebp tries forever: these two write into memory. The others lose data without an error (TIFF
+    only its directory, which follows the pixels), so that their files are checked.
     """
     name = format_of(path)
     if name not in _NOT_SAFE_ON_DISK or not hasattr(os, "memfd_create"):
@@ -265,10 +129,10 @@ def _safe_place(path: Path, temporary: Path, spec: oiio.ImageSpec, start: bytes 
         if start is not None:
             data = temporary.read_bytes()
             temporary.write_bytes(start + data[metadata_end(data) :])
-        if name not in _TELL_OF_FAILURES and not _is_whole(temporary, name):
+        if name not in _REPORT_FAILURES and not _is_whole(temporary, name):
             raise _cut_short(path)
         return
-    import resource  # where there are memory files (Linux), there are limits too; Windows has neither
+    import resource  # imported here: Windows has none; Linux, which has memory files, has it
 
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     most = spec.width * spec.height * spec.nchannels * 2

@@ -1,1 +1,1 @@
-"""Kits, one module per program: what it feeds to a LUT, and the files that make it show the camera's look."""
+"""Kits: for each program, the files that make it show the camera's look, and the steps that its user follows."""

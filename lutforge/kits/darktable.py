@@ -2,7 +2,7 @@
 
 The module's parameters are those of version 7 in darktable's `src/iop/colorin.c` (darktable 3.4 to 4.2), which later
 versions convert: kind of profile, its file name in 512 bytes, intent, clipping gamut, blue mapping, and the same of the
-working profile. An earlier version would drop what it does not know, and show its own colours.
+working profile. An earlier version of darktable would ignore the module, and show its own colours.
 """
 
 import base64
@@ -23,7 +23,7 @@ NEUTRAL = {
 """Settings of a neutral development: no tone curve or exposure, white balance as shot on the camera's own RGB."""
 
 TONE_MODULES = ("agx", "basecurve", "channelmixerrgb", "exposure", "filmicrgb", "sigmoid")
-"""Modules that darktable's workflows switch on by themselves: they change the look."""
+"""Modules that darktable's workflows switch on by themselves, and that change the look."""
 
 SWITCHED_OFF = {
     "exposure": (6, struct.pack("<i4fi", 0, 0.0, 0.0, 50.0, -4.0, 1)),
@@ -32,9 +32,10 @@ SWITCHED_OFF = {
     "sigmoid": (1, struct.pack("<4fif", 1.5, 0.0, 100.0, 0.0152, 0, 100.0)),
     "filmicrgb": (6, bytes(116)),
 }
-"""What a style switches off, since darktable's workflows may have switched it on: module, version and parameters.
+"""The modules that a style switches off, since darktable's workflows may have switched them on, with version and
+parameters.
 
-The parameters of a module that is off are of no consequence, but for their length, which is darktable 4.2's.
+Of the parameters of a module that is off only their length matters; it is that of darktable 4.2.
 """
 
 _MODULE_VERSION = 7
@@ -60,9 +61,13 @@ def write_darktable(look: Look, folder: Path) -> KitFiles:
 
 def _parameters(name: str) -> str:
     """The parameters of the module *input color profile* that choose a profile."""
-    file, perceptual, no_clipping, unmapped, linear_rec2020 = 0, 0, 0, 0, 4
-    data = struct.pack("<i512s4i512x", file, f"{name}.icc".encode(), perceptual, no_clipping, unmapped, linear_rec2020)
-    return _packed(data)
+    kind_file = 0
+    intent_perceptual = 0
+    clipping_off = 0
+    blue_mapping_off = 0
+    working_linear_rec2020 = 4
+    numbers = (intent_perceptual, clipping_off, blue_mapping_off, working_linear_rec2020)
+    return _packed(struct.pack("<i512s4i512x", kind_file, f"{name}.icc".encode(), *numbers))
 
 
 def _packed(data: bytes) -> str:
@@ -72,6 +77,7 @@ def _packed(data: bytes) -> str:
 
 
 def _sidecar(name: str) -> str:
+    """A sidecar file (.xmp), whose only step is the module *input color profile*."""
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <x:xmpmeta xmlns:x="adobe:ns:meta/">
  <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
@@ -115,10 +121,10 @@ SCRIPT_LINES = (
     'darktable-cli "$raw" "$here/$look.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
     f'--library :memory: {_CONFIGURATION} >"$work/log" 2>&1 || true\n'
     '[ -s "$picture" ] || refuse "darktable made no picture of it" "$work/log"\n'
-    # darktable goes on after a module whose parameters it does not know, or a profile that it cannot read.
+    # darktable does not stop at a module with unknown parameters, or at a profile that it cannot read.
     'grep colorin "$work/log" >"$work/use" && refuse "darktable did not use the profile" "$work/use"\n'
     f"""grep -a -A1 'darktable:operation="\\({_TONES}\\)"' "$picture" | grep -B1 'enabled="1"' |\n"""
     """  grep -o 'operation="[a-z]*"' >"$work/tone" &&\n"""
     '  refuse "darktable changed the tone, though it was asked not to" "$work/tone"\n'
 )
-"""darktable-cli, in a configuration of its own."""
+"""The lines of a script that run darktable-cli, with settings apart from the user's."""

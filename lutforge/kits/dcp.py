@@ -1,9 +1,9 @@
-"""DNG camera profiles (.dcp), ours and anyone's: matrices, a tone curve, a look table in hue, saturation and value.
+"""DNG camera profiles (.dcp) of any origin: matrices, a tone curve, a look table in hue, saturation and value.
 
 The Digital Negative specification 1.7.1, chapter 6 ("Mapping Camera Color Space to CIE XYZ Space") and the tags of
 chapter 4, https://helpx.adobe.com/camera-raw/digital-negative.html. A profile is a TIFF file of one directory whose
-magic number is 0x4352. A developer balances the RAW, multiplies it by the forward matrix to XYZ (D50), looks the colour
-up in HSV of linear ProPhoto RGB, and applies the tone curve so that hues are kept.
+magic number is 0x4352. A developer balances the RAW, multiplies it by the forward matrix to XYZ (D50), applies the look
+table in HSV of linear ProPhoto RGB, and then the tone curve such that hues are kept.
 """
 
 from collections.abc import Callable
@@ -17,24 +17,15 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
-from lutforge.images.tiff import (
-    TiffWriter,
-    byte_order,
-    float_field,
-    long_field,
-    number,
-    rational_field,
-    read_directory,
-    short_field,
-    text_field,
-)
+from lutforge.images.tiff import byte_order, number, read_directory
+from lutforge.images.tiff_writer import TiffWriter, float_field, long_field, rational_field, short_field, text_field
 from lutforge.kits.kit import BALANCED_RAW, Look
 from lutforge.model.camera_profile import CameraProfile
 
 _SRGB = rgb_space("srgb")
 
 _TYPES = {1: "u1", 2: "u1", 3: "u2", 4: "u4", 5: "u4", 9: "i4", 10: "i4", 11: "f4", 12: "f8"}
-"""TIFF 6.0's types of numbers; rationals are two of them."""
+"""TIFF 6.0's types of numbers, as NumPy's; a rational is two integers."""
 
 _IN_CAPITALS = ("Leica", "Ricoh", "Sigma")
 """Brands that DNG files and Adobe's profiles write in capitals."""
@@ -45,13 +36,13 @@ DIVISIONS = (90, 30, 30)
 
 @dataclass(frozen=True, eq=False)
 class DngProfile:
-    """What a .dcp file holds.
+    """The contents of a .dcp file.
 
-    color_matrix: (3, 3), XYZ → camera RGB before white balance, under D65. forward_matrix: (3, 3), camera RGB behind
+    color_matrix: (3, 3), XYZ → camera RGB before white balance, under D65. forward_matrix: (3, 3), camera RGB after
     white balance → XYZ of D50. tone_curve: (n, 2), linear input and output on [0, 1], increasing. look_table:
-    (value, hue, saturation, 3) of hue shift in degrees, saturation factor and value factor. encoded_values: values
-    are spaced evenly, and multiplied, behind sRGB's curve. camera: the UniqueCameraModel of the files that it is for.
-    description: what it states of itself, a line each.
+    (value, hue, saturation, 3) of hue shift in degrees, saturation factor and value factor. encoded_values: values are
+    spaced evenly, and multiplied, in sRGB's encoding. camera: the UniqueCameraModel of the RAW files that the profile
+    is for. description: one line per entry.
     """
 
     name: str
@@ -64,44 +55,52 @@ class DngProfile:
     description: tuple[str, ...] = ()
 
     def __call__(self, balanced: Array) -> Array:
-        """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
+        """Encoded sRGB (…, 3), clipped to [0, 1], that a developer renders from white-balanced camera RGB (…, 3)."""
         from scipy.ndimage import map_coordinates  # imported here: only checks of a written file need it
 
         rgb = np.clip(balanced @ (np.linalg.inv(to_xyz_d50("linear-prophoto")) @ self.forward_matrix).T, 0.0, 1.0)
+
+        # The look table, interpolated; hues go round the circle.
         hue, saturation, value = np.moveaxis(hsv_of_prophoto(rgb), -1, 0)
-        place = _SRGB.encode(value) if self.encoded_values else value
+        level = _SRGB.encode(value) if self.encoded_values else value
         values, hues, saturations = self.look_table.shape[:3]
-        around = np.concatenate([self.look_table, self.look_table[:, :1]], axis=1)
-        at = [place * (values - 1), hue * hues / 360.0, saturation * (saturations - 1)]
-        shift, more, lighter = (map_coordinates(around[..., i], at, order=1, mode="nearest") for i in range(3))
-        lit = np.clip(place * lighter, 0.0, 1.0)
-        changed = [np.mod(hue + shift, 360.0), np.clip(saturation * more, 0.0, 1.0)]
-        hsv = np.stack([*changed, _SRGB.linearize(lit) if self.encoded_values else lit], axis=-1)
-        looked = np.clip(prophoto_of_hsv(hsv), 0.0, 1.0)
-        toned = _between_ends(looked, lambda x: np.interp(x, *self.tone_curve.T))
-        light = toned @ matrix_between("linear-prophoto", "linear-srgb").T
-        return _SRGB.encode(np.clip(light, 0.0, 1.0))
+        closed = np.concatenate([self.look_table, self.look_table[:, :1]], axis=1)
+        at = [level * (values - 1), hue * hues / 360.0, saturation * (saturations - 1)]
+        shift, saturation_factor, value_factor = (
+            map_coordinates(closed[..., i], at, order=1, mode="nearest") for i in range(3)
+        )
+        new_level = np.clip(level * value_factor, 0.0, 1.0)
+        new_hue = np.mod(hue + shift, 360.0)
+        new_saturation = np.clip(saturation * saturation_factor, 0.0, 1.0)
+        new_value = _SRGB.linearize(new_level) if self.encoded_values else new_level
+        by_table = np.clip(prophoto_of_hsv(np.stack([new_hue, new_saturation, new_value], axis=-1)), 0.0, 1.0)
+
+        toned = _between_ends(by_table, lambda x: np.interp(x, *self.tone_curve.T))
+        linear = toned @ matrix_between("linear-prophoto", "linear-srgb").T
+        return _SRGB.encode(np.clip(linear, 0.0, 1.0))
 
 
 def fit_dng_profile(look: Look) -> DngProfile:
-    """Express the look of a profile of RAW files as a DNG profile: at the nodes of its table it is the rendering."""
-    # Developers scale a forward matrix so that a balanced white stays white (chapter 6): here it does so itself.
+    """Express the look of a profile of RAW files as a DNG profile, which is exact at the nodes of its table."""
+    # Developers scale a forward matrix so that a balanced white stays white (chapter 6); this one is scaled already.
     to_srgb = look.to_srgb / look.to_srgb.sum(axis=1, keepdims=True)
     to_prophoto = matrix_between("linear-srgb", "linear-prophoto") @ to_srgb
     forward = to_xyz_d50("linear-srgb") @ to_srgb
     # Under D65 a perfect white has camera RGB 1 / multipliers.
     under_d65 = to_xyz("linear-srgb") @ to_srgb @ np.diag(look.multipliers)
-    # The tone curve: what the rendering makes of greys, in linear light, strictly increasing from (0, 0) to (1, 1), as
-    # dense in the dark tones as the eye asks for.
+
+    # The tone curve: the rendering of greys, in linear values, strictly increasing from (0, 0) to (1, 1). Its points
+    # are even in sRGB's encoding, so that they are dense in dark tones.
     grey = _SRGB.linearize(np.linspace(0.0, 1.0, 257))
-    shown = _SRGB.linearize(look.render(np.repeat(grey[:, None], 3, axis=1))).mean(axis=1)
-    light = np.clip(np.maximum.accumulate(shown), 0.0, 1.0)
-    light[0], light[-1] = 0.0, 1.0
-    kept = np.concatenate([[True], np.diff(light) > 1e-7])
-    kept[-1] = True
-    curve = np.stack([grey[kept], light[kept]], axis=1)
-    # The nodes of the look table in the file's order, (values · hues · saturations, 3). Black has no hue: there it is
-    # what holds just above it.
+    rendered = _SRGB.linearize(look.render(np.repeat(grey[:, None], 3, axis=1))).mean(axis=1)
+    tone = np.clip(np.maximum.accumulate(rendered), 0.0, 1.0)
+    tone[0], tone[-1] = 0.0, 1.0
+    rises = np.concatenate([[True], np.diff(tone) > 1e-7])
+    rises[-1] = True
+    curve = np.stack([grey[rises], tone[rises]], axis=1)
+
+    # The nodes of the look table in the file's order, (values · hues · saturations, 3). Black has no hue: its entries
+    # are computed just above it.
     hues, saturations, values = DIVISIONS
     value = _SRGB.linearize(np.linspace(0.0, 1.0, values))
     value[0] = 0.25 * value[1]
@@ -111,19 +110,21 @@ def fit_dng_profile(look: Look) -> DngProfile:
     rgb = np.clip(_SRGB.linearize(codes) @ matrix_between("linear-srgb", "linear-prophoto").T, 0.0, 1.0)
     rising = np.concatenate([[True], np.diff(curve[:, 1]) > 0])  # of the inputs that clip, the least
     before_curve = _between_ends(rgb, lambda y: np.interp(y, curve[rising, 1], curve[rising, 0]))
-    # How far hue, saturation and value are from those of the nodes. The factor of value counts behind the encoding of
-    # the table.
-    wanted = hsv_of_prophoto(before_curve)
-    shift = np.mod(wanted[:, 0] - nodes[:, 0] + 180.0, 360.0) - 180.0
-    is_grey = (nodes[:, 1] == 0) | (wanted[:, 1] == 0)
-    saturation = np.where(nodes[:, 1] > 0, wanted[:, 1] / np.where(nodes[:, 1] > 0, nodes[:, 1], 1.0), 1.0)
-    lighter = _SRGB.encode(wanted[:, 2]) / _SRGB.encode(nodes[:, 2])
-    entries = np.stack([np.where(is_grey, 0.0, shift), saturation, lighter], axis=1)
+
+    # From hue, saturation and value of the nodes to those before the tone curve. The factor of value applies to values
+    # in the table's encoding.
+    target = hsv_of_prophoto(before_curve)
+    shift = np.mod(target[:, 0] - nodes[:, 0] + 180.0, 360.0) - 180.0
+    is_grey = (nodes[:, 1] == 0) | (target[:, 1] == 0)
+    saturation = np.where(nodes[:, 1] > 0, target[:, 1] / np.where(nodes[:, 1] > 0, nodes[:, 1], 1.0), 1.0)
+    value_factor = _SRGB.encode(target[:, 2]) / _SRGB.encode(nodes[:, 2])
+    entries = np.stack([np.where(is_grey, 0.0, shift), saturation, value_factor], axis=1)
+
     color_matrix = np.asarray(np.linalg.inv(under_d65), dtype=np.float64)
     table = entries.reshape(values, hues, saturations, 3)
-    stated = look.description(BALANCED_RAW, "linear ProPhoto RGB of the camera's JPEG, which the developer encodes")
+    lines = look.description(BALANCED_RAW, "linear ProPhoto RGB of the camera's JPEG, which the developer encodes")
     return DngProfile(
-        look.title, unique_camera_model(look.profile), color_matrix, forward, curve, table, description=stated
+        look.title, unique_camera_model(look.profile), color_matrix, forward, curve, table, description=lines
     )
 
 
@@ -163,8 +164,8 @@ def write_dcp(profile: DngProfile, path: Path) -> None:
 
 def hsv_of_prophoto(rgb: Array) -> Array:
     """Linear RGB (…, 3) → hue in degrees [0, 360), saturation and value (DNG specification, chapter 6)."""
-    value, least = rgb.max(axis=-1), rgb.min(axis=-1)
-    gap = value - least
+    value = rgb.max(axis=-1)
+    gap = value - rgb.min(axis=-1)
     safe = np.where(gap > 0, gap, 1.0)
     r, g, b = rgb[..., 0], rgb[..., 1], rgb[..., 2]
     sector = np.select(
@@ -183,11 +184,14 @@ def prophoto_of_hsv(hsv: Array) -> Array:
 
 
 def _between_ends(rgb: Array, curve: Callable[[Array], Array]) -> Array:
-    largest, least = rgb.max(axis=-1, keepdims=True), rgb.min(axis=-1, keepdims=True)
+    """A tone curve that keeps hues: applied to the largest and the least channel, the middle one in proportion."""
+    largest = rgb.max(axis=-1, keepdims=True)
+    least = rgb.min(axis=-1, keepdims=True)
     gap = largest - least
-    place = np.where(gap > 0, (rgb - least) / np.where(gap > 0, gap, 1.0), 0.0)
-    top, bottom = curve(largest), curve(least)
-    return bottom + place * (top - bottom)
+    share = np.where(gap > 0, (rgb - least) / np.where(gap > 0, gap, 1.0), 0.0)
+    top = curve(largest)
+    bottom = curve(least)
+    return bottom + share * (top - bottom)
 
 
 def read_dcp(path: str | Path) -> DngProfile:
@@ -196,24 +200,33 @@ def read_dcp(path: str | Path) -> DngProfile:
     if 50964 not in tags or 50721 not in tags:
         raise LutError(f"{path}: this camera profile has no forward matrix, from which its colours could be computed")
     curve = tags.get(50940, np.array([0.0, 0.0, 1.0, 1.0]))
-    table = np.tile([0.0, 1.0, 1.0], (2, 1, 2, 1))  # of a profile without one: it changes nothing
+    table = np.tile([0.0, 1.0, 1.0], (2, 1, 2, 1))  # the identity, for a profile without a look table
     with reading(path, "a camera profile", LutError):
         if 50981 in tags:
             hues, saturations, values = (int(count) for count in tags[50981])
             table = tags[50982].reshape(max(values, 1), hues, saturations, 3)
-        color_matrix, forward = tags[50721].reshape(3, 3), tags[50964].reshape(3, 3)
-        name, camera, encoded = _text(tags, 50936), _text(tags, 50708), bool(tags.get(51108, np.zeros(1))[0])
-        stated = tuple(_text(tags, 50942, 1000).split("; "))
-        return DngProfile(name, camera, color_matrix, forward, curve.reshape(-1, 2), table, encoded, stated)
+        return DngProfile(
+            name=_text(tags, 50936),
+            camera=_text(tags, 50708),
+            color_matrix=tags[50721].reshape(3, 3),
+            forward_matrix=tags[50964].reshape(3, 3),
+            tone_curve=curve.reshape(-1, 2),
+            look_table=table,
+            encoded_values=bool(tags.get(51108, np.zeros(1))[0]),
+            description=tuple(_text(tags, 50942, 1000).split("; ")),
+        )
 
 
 def dcp_lines(path: str | Path) -> list[str]:
-    """What is in a camera profile and who reads it, as lines of text. Raises LutError where it cannot be read."""
+    """The report on a DNG camera profile, as lines of text: what it holds and which programs read it.
+
+    Raises LutError where it cannot be read.
+    """
     tags = _tags(Path(path))
-    known = {50964: "forward matrix", 50937: "hue and saturation map", 50981: "look table", 50940: "tone curve"}
+    names = {50964: "forward matrix", 50937: "hue and saturation map", 50981: "look table", 50940: "tone curve"}
     lines = [f"{path}: DNG camera profile", f"  title     {_text(tags, 50936)}", f"  camera    {_text(tags, 50708)}"]
     lines += [f"  comment   {text}" for text in _text(tags, 50942, 1000).split("; ") if text]
-    lines.append(f"  holds     {', '.join(name for tag, name in known.items() if tag in tags)}")
+    lines.append(f"  holds     {', '.join(name for tag, name in names.items() if tag in tags)}")
     if 50964 in tags and 50721 in tags:
         profile = read_dcp(path)
         black, grey, white = profile(np.repeat([[0.0], [0.18], [1.0]], 3, axis=1))
@@ -231,13 +244,13 @@ def dcp_lines(path: str | Path) -> list[str]:
 
 
 def _tags(path: Path) -> dict[int, Array]:
-    """The numbers of each tag of the first directory that holds any, text as its bytes. Raises LutError."""
+    """The numbers of each tag in a file's first directory, of text its bytes. Raises LutError."""
     require_file(path, "a camera profile", LutError, 64 << 20)
     data = path.read_bytes()
     order = byte_order(data)
     if order is None or len(data) < 8 or number(data, order, "H", 2) != 0x4352:
         raise LutError(f"{path}: no DNG camera profile: it does not begin with IIRC or MMCR")
-    found: dict[int, Array] = {}
+    numbers: dict[int, Array] = {}
     with reading(path, "a camera profile", LutError):
         entries, _ = read_directory(data, order, number(data, order, "I", 4))
         for tag, entry in entries.items():
@@ -249,8 +262,8 @@ def _tags(path: Path) -> dict[int, Array]:
             if not np.all(np.isfinite(values)):
                 raise LutError(f"{path}: tag {tag} holds a number that is not finite")
             if values.size:
-                found[tag] = values
-    return found
+                numbers[tag] = values
+    return numbers
 
 
 def _text(tags: dict[int, Array], tag: int, most: int = 160) -> str:

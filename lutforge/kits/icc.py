@@ -1,8 +1,9 @@
 """ICC input profiles of a camera (.icc): white-balanced camera RGB → CIE Lab of D50, by curves and a cube.
 
-ICC.1:2001-04 (version 2.4, https://www.color.org/ICC_Minor_Revision_for_Web.pdf), which every RAW developer reads: a
-profile of class `scnr` whose table A2B0 is a `lut16Type` (6.5.8): input curves of 4,096 entries, and a cube that Little
-CMS interpolates by tetrahedra, in 16 bits. Both are fitted for that in Lab, so that an error counts as it is seen.
+They follow ICC.1:2001-04 (version 2.4, https://www.color.org/ICC_Minor_Revision_for_Web.pdf), which every RAW developer
+reads: a profile of class `scnr`, whose table A2B0 is a `lut16Type` (6.5.8) with input curves of 4,096 entries, and a
+cube of 16 bits that Little CMS interpolates by tetrahedra. The cube is fitted in Lab, where differences are about as
+large as they look.
 """
 
 import struct
@@ -28,29 +29,33 @@ ENTRIES = 4096
 """Entries of an input curve: the most that a lut16Type has."""
 
 NODES = 65
-"""Nodes per axis, with which 99 % of colours keep within 0.6 ΔE00 of the model, and greys within 0.3: 49 do not."""
+"""Nodes per axis: 99 % of the colours are then within 0.6 ΔE00 of the model, greys within 0.3. With 49 they are not."""
 
-WIDEST = 1 / 40
-"""How far nodes lie apart at most, in roots of the input: colours beside the greys need them everywhere."""
+WIDEST_CELL = 1 / 40
+"""Largest distance of two nodes, in roots of the input: colours near the greys need nodes everywhere."""
 
 GAMMA = 2.4
-"""Points of the fit are even in this root of the input, about as the eye counts light."""
+"""The fit's points are evenly spaced in this root of the input, which is about perceptually uniform."""
 
 VARIANTS = ("", " colours")
-"""What is behind a look's name: nothing for the camera's JPEG; the same without its tone curve, scene-linear."""
+"""Endings of a look's name: none for the camera's JPEG, " colours" for the look without tone curve, scene-linear."""
 
-_ZERO, _STEPS = np.array([0.0, 128.0, 128.0]), np.array([652.8, 256.0, 256.0])
+_LAB_ZERO = np.array([0.0, 128.0, 128.0])
+"""What is added to L*, a* and b* before they are encoded."""
+_LAB_CODES = np.array([652.8, 256.0, 256.0])
+"""16-bit codes per unit of L*, a* and b*."""
 _ROOTS = np.linspace(0.0, 1.0, ENTRIES) ** (1 / GAMMA)
+"""The roots of the inputs of a curve's entries, (ENTRIES,)."""
 _SRGB = rgb_space("srgb")
 _XYZ_FROM_SRGB = to_xyz_d50("linear-srgb")
 
 
 @dataclass(frozen=True, eq=False)
 class IccProfile:
-    """What a profile of a camera holds: its name, a curve per channel, and a cube of Lab codes.
+    """The contents of a camera's ICC profile: its name, a curve per channel, and a cube of Lab codes.
 
     These are the codes of version 2 as shares of 65535: L* · 652.8, a* and b* from −128 in steps of 1 / 256.
-    description: what it states of itself, a line each.
+    description: one line per entry.
     """
 
     name: str
@@ -59,42 +64,46 @@ class IccProfile:
     description: tuple[str, ...] = ()
 
     def __call__(self, balanced: Array) -> Array:
-        """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
-        lightness, a, b = np.moveaxis(self.cube(self.curve(balanced)) * 65535 / _STEPS - _ZERO, -1, 0)
+        """Encoded sRGB (…, 3), clipped to [0, 1], that a developer renders from white-balanced camera RGB (…, 3)."""
+        lightness, a, b = np.moveaxis(self.cube(self.curve(balanced)) * 65535 / _LAB_CODES - _LAB_ZERO, -1, 0)
         y = (lightness + 16) / 116
         root = np.stack([y + a / 500, y, y - b / 200], axis=-1)
         ratio = np.where(root > 6 / 29, root**3, (116 * root - 16) * 27 / 24389)
-        light = ratio @ np.linalg.inv(_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
-        return _SRGB.encode(np.clip(light, 0.0, 1.0))
+        linear = ratio @ np.linalg.inv(_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
+        return _SRGB.encode(np.clip(linear, 0.0, 1.0))
 
 
 def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
     """Express the look of a profile of RAW files as an ICC profile. variant: of VARIANTS."""
-    shown = scene_linear(look) if variant else lambda x: _SRGB.linearize(np.clip(look.render(x), 0.0, 1.0))
+    linear = scene_linear(look) if variant else lambda x: _SRGB.linearize(np.clip(look.render(x), 0.0, 1.0))
 
     def codes(root: Array) -> Array:
-        ratio = shown(root**GAMMA) @ (_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
+        # CIE 1976 L*a*b* (CIE 15:2018, 8.2.1)
+        ratio = linear(root**GAMMA) @ (_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
         x, y, z = np.moveaxis(np.where(ratio > 216 / 24389, np.cbrt(ratio), (24389 / 27 * ratio + 16) / 116), -1, 0)
         lab = np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
-        return np.asarray((lab + _ZERO) * _STEPS / 65535)
+        return np.asarray((lab + _LAB_ZERO) * _LAB_CODES / 65535)
 
-    # All channels share their axis, so that greys run from node to node and stay neutral.
-    level = polyline_levels(_ROOTS, codes(np.repeat(_ROOTS[:, None], 3, axis=1)) * 65535 / _STEPS, NODES, WIDEST)
+    # All channels have the same axis, so that greys run from node to node and stay neutral.
+    lab_of_greys = codes(np.repeat(_ROOTS[:, None], 3, axis=1)) * 65535 / _LAB_CODES
+    level = polyline_levels(_ROOTS, lab_of_greys, NODES, WIDEST_CELL)
     even = np.linspace(0.0, 1.0, len(level))
     column = np.rint(np.interp(_ROOTS, level, even) * 65535) / 65535
     curve = Curve(np.repeat(column[:, None], 3, axis=1))
     axes = Axes((level, level, level), (even, even, even), lambda root: curve(root**GAMMA))
     values = fit_cube(codes, axes, "tetrahedral", np.ones(3))
-    gives = "CIE Lab (D50) of the camera's JPEG" + ", without its tone curve, scene-linear" * bool(variant)
-    stated = look.description(BALANCED_RAW, gives)
-    return IccProfile(f"{look.title}{variant}", curve, Cube(np.rint(values * 65535) / 65535), stated)
+
+    output = "CIE Lab (D50) of the camera's JPEG" + ", without its tone curve, scene-linear" * bool(variant)
+    lines = look.description(BALANCED_RAW, output)
+    return IccProfile(f"{look.title}{variant}", curve, Cube(np.rint(values * 65535) / 65535), lines)
 
 
 def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
-    """Choose at most `most` of x (m,), both ends among them; straight lines between them follow y (m, 3) closely.
+    """Choose at most `most` of x (m,), with both ends, such that straight lines between them follow y (m, 3) closely.
 
-    Each is followed by the last x, no farther than `widest`, to which a line keeps within a tolerance; bisection finds
-    the least tolerance for which they suffice. Functions with kinks need this: levels of even mass pass them by.
+    After each chosen x comes the last one, at most `widest` away, to which a line keeps within a tolerance; bisection
+    finds the least tolerance for which `most` suffice. Functions with kinks need this: node levels by curvature (see
+    `fit_axes`) miss them.
     """
 
     def distance(start: int, end: int) -> float:
@@ -109,32 +118,39 @@ def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
             nodes.append(start + max(bisect_right(ends, tolerance, key=lambda end: distance(start, end)), 1))
         return nodes
 
-    low, high = 0.0, float(np.ptp(y))
+    low = 0.0
+    high = float(np.ptp(y))
     for _ in range(16):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if len(chain(middle)) > most else (low, middle)
+        if len(chain(middle)) > most:
+            low = middle
+        else:
+            high = middle
     return np.asarray(x[chain(high)])
 
 
 def scene_linear(look: Look) -> Callable[[Array], Array]:
     """The look without its tone curve: balanced camera RGB (…, 3) → linear sRGB.
 
-    Each colour keeps the chromaticity that the look gives it. Its gain is that of the brightest of three greys, of each
-    of which the look makes one channel as large as the colour's: it takes that grey's luminance back to its light.
+    A colour is scaled and so keeps the chromaticity that the look gives it. For each of its channels there is a grey
+    that the look renders as large as that channel. The scale is the one that takes the brightest of these three greys
+    from its rendered luminance back to its linear value.
     """
-    grey, luminance = np.linspace(0.0, 1.0, 4 * ENTRIES)[1:] ** GAMMA, to_xyz("linear-srgb")[1]
-    shown = _SRGB.linearize(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
-    tones, gains = np.maximum.accumulate(shown), grey / (shown @ luminance)
+    grey = np.linspace(0.0, 1.0, 4 * ENTRIES)[1:] ** GAMMA
+    luminance = to_xyz("linear-srgb")[1]
+    rendered = _SRGB.linearize(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
+    tones = np.maximum.accumulate(rendered)
+    scales = grey / (rendered @ luminance)
     rising = np.diff(tones, axis=0, prepend=0.0) > 0.0  # of the inputs that clip, the least
 
-    def light(balanced: Array) -> Array:
+    def linear(balanced: Array) -> Array:
         toned = _SRGB.linearize(np.clip(look.render(balanced), 0.0, 1.0))
-        levels = [np.interp(toned[..., c], tones[rising[:, c], c], grey[rising[:, c]]) for c in range(3)]
-        inverse = toned * np.interp(np.max(levels, axis=0), grey, gains)[..., None]
-        # A clipped JPEG channel no longer rises with the light; there the RAW channel takes its place.
-        return np.asarray(np.where(toned >= tones[-1], np.maximum(inverse, balanced), inverse))
+        greys = [np.interp(toned[..., c], tones[rising[:, c], c], grey[rising[:, c]]) for c in range(3)]
+        untoned = toned * np.interp(np.max(greys, axis=0), grey, scales)[..., None]
+        # A clipped JPEG channel no longer rises with the scene; there the RAW channel takes its place.
+        return np.asarray(np.where(toned >= tones[-1], np.maximum(untoned, balanced), untoned))
 
-    return light
+    return linear
 
 
 def write_icc(profile: IccProfile, path: Path) -> None:
@@ -143,8 +159,8 @@ def write_icc(profile: IccProfile, path: Path) -> None:
     table = b"mft2" + struct.pack(">4x3Bx9i2H", 3, 3, profile.cube.size, *unit, len(profile.curve.outputs), 2)
     for values in (profile.curve.outputs.T, profile.cube.values, np.tile([0.0, 1.0], (3, 1))):
         table += np.rint(values * 65535).astype(">u2").tobytes()
-    stated = "; ".join(plain(line) for line in profile.description)
-    content = icc_file(b"scnr", b"Lab ", profile.name, stated, {b"wtpt": icc_xyz(D50), b"A2B0": table})
+    text = "; ".join(plain(line) for line in profile.description)
+    content = icc_file(b"scnr", b"Lab ", profile.name, text, {b"wtpt": icc_xyz(D50), b"A2B0": table})
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 
@@ -156,16 +172,20 @@ def read_icc(path: str | Path) -> IccProfile:
     with reading(path, "an ICC profile", LutError):
         kind, inputs, outputs, nodes, *_, entries, after = struct.unpack_from(">4s4x3Bx36x2H", table)
         if (kind, inputs, outputs, after) != (b"mft2", 3, 3, 2) or not (2 <= nodes <= 129 and 2 <= entries <= ENTRIES):
-            wanted = "no table of 16 bits from RGB to Lab with straight output curves"
-            raise LutError(f"{path}: {wanted}, as LutForge writes")
+            kind_of_table = "table of 16 bits from RGB to Lab with straight output curves"
+            raise LutError(f"{path}: no {kind_of_table}, as LutForge writes")
         numbers = np.frombuffer(table, ">u2", 3 * (entries + nodes**3), 52) / 65535
-        curve, cube = np.split(numbers, [3 * entries])
-        curves, nodes_of_cube = curve.reshape(3, entries).T, cube.reshape(nodes, nodes, nodes, 3)
-        return IccProfile(profile_name(data), Curve(curves), Cube(nodes_of_cube), _copyright(tags))
+        curve_codes, cube_codes = np.split(numbers, [3 * entries])
+        curve = Curve(curve_codes.reshape(3, entries).T)
+        cube = Cube(cube_codes.reshape(nodes, nodes, nodes, 3))
+        return IccProfile(profile_name(data), curve, cube, _copyright(tags))
 
 
 def icc_lines(path: str | Path) -> list[str]:
-    """What is in an ICC profile, anyone's, and what Little CMS makes of it. Raises LutError where it is none."""
+    """The report on an ICC profile of any origin, as lines of text: what it holds, and how Little CMS renders by it.
+
+    Raises LutError where the file is no ICC profile.
+    """
     from PIL import Image, ImageCms  # imported here: kits are written without it
 
     data, tags = _tags(Path(path))
@@ -183,16 +203,17 @@ def icc_lines(path: str | Path) -> list[str]:
     codes = np.array([[0, 0, 0], [46, 46, 46], [255, 255, 255], *np.random.default_rng(0).integers(0, 256, (4093, 3))])
     picture = Image.fromarray(codes.astype(np.uint8)[None])
     try:
-        source, srgb = ImageCms.ImageCmsProfile(str(path)), ImageCms.createProfile("sRGB")
-        made = ImageCms.profileToProfile(picture, source, srgb, flags=ImageCms.Flags.NOOPTIMIZE)
+        source = ImageCms.ImageCmsProfile(str(path))
+        srgb = ImageCms.createProfile("sRGB")
+        converted = ImageCms.profileToProfile(picture, source, srgb, flags=ImageCms.Flags.NOOPTIMIZE)
     except (ImageCms.PyCMSError, OSError, ValueError) as error:
         return [*lines, f"  problem   Little CMS refuses it: {one_line(str(error), 160)}"]
-    shown = np.asarray(made, dtype=np.float64)[0]
-    for name, colour in zip(("black", "grey 18 %", "white"), shown, strict=False):
+    by_little_cms = np.asarray(converted, dtype=np.float64)[0]
+    for name, colour in zip(("black", "grey 18 %", "white"), by_little_cms, strict=False):
         lines.append(f"  {name:10} {' '.join(f'{value / 255:.3f}' for value in colour)} (encoded sRGB)")
     try:
-        apart = float(np.abs(read_icc(path)(codes / 255) * 255 - shown).max())
-        lines.append(f"  Little CMS: reads it, within {apart:.1f} of 255 codes of what its numbers say")
+        deviation = float(np.abs(read_icc(path)(codes / 255) * 255 - by_little_cms).max())
+        lines.append(f"  Little CMS: reads it, within {deviation:.1f} of 255 codes of what its numbers say")
     except LutError:
         lines.append("  Little CMS: reads it")
     if kind == b"scnr":
@@ -215,11 +236,13 @@ def _tags(path: Path) -> tuple[bytes, dict[bytes, bytes]]:
 
 
 def _copyright(tags: dict[bytes, bytes]) -> tuple[str, ...]:
-    """What the copyright tag of version 2 holds, in which our profiles state input, output, settings and licence."""
-    kind, text = tags.get(b"cprt", b"")[:4], tags.get(b"cprt", b"")[8:]
-    stated = text.split(b"\0")[0].decode("ascii", "replace") if kind == b"text" else ""
-    return tuple(one_line(stated, 1000).split("; "))
+    """The lines of the copyright tag of version 2; profiles of LutForge state input, output and settings there."""
+    kind = tags.get(b"cprt", b"")[:4]
+    data = tags.get(b"cprt", b"")[8:]
+    text = data.split(b"\0")[0].decode("ascii", "replace") if kind == b"text" else ""
+    return tuple(one_line(text, 1000).split("; "))
 
 
 def _word(tag: bytes) -> str:
+    """A four-character code as printable text."""
     return one_line(tag.decode("latin-1").strip(), 16)

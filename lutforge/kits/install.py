@@ -1,8 +1,8 @@
-"""Install a kit where its program looks for it, and take it away again.
+"""Install a kit where its program looks for it, and remove it again.
 
-A journal in the user's data folder names every file and folder that was made, with the SHA-256 of what was written. It
-is written before the files, so that nothing is left behind when a run is killed. What the user has is never replaced,
-and what the user has changed since is never removed.
+A journal in the user's data folder names every file and folder that was made, with the SHA-256 of each file. It is
+written before the files, so that they can be removed even when a run is killed. A file of the user is never replaced,
+and an installed file that the user has changed is never removed.
 """
 
 import hashlib
@@ -17,14 +17,16 @@ from lutforge.boundary import reading, require_file
 from lutforge.errors import LutForgeError
 from lutforge.kits.places import KEPT, Place
 
-JOURNAL, LARGEST = "installed_kits.json", 4 << 20
+JOURNAL = "installed_kits.json"
+MOST_JOURNAL = 4 << 20
+"""Most bytes of a journal."""
 NOT_INSTALLED = ("README.md", "kit.json", "develop.sh", "blender.sh")
 """Files of a kit that no program looks for."""
 
 
 @dataclass(frozen=True)
 class Installed:
-    """What was installed for a program. files: SHA-256 by path; folders: those that were made, outer ones first."""
+    """The files installed for a program. files: SHA-256 by path; folders: those that were made, outer ones first."""
 
     files: dict[str, str] = field(default_factory=dict)
     folders: tuple[str, ...] = ()
@@ -37,14 +39,11 @@ def is_installed(place: Place) -> bool:
     )
 
 
-def targets_of(program: str, kit: Path, place: Place, own: Path) -> dict[Path, Path]:
-    """Where a kit's files go: the file of the kit, by the path that it gets.
-
-    own: LutForge's folder, for programs that have none.
-    """
+def targets_of(program: str, kit: Path, place: Place, fallback: Path) -> dict[Path, Path]:
+    """The kit's files, by the paths that they get. fallback: LutForge's folder, for programs that have none."""
     files = sorted(path for path in kit.iterdir() if path.is_file() and path.name not in NOT_INSTALLED)
     if place.use == KEPT:
-        return {own / program / file.name: file for file in files}
+        return {fallback / program / file.name: file for file in files}
     settings = place.settings
     if settings is None:
         return {}
@@ -59,12 +58,12 @@ def targets_of(program: str, kit: Path, place: Place, own: Path) -> dict[Path, P
 
 
 def install(program: str, targets: Mapping[Path, Path], journal: Path) -> None:
-    """Copy files to their targets, and write them down. targets: the file that each path gets.
+    """Copy files to their targets, and record them in the journal. targets: the file that each path gets.
 
     Raises LutForgeError, before anything is written, where a file is there already that LutForge did not write.
     """
-    known = read_journal(journal)
-    before = known.get(program, Installed())
+    installed = read_journal(journal)
+    before = installed.get(program, Installed())
     missing: list[Path] = []
     for target in (*targets, journal):
         missing += [folder for folder in reversed(target.parents) if not folder.exists() and folder not in missing]
@@ -74,7 +73,7 @@ def install(program: str, targets: Mapping[Path, Path], journal: Path) -> None:
 
     files = {**before.files, **{str(target): _sum(source) for target, source in targets.items()}}
     folders = tuple(sorted({*before.folders, *map(str, missing)}))  # each before those in it
-    write_journal(journal, {**known, program: Installed(files, folders)})
+    write_journal(journal, {**installed, program: Installed(files, folders)})
     for target, source in targets.items():
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(target) as temporary:
@@ -82,15 +81,18 @@ def install(program: str, targets: Mapping[Path, Path], journal: Path) -> None:
 
 
 def uninstall(program: str, journal: Path) -> tuple[list[Path], list[Path]]:
-    """Remove what was installed for a program. Returns the files that are gone, and those changed since, which stay.
+    """Remove the files installed for a program. Returns those removed, and those that the user changed, which stay.
 
     Raises LutForgeError where nothing was installed for it.
     """
-    known = read_journal(journal)
-    if program not in known:
-        raise LutForgeError(f"nothing is installed for {program}: {journal} names {', '.join(known) or 'no program'}")
-    removed, changed = [], []
-    for name, digest in known[program].files.items():
+    installed = read_journal(journal)
+    if program not in installed:
+        names = ", ".join(installed) or "no program"
+        raise LutForgeError(f"nothing is installed for {program}: {journal} names {names}")
+
+    removed = []
+    changed = []
+    for name, digest in installed[program].files.items():
         path = Path(name)
         if not path.is_file():
             continue
@@ -99,33 +101,35 @@ def uninstall(program: str, journal: Path) -> tuple[list[Path], list[Path]]:
             removed.append(path)
         else:
             changed.append(path)
-    others = {name: installed for name, installed in known.items() if name != program}
+
+    others = {name: entry for name, entry in installed.items() if name != program}
     write_journal(journal, others)
-    stay = remove_empty(known[program].folders)
-    if others and stay:  # what other programs' files lie in goes with the last of them
-        heir, installed = next(iter(others.items()))
-        folders = tuple(sorted({*stay, *installed.folders}))
-        write_journal(journal, {**others, heir: Installed(installed.files, folders)})
+    remaining = remove_empty(installed[program].folders)
+    if others and remaining:
+        # Folders that hold files of other programs are handed on to one of these, and removed with the last of them.
+        heir, entry = next(iter(others.items()))
+        folders = tuple(sorted({*remaining, *entry.folders}))
+        write_journal(journal, {**others, heir: Installed(entry.files, folders)})
     return removed, changed
 
 
 def remove_empty(folders: Sequence[str]) -> list[str]:
-    """Remove folders, the inner ones first, as far as they hold nothing. Returns those that stay."""
-    stay: list[str] = []
+    """Remove folders that are empty, the inner ones first. Returns those that remain."""
+    remaining: list[str] = []
     for name in reversed(folders):
         folder = Path(name)
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
         elif folder.is_dir():
-            stay.insert(0, name)
-    return stay
+            remaining.insert(0, name)
+    return remaining
 
 
 def read_journal(journal: Path) -> dict[str, Installed]:
-    """What is installed, by program; nothing where there is no journal. Raises LutForgeError on a damaged one."""
+    """The installed files by program; empty where there is no journal. Raises LutForgeError on a damaged one."""
     if not journal.exists():
         return {}
-    require_file(journal, "LutForge's list of installed kits", LutForgeError, LARGEST)
+    require_file(journal, "LutForge's list of installed kits", LutForgeError, MOST_JOURNAL)
     with reading(journal, "LutForge's list of installed kits", LutForgeError):
         stored = json.loads(journal.read_text(encoding="utf-8"))
         return {
@@ -137,14 +141,15 @@ def read_journal(journal: Path) -> dict[str, Installed]:
 
 
 def write_journal(journal: Path, installed: Mapping[str, Installed]) -> None:
-    """Write down what is installed; without anything no journal is left."""
+    """Write the journal of the installed files; where nothing is installed, delete it."""
     if not installed:
         journal.unlink(missing_ok=True)
         return
-    entries = {name: {"files": each.files, "folders": list(each.folders)} for name, each in installed.items()}
+    entries = {name: {"files": entry.files, "folders": list(entry.folders)} for name, entry in installed.items()}
     with atomic_path(journal) as temporary:
         temporary.write_text(json.dumps(entries, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def _sum(path: Path) -> str:
+    """The SHA-256 of a file in hexadecimal digits; "" where it is none."""
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

@@ -1,4 +1,4 @@
-"""What every kit is made of: the camera's look for a program, its files, and the script that runs the program."""
+"""The records of a kit: the camera's look, the files for a program, and the script that runs the program."""
 
 import hashlib
 import re
@@ -18,17 +18,18 @@ from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.transform import Decode, Encode, MatrixStage, Transform
 
 BALANCED_RAW = "linear camera RAW behind its white balance, which the developer sets"
-"""What camera profiles take."""
+"""The input of camera profiles, in words that files state."""
 
 Source = Literal["raw", "any"]
-"""What a kit can be made from: a profile of RAW files, or also one of developed pictures."""
+"""The profiles that a kit can be made from: only those of RAW files, or also those of developed pictures."""
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A camera's look: from what the profile was calibrated on, RAW or developed pictures, to the camera's JPEG.
+    """A camera's look: its rendering in one style and white balance.
 
-    render: that input, white-balanced, (…, 3) on [0, 1] → encoded sRGB. multipliers: (3,), of the setting, with gain.
+    The input is what the profile was calibrated on, RAW or developed pictures. render: the input, white-balanced,
+    (…, 3) on [0, 1] → the camera's JPEG, encoded sRGB. multipliers: (3,), of the setting, with gain.
     """
 
     profile: CameraProfile
@@ -64,36 +65,37 @@ class Look:
         errors = self.profile.render(self.setting).purpose.comments
         return [f"camera and settings: {self.profile.camera}, {self.setting}", *errors]
 
-    def description(self, takes: str, gives: str) -> tuple[str, ...]:
-        """What a camera profile of the look states of itself: version, input, output, camera, settings and licence."""
-        return description(InputAndOutput(takes, gives), details=self.details)
+    def description(self, input_: str, output: str) -> tuple[str, ...]:
+        """The lines that a camera profile of the look states: version, input, output, camera, settings and licence."""
+        return description(InputAndOutput(input_, output), details=self.details)
 
     def seen_from(self, source: str) -> Transform:
         """Colours of a space → the camera's JPEG, encoded sRGB.
 
-        For a profile of developed pictures this is what was calibrated. For one of RAW files it is approximate: the
-        program's light goes back to camera RGB by one matrix. In linear spaces light below 0 and above 1 is taken.
+        For a profile of developed pictures this is exactly what was calibrated. For one of RAW files it is approximate:
+        one matrix converts the program's colours back to camera RGB. In linear spaces values may be below 0 or above 1.
         """
         if self.profile.raw_space == "raw":
             return through_camera(self.profile, self.setting, source)
-        encoding, stages = rgb_space(source), self.profile.render(self.setting).stages
+        encoding = rgb_space(source)
+        stages = self.profile.render(self.setting).stages
         decode = () if encoding.is_linear else (Decode(encoding),)
         matrix = matrix_between(encoding.linear.name, self.profile.raw_space) / self.multipliers[:, None]
         return Transform((*decode, MatrixStage(matrix), *stages))
 
     def between(self, source: str, target: str) -> Transform:
-        """Colours of a space → the same colours as the camera shows them, in another space."""
+        """Colours of a space → the camera's rendering of them, in another space."""
         space = rgb_space(target)
         from_srgb = MatrixStage(matrix_between("linear-srgb", space.linear.name))
         encode = () if space.is_linear else (Encode(space),)
-        behind = () if space.name == "srgb" else (Decode(rgb_space("srgb")), from_srgb, *encode)
-        return Transform((*self.seen_from(source).stages, *behind))
+        to_target = () if space.name == "srgb" else (Decode(rgb_space("srgb")), from_srgb, *encode)
+        return Transform((*self.seen_from(source).stages, *to_target))
 
 
 def setting_of(profile: CameraProfile, to: str) -> str:
-    """STYLE/WB as it is; of STYLE alone with the white balance that then stands for all: daylight, or the first."""
-    known = profile.white_balances
-    return to if "/" in to else f"{to}/{'daylight' if 'daylight' in known else next(iter(known))}"
+    """STYLE/WB as it is; STYLE alone with the profile's white balance daylight, or the first where it has none."""
+    balances = profile.white_balances
+    return to if "/" in to else f"{to}/{'daylight' if 'daylight' in balances else next(iter(balances))}"
 
 
 def look_of(profile: CameraProfile, to: str) -> Look:
@@ -110,10 +112,11 @@ def look_of(profile: CameraProfile, to: str) -> Look:
 
 @dataclass(frozen=True)
 class Script:
-    """How a program develops a RAW file by a preset of a kit.
+    """A script by which a program develops a RAW file with a preset of a kit.
 
-    program: its command; suffix: of the presets. lines: make $picture of $raw with the preset $look; they have $here,
-    the kit's folder, $work, a temporary one, and `refuse REASON FILE`, which ends with a file's line that says why.
+    program: its command; suffix: of the presets. lines: shell commands that develop $raw to $picture with the preset
+    $look. They can use $here, the kit's folder, $work, a temporary folder, and `refuse REASON FILE`, which ends the
+    script with an error that quotes a line of the file.
     """
 
     program: str
@@ -123,7 +126,7 @@ class Script:
 
 @dataclass(frozen=True)
 class KitFiles:
-    """What became of a look: the steps that lead to it, for the README, and the error of each file, by its name."""
+    """The result of writing a kit: the user's steps, for its README, and the error of each file, by its name."""
 
     steps: list[str]
     errors: dict[str, FileError]
@@ -131,11 +134,11 @@ class KitFiles:
 
 @dataclass(frozen=True)
 class Kit:
-    """How one program shows a look.
+    """A kind of kit: how one program shows a look.
 
-    program: the name that `--for` takes; title: for people; source: what the kit can be made from; tried: what it was
-    tried with. write: adds the files of a look to a folder.
-    script: how the program develops a RAW file without a window; None where it cannot.
+    program: the name that `--for` takes; title: its name for people; source: the profiles that the kit can be made
+    from; tried: the program and version that it was tried with. write: adds the files of a look to a folder. script:
+    develops a RAW file without a window; None for a program that cannot.
     """
 
     program: str
@@ -158,8 +161,8 @@ here=$(cd "$(dirname "$0")" && pwd)
 
 
 def write_develop_script(path: Path, script: Script, look: str) -> None:
-    """Write `develop.sh RAW OUT.tif [LOOK]`. look: the name of the preset that is taken where none is named."""
-    # Programs pass over a damaged profile in silence: the script compares those beside it with their SHA-256 of now.
+    """Write `develop.sh RAW OUT.tif [LOOK]`. look: the name of the preset that is the default."""
+    # Programs ignore a damaged profile without an error, so the script compares the kit's profiles with their SHA-256.
     profiles = sorted(file for file in path.parent.iterdir() if file.suffix in (".icc", ".dcp"))
     sums = "".join(f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in profiles)
     begin = f"""# Develops a RAW file with the camera's look: develop.sh RAW OUT.tif [LOOK] (sRGB, 16 bit).

@@ -20,7 +20,7 @@ from lutforge.model.camera_profile import CameraProfile, match
 from lutforge.model.transform import Transform
 
 FILES = ((".vlt", 17), (".cube", 33))
-"""What bodies read: the older ones the first alone."""
+"""Suffixes and nodes per axis of the files that bodies read; older bodies read only the first."""
 
 PHOTO_STYLES = {
     "": "VLOG",
@@ -29,14 +29,14 @@ PHOTO_STYLES = {
     "cinelike v2": "CINEV2",
     "cinelike d2": "CINED2",
 }
-"""The words by which the files name the picture style that a LUT lies on, as far as public files show them."""
+"""The words by which files name the picture style that a LUT is for, as far as public files show them."""
 
-NAME = 8
-"""Letters that the name of a file on the memory card may have."""
+MOST_LETTERS = 8
+"""Most letters in the name of a file on the memory card."""
 
 
 def lumix_kit(camera: CameraProfile | None = None, base: str = "") -> Kit:
-    """The kit of V-Log; or on a base style of the camera, with its profile. Raises SettingsError on an unknown one."""
+    """The kit of LUTs for V-Log, or for a base style of a camera. Raises SettingsError on an unknown style."""
     base = base.lower()
     if camera is not None and base not in camera.styles:
         raise SettingsError(
@@ -44,7 +44,7 @@ def lumix_kit(camera: CameraProfile | None = None, base: str = "") -> Kit:
         )
 
     def write(look: Look, folder: Path) -> KitFiles:
-        """Write a .vlt and a .cube, and tell their error, on a base style under each white balance of the camera."""
+        """Write a .vlt and a .cube, with their errors: on a base style, under each white balance of the camera."""
         name = card_name(look, {path.stem for path in folder.iterdir()})
         steps = [
             f"Copy {name}.vlt or, for bodies that read it, {name}.cube to the memory card"
@@ -56,11 +56,15 @@ def lumix_kit(camera: CameraProfile | None = None, base: str = "") -> Kit:
                 f"The files do not name their base, since no public file shows how {base} is named in them: see that "
                 "the body takes it, and not V-Log."
             )
-        ends, model = InputAndOutput(ENCODED, ENCODED), look.seen_from("vlog")
+
         if camera is None:
             ends = InputAndOutput(input_and_output_of("render", "vlog").input, ENCODED)
+            model = look.seen_from("vlog")
+            x = colours_of("vlog", model)
         else:
+            ends = InputAndOutput(ENCODED, ENCODED)
             model = over_base(camera, setting_of(camera, base), look)
+            x = colours_of_style(camera, setting_of(camera, base))
         errors = {}
         for suffix, size in FILES:
             path = folder / f"{name}{suffix}"
@@ -68,17 +72,18 @@ def lumix_kit(camera: CameraProfile | None = None, base: str = "") -> Kit:
             if base in PHOTO_STYLES:
                 lut = replace(lut, metadata={PHOTO_STYLE: PHOTO_STYLES[base]})
             lut.write(path)
-            x = colours_of("vlog", model) if camera is None else colours_of_style(camera, setting_of(camera, base))
             errors[path.name] = error_of(path, x, model)
         if camera is None:
             return KitFiles(steps, errors)
+
         rows = []
         for white_balance in camera.white_balances:
             setting = f"{base}/{white_balance}"
-            x, wanted = colours_of_style(camera, setting), over_base(camera, setting, look)
+            x = colours_of_style(camera, setting)
+            exact = over_base(camera, setting, look)(x)
             figures = []
             for suffix, _ in FILES:
-                difference = delta_e_2000(read_lut(folder / f"{name}{suffix}")(x), wanted(x))
+                difference = delta_e_2000(read_lut(folder / f"{name}{suffix}")(x), exact)
                 figures.append(f"{suffix} {difference.mean():.2f}, {np.quantile(difference, 0.99):.2f}")
             rows.append(f" {white_balance}: {'; '.join(figures)}")
         heading = "One LUT serves all white balances. Its error, ΔE00, mean and 99 %:"
@@ -88,30 +93,31 @@ def lumix_kit(camera: CameraProfile | None = None, base: str = "") -> Kit:
 
 
 def card_name(look: Look, taken: set[str]) -> str:
-    """A name of at most eight letters and digits for a look, other than those that are taken."""
+    """A new name of at most eight letters and digits for a look. taken: names in use."""
     words = re.findall(r"[a-z0-9]+", look.style.lower()) or ["look"]
-    name = "".join(words)[:NAME].upper()
+    name = "".join(words)[:MOST_LETTERS].upper()
     number = 1
     while name in taken:
         number += 1
-        name = f"{name[: NAME - len(str(number))]}{number}"
+        name = f"{name[: MOST_LETTERS - len(str(number))]}{number}"
     return name
 
 
 def colours_of_style(camera: CameraProfile, setting: str) -> np.ndarray:
-    """What JPEGs of a setting hold: of balanced RAW with as many dark colours as light ones."""
+    """Colours (n, 3) of JPEGs of a setting, rendered from balanced RAW with many dark colours."""
     balanced = np.random.default_rng(0).random((20_000, 3)) ** 2
     return np.clip(camera.render_balanced(setting)(balanced), 0.0, 1.0)
 
 
 def error_of(path: Path, x: np.ndarray, model: Callable[[np.ndarray], np.ndarray]) -> FileError:
-    """The error of a file, read back, on colours (n, 3)."""
+    """The error of a file against a model, read back, on colours (n, 3)."""
     return compare(x, read_lut(path)(x).astype(np.float32), model(x))
 
 
 def over_base(camera: CameraProfile, base: str, look: Look) -> Transform:
     """A camera's JPEG of a base setting → a look, of this camera or another, under the same white balance."""
     white_balance = str(camera.selector(base).white_balance)
-    known = white_balance in look.profile.white_balances
-    target = f"{look.style}/{white_balance if known else look.white_balance}"
-    return match(camera, base, look.profile, target, neutral_highlights=False)  # the same for all white balances
+    is_shared = white_balance in look.profile.white_balances
+    target = f"{look.style}/{white_balance if is_shared else look.white_balance}"
+    # One LUT serves all white balances, so highlights are not made neutral under one of them.
+    return match(camera, base, look.profile, target, neutral_highlights=False)

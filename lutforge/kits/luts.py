@@ -1,4 +1,4 @@
-"""The LUTs of kits: a look between two spaces, as exact as a format holds it, described, and measured."""
+"""The LUTs of kits: a look from one space to another, as exact as its format allows, described and measured."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,29 +15,28 @@ from lutforge.luts.input_and_output import ENCODED, InputAndOutput, input_and_ou
 from lutforge.luts.ops import Curve, Matrix
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import FEW
+from lutforge.luts.shaper import SHORT_SHAPER_SIZE
 from lutforge.luts.verification import FileError
 
 
 def write_lut(look: Look, path: Path, source: str, target: str, size: int | None = None, place: str = "") -> FileError:
-    """Write the look from one space to another, and measure the file. place: what to do with it in its program."""
+    """Write the look from one space to another, and measure the file. place: where its program takes the file."""
     jpeg = look.seen_from(source)
     if path.suffix == ".clf":
-        # The exact chain to the JPEG, whose encoding is then undone: a cube of both would clip what the chain takes.
+        # The operations to the JPEG, then its decoding: one cube of both would clip scene-linear inputs.
         lut = bake_to(jpeg, Target(size=size))
-        space, even = rgb_space(target), np.repeat(np.linspace(0.0, 1.0, FEW)[:, None], 3, axis=1)
-        lut = Lut(
-            (*lut.ops, Curve(rgb_space("srgb").linearize(even)), Matrix(matrix_between("linear-srgb", space.name)))
-        )
+        even = np.repeat(np.linspace(0.0, 1.0, SHORT_SHAPER_SIZE)[:, None], 3, axis=1)
+        decoding = Curve(rgb_space("srgb").linearize(even))
+        lut = Lut((*lut.ops, decoding, Matrix(matrix_between("linear-srgb", rgb_space(target).name))))
     else:
         lut = bake_to(look.between(source, target), target_of(path, size=size))
-    given = ENCODED if target == "srgb" else input_and_output_of("render", target).input
-    described(look, lut, InputAndOutput(input_and_output_of("render", source).input, given), place).write(path)
+    output = ENCODED if target == "srgb" else input_and_output_of("render", target).input
+    described(look, lut, InputAndOutput(input_and_output_of("render", source).input, output), place).write(path)
     return error_of_lut(path, jpeg, source, target, lut.interpolation)
 
 
 def described(look: Look, lut: Lut, ends: InputAndOutput, place: str = "") -> Lut:
-    """Return a LUT with the look's title, and what files say of themselves."""
+    """Return a LUT with the look's title, and comments that describe it."""
     return replace(lut, title=look.title, comments=description(ends, place, look.details))
 
 

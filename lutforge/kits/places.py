@@ -5,32 +5,32 @@ from dataclasses import dataclass
 from pathlib import Path
 
 KEPT = "chosen in the program's window"
-"""The use of files for which a program has no folder: they lie in LutForge's own."""
+"""The `use` of files of a program that has no folder for them: they are kept in LutForge's own."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """What decides where files go. system: `sys.platform`; environment: its variables; home: the user's folder."""
+    """The facts that decide where files go. system: `sys.platform`; environment: variables; home: the user's folder."""
 
     system: str
     environment: Mapping[str, str]
     home: Path
 
-    def variable(self, name: str, instead: Path) -> Path:
-        """The folder that a variable names, if it names a whole path, else another."""
+    def variable(self, name: str, default: Path) -> Path:
+        """The folder in an environment variable, if that holds an absolute path, else the default."""
         value = Path(self.environment.get(name, ""))
-        return value if value.is_absolute() else instead
+        return value if value.is_absolute() else default
 
     @property
     def settings(self) -> Path:
-        """Where programs keep settings that follow the usage of Linux."""
+        """The folder of settings, for programs that follow the conventions of Linux."""
         if self.system == "win32":
             return self.variable("LOCALAPPDATA", self.home / "AppData" / "Local")
         return self.variable("XDG_CONFIG_HOME", self.home / ".config")
 
     @property
     def application_support(self) -> Path:
-        """Where programs of macOS and Windows keep settings; on Linux what Linux has."""
+        """The folder of settings, for programs that follow the conventions of each system."""
         if self.system == "darwin":
             return self.home / "Library" / "Application Support"
         if self.system == "win32":
@@ -42,9 +42,9 @@ class Machine:
 class Place:
     """A program's folder on a machine.
 
-    commands: names by which the program is started, which show that it is installed; settings: its own folder, which
-    shows the same; None where it has none on this system. folders: below that folder, by suffix of the files that go
-    there; whole: where in that folder the kit's folder `ocio` goes as it is. use: what the user does then.
+    commands: names of the program's executables, and settings: its folder; either shows that it is installed; None
+    where it has no folder on this system. folders: the subfolders of `settings`, by suffix of the files that go there;
+    whole: the subfolders that receive all of the kit's folder `ocio`. use: what the user does after the installation.
     """
 
     commands: tuple[str, ...]
@@ -55,7 +55,7 @@ class Place:
 
 
 def place_of(program: str, machine: Machine) -> Place:
-    """The place of a kit's program; one without a folder of its own where nothing is known of it."""
+    """The place of a kit's program; of an unknown program one without a folder."""
     system, home, support = machine.system, machine.home, machine.application_support
     match program:
         case "darktable":
@@ -70,13 +70,13 @@ def place_of(program: str, machine: Machine) -> Place:
         case "rawtherapee" | "art":
             # https://rawpedia.rawtherapee.com/File_Paths; both take their folder from a variable, too.
             name, variable = ("RawTherapee", "RT_SETTINGS") if program == "rawtherapee" else ("ART", "ART_SETTINGS")
-            usual = support / name / "config" if system == "darwin" else machine.settings / name
+            default = support / name / "config" if system == "darwin" else machine.settings / name
             folders = dict.fromkeys((".pp3", ".dcp", ".icc"), "profiles/LutForge")
             use = "the processing profile is in the list of profiles, under LutForge"
             if program == "art":
                 use = "Color Management → Input Profile → Custom: the .dcp or the .icc"
             commands = (name, f"{name}-cli", name.lower(), f"{name.lower()}-cli")
-            return Place(commands, machine.variable(variable, usual), folders, use)
+            return Place(commands, machine.variable(variable, default), folders, use)
         case "lightroom":
             # https://helpx.adobe.com/camera-raw/kb/camera-raw-plug-in-installer.html
             adobe = None if system == "linux" else support / "Adobe" / "CameraRaw"
@@ -96,7 +96,7 @@ def place_of(program: str, machine: Machine) -> Place:
         case "nuke":
             return Place(("nuke",), home / ".nuke", {".clf": "LutForge"}, "a node OCIOFileTransform with the file")
         case "blender":
-            # Blender looks for a folder "colormanagement" in the user's datafiles of a version before its own.
+            # Blender prefers a folder "colormanagement" in the user's datafiles of its version to its own.
             below = {"darwin": "Blender", "win32": "Blender Foundation/Blender"}
             folder = support / below.get(system, "blender")
             versions = sorted(path.name for path in folder.glob("[0-9]*.[0-9]*") if path.is_dir())

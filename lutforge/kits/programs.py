@@ -1,6 +1,6 @@
-"""The kits: what each program is fed, and the files that make it show the camera's look.
+"""The table of kits: for each program, the files that make it show the camera's look.
 
-Most programs need no files but profiles and LUTs: they are rows of a table.
+Most programs need only camera profiles or LUTs: they are rows of `_PROFILES_AND_LUTS`.
 """
 
 from pathlib import Path
@@ -24,12 +24,12 @@ from lutforge.ocio.config import write_config
 def _blender(look: Look, folder: Path) -> KitFiles:
     """Write a config, whose views show scene-linear renders as the camera would, and a script that starts Blender.
 
-    Where Blender is installed, the camera is added to its own config: everything else in a file looks as before.
+    Where Blender is installed, the camera is added to Blender's config, so that everything else looks as before.
     """
-    own = blender_config()
+    base = blender_config()
     if not (folder / "ocio").exists():
-        write_config([look.profile], folder / "ocio", merge=own)
-    display = "sRGB - Display" if own is None else "sRGB"
+        write_config([look.profile], folder / "ocio", merge=base)
+    display = "sRGB - Display" if base is None else "sRGB"
     write_script(folder / "blender.sh", "blender", 'OCIO="$here/ocio/config.ocio" exec blender "$@"\n')
     steps = [
         "Start Blender by blender.sh, or with the environment variable OCIO set to ocio/config.ocio.",
@@ -38,7 +38,7 @@ def _blender(look: Look, folder: Path) -> KitFiles:
     return KitFiles(steps, {f"{look.title} in ocio": error_of_view(folder / "ocio" / "config.ocio", look, display)})
 
 
-def _fed(
+def _profiles_and_luts(
     program: str,
     title: str,
     source: Source,
@@ -49,10 +49,10 @@ def _fed(
     size: int | None = None,
     place: str = "",
 ) -> Kit:
-    """A kit of files with these endings: ".dcp", ".icc", and LUTs of `size` nodes per axis within a space.
+    """A kit of files with these endings: ".dcp", ".icc", and LUTs of `size` nodes per axis from and to a space.
 
-    steps: what to do; "{}" is the name of the look, "{best}" that of the LUT whose error is least, read back; place:
-    the same in a few words, for the LUTs themselves.
+    steps: of the user, where "{}" becomes the name of the look, and "{best}" the name of the LUT with the least error,
+    read back; place: where the program takes the LUTs, in a few words that they state.
     """
 
     def write(look: Look, folder: Path) -> KitFiles:
@@ -72,8 +72,8 @@ def _fed(
 
 
 _ICC = '"{}.icc" is the camera\'s JPEG; "{} colours.icc" leaves its tone curve out.'
-_FED = (
-    _fed(
+_PROFILES_AND_LUTS = (
+    _profiles_and_luts(
         "art", "ART", "raw", "the same files in RawTherapee 5.9; ART itself was not run", (".dcp", ".icc"),
         (
             "Color Management → Input Profile → Custom: {}.dcp, tone curve and look table ticked; "
@@ -81,7 +81,7 @@ _FED = (
             "Or the ICC profile: " + _ICC,
         ),
     ),
-    _fed(
+    _profiles_and_luts(
         "lightroom", "Lightroom and Camera Raw", "raw", "the .dcp in RawTherapee 5.9; not in Adobe's programs",
         (".dcp",),
         (
@@ -91,7 +91,7 @@ _FED = (
             "free as with Adobe's own profiles.",
         ),
     ),
-    _fed(
+    _profiles_and_luts(
         "captureone", "Capture One", "raw", "the profile in Little CMS, darktable and RawTherapee; not in Capture One",
         (".icc",),
         (
@@ -100,7 +100,7 @@ _FED = (
             "Base Characteristics → ICC Profile → Show All → Other: choose it; Curve: Linear Response. " + _ICC,
         ),
     ),
-    _fed(
+    _profiles_and_luts(
         "resolve", "DaVinci Resolve", "any", "the files in OpenColorIO; Resolve itself was not run",
         (" davinci-intermediate.resolve.cube", " davinci-intermediate.plain.cube"),
         (
@@ -110,13 +110,13 @@ _FED = (
         ),
         "davinci-intermediate", 65, "DaVinci Resolve's LUT folder, on a node of DaVinci Wide Gamut / Intermediate",
     ),
-    _fed(
+    _profiles_and_luts(
         "nuke", "Nuke", "any", "the CLF in OpenColorIO; Nuke itself was not run",
         (" acescg.clf",),
         ('A node OCIOFileTransform with "{} acescg.clf" takes and gives scene-linear ACEScg.',), "acescg",
         place="Nuke, OCIOFileTransform",
     ),
-    _fed(
+    _profiles_and_luts(
         "ffmpeg", "ffmpeg, mpv, Kdenlive and Shotcut", "any", "ffmpeg 5.1, mpv 0.35, MLT 7.12 (on the command line)",
         (".cube",),
         (
@@ -130,7 +130,7 @@ _FED = (
         ),
         size=65, place="the filter lut3d of ffmpeg, Kdenlive, Shotcut",
     ),
-    _fed(
+    _profiles_and_luts(
         "gimp", "GIMP with G'MIC", "any", "G'MIC 2.9 (command line)", (".cube",),
         (
             "Filters → G'MIC → Colors → Apply External CLUT: {}.cube. G'MIC makes pictures about 1 % brighter by it.",
@@ -139,7 +139,7 @@ _FED = (
         ),
         size=65, place="G'MIC, filter Apply External CLUT",
     ),
-    _fed(
+    _profiles_and_luts(
         "obs", "OBS Studio", "any", "not run", (".cube",),
         (
             "Right-click the source → Filters → Effect Filters → + → Apply LUT; Path: {}.cube, Amount: 1. The source's "
@@ -163,7 +163,7 @@ KITS = {
         ),
         Kit("blender", "Blender", "raw", "Blender 3.4.1 (in the background)", _blender),
         lumix_kit(),
-        *_FED,
+        *_PROFILES_AND_LUTS,
     )
 }  # fmt: skip
 """The programs that `--for` names."""

@@ -1,6 +1,6 @@
 """RawTherapee's kit: DNG and ICC camera profiles, and the processing profiles that choose them.
 
-RawTherapee changes exposure behind an ICC profile, and in front of the tone curve of a DNG camera profile
+RawTherapee changes exposure after an ICC profile, but before the tone curve of a DNG camera profile
 (https://rawpedia.rawtherapee.com/Color_Management).
 """
 
@@ -19,7 +19,7 @@ _PROCESSING = {
     "WorkingProfile=ProPhoto OutputProfile=RTv4_sRGB",
     "RAW": "CA=false HotPixelFilter=false DeadPixelFilter=false",
 }
-"""Sections of a processing profile that develops by a camera profile: camera white balance, nothing else."""
+"""Sections of a processing profile that applies the camera's white balance and a camera profile, and nothing else."""
 
 
 def write_rawtherapee(look: Look, folder: Path) -> KitFiles:
@@ -44,10 +44,10 @@ def write_rawtherapee(look: Look, folder: Path) -> KitFiles:
 
 
 SCRIPT_LINES = (
-    # A processing profile in another folder than the camera profile has to name its whole path.
+    # The processing profile is copied to another folder, so it must name the whole path of the camera profile.
     "place=$(printf '%s' \"$here\" | sed 's/[&|\\\\]/\\\\&/g')\n"
     'sed "s|^InputProfile=file:|&$place/|" "$here/$look.pp3" >"$work/kit.pp3"\n'
     'rawtherapee-cli -o "$picture" -p "$work/kit.pp3" -t -b16 -Y -c "$raw" >"$work/log" 2>&1 || true\n'
     '[ -s "$picture" ] || refuse "RawTherapee made no picture of it" "$work/log"\n'
 )
-"""rawtherapee-cli, with the processing profile of a look."""
+"""The lines of a script that run rawtherapee-cli, with the processing profile of a look."""

@@ -1,7 +1,7 @@
 """Bake a transform into a LUT of the form that a file can hold: lower it, then fit its segments.
 
-A lattice of a profile is baked as it stands, without loss. Any other transform is evaluated densely, never merely at
-nodes, and fitted by least squares under the reader's own interpolation, with node levels where the function bends.
+A lattice of a profile is copied without loss. Any other transform is evaluated at many more points than the nodes, and
+fitted by least squares under the interpolation of the file's reader, with node levels where the function bends.
 """
 
 from __future__ import annotations  # so that help() shows the names of types
@@ -36,7 +36,7 @@ def bake(
     interpolation: Interpolation | None = None,
     title: str = "",
 ) -> Lut:
-    """Bake any transform of colours on [0, 1]³ as `bake_to` does. path: a file to be written; it names the form."""
+    """Bake any transform of colours on [0, 1]³ as `bake_to` does. path: a file to write; its suffix names the form."""
     if path is None:
         return bake_to(transform, Target(size=size, interpolation=interpolation), title=title)
     lut = bake_to(transform, target_of(path, None, size, interpolation, takes_scenes(transform)), title=title)
@@ -55,8 +55,8 @@ def bake_to(
 ) -> Lut:
     """Bake a transform to one form.
 
-    highest: inputs reach from 0 to this, for scene-linear values. Raises LutError where the size cannot be had, or a
-    number is not finite.
+    highest: of the inputs, above 1 for scene-linear values. Raises LutError on a size that no format has, and where the
+    transform returns a number that is not finite.
     """
     require_transform(transform, highest)
     if target.size is not None and not (isinstance(target.size, SupportsIndex) and 2 <= target.size <= MAX_SIZE):
@@ -74,9 +74,9 @@ def bake_within(
     highest: float = 1.0,
     progress: Progress = silent,
 ) -> Lut:
-    """Bake a transform to encoded sRGB to one form, with the smallest size that keeps within a tolerance.
+    """Bake a transform, whose outputs are encoded sRGB, to one form with the smallest size that meets a tolerance.
 
-    tolerance: the ΔE00 that 99 % of colours keep within. Raises LutError where no size does.
+    tolerance: the largest ΔE00 of 99 % of the colours. Raises LutError where no size meets it.
     """
     require_transform(transform, highest)
     if not tolerance > 0:
@@ -84,9 +84,9 @@ def bake_within(
     if target.size is not None:
         raise LutError("give a size or a tolerance, not both")
 
-    # Other colours than those of the fit.
-    reach = transform.highest() if isinstance(transform, Transform) and takes_scenes(transform) else highest
-    x = sobol(8192, seed=7) * reach
+    # The error is measured at other colours than those of the fit.
+    top = transform.highest() if isinstance(transform, Transform) and takes_scenes(transform) else highest
+    x = sobol(8192, seed=7) * top
     exact = transform(x)
     errors: dict[int, float] = {}
     sizes = list(target.sizes)
@@ -111,9 +111,9 @@ def bake_within(
 def bake_steps(
     transform: Transform, size: int | None = None, *, title: str = "", comments: tuple[str, ...] = ()
 ) -> Lut:
-    """Bake a transform with a cube for each of its steps, as process lists (CLF, CTF) can hold it.
+    """Bake a transform with one cube for each of its steps, as process lists (CLF, CTF) can hold it.
 
-    size: nodes per axis of each (33; lattices of a profile keep their own, and lose nothing).
+    size: nodes per axis of each cube; None: 33, and a profile's lattice keeps its own size, which loses nothing.
     """
     if keeps_neutrals(transform):
         return replace(refinish_lut(transform, lambda step: bake(step, size=size)), title=title, comments=comments)
@@ -123,7 +123,7 @@ def bake_steps(
 
 
 def require_transform(transform: object, highest: float = 1.0) -> None:
-    """Raise LutError on what is no transform of colours, and on inputs up to what no file holds."""
+    """Raise LutError where the transform cannot be called, or `highest` is more than files hold."""
     if not callable(transform):
         kind = type(transform).__name__
         raise LutError(f'a {kind} is no transform of colours; name one of a profile: profile.render("STYLE/WB")')
@@ -132,6 +132,6 @@ def require_transform(transform: object, highest: float = 1.0) -> None:
 
 
 def _ops(transform: ColourFunction, target: Target, highest: float, progress: Progress) -> tuple[Op, ...]:
-    """A transform lowered and fitted."""
+    """The operations of a transform, lowered and fitted."""
     parts = lower(transform, target, highest)
     return fit_segments(parts, target.size or target.default, target.method, progress)

@@ -1,4 +1,4 @@
-"""What is in a LUT file, who can read it, and what will go wrong."""
+"""The report on a LUT file: what is in it, which programs read it, and what will go wrong."""
 
 from __future__ import annotations  # so that help() shows the names of types
 
@@ -21,13 +21,13 @@ from lutforge.luts.writers.spi import SPI_PAIR
 from lutforge.model.lattice import grid, uniform_levels
 
 FALL = 1e-5
-"""A step of an output in the wrong direction that is more than rounding."""
+"""The least step downwards, of outputs that should rise, that is more than rounding."""
 HALF_MAX = 65504.0
 """The largest half float."""
-ALARM = 0.1
-"""A fall is alarming from a tenth of what the input rises: a tenth of a code for each code."""
-FLOATS = (".clf", ".ctf", ".spi1d", ".spi3d", ".spimtx", ".cc", ".ccc", ".cdl")
-"""Formats that only programs with floats read, which clip nothing."""
+ALARMING_FALL = 0.1
+"""The least fall that is a problem, as a share of the rise of the input: a tenth of a code for each code."""
+FLOAT_FORMATS = (".clf", ".ctf", ".spi1d", ".spi3d", ".spimtx", ".cc", ".ccc", ".cdl")
+"""Formats whose readers all compute in floats, and clip nothing."""
 CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
 """The highest code of integers, and their bits."""
 
@@ -36,9 +36,10 @@ CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
 class LutReport:
     """A LUT file in figures and words.
 
-    dialect: which kind of its format. domain: lowest and highest input; lowest, highest: of all outputs of the last
-    table; clipped: share of its nodes with a channel at 0 or 1, where none is beyond; falling: share of the steps along
-    a channel's own axis that go down; black, white: outputs of the ends of the domain; readers: by program.
+    dialect: which kind of its format. domain: lowest and highest input. lowest, highest: of all outputs of the last
+    table; clipped: the share of its nodes with a channel at 0 or 1, None where outputs lie beyond these; falling: the
+    share of steps along a channel's own axis that go down. black, white: outputs of the ends of the domain. problems:
+    in words; readers: verdicts, by program.
     """
 
     path: Path
@@ -56,7 +57,7 @@ class LutReport:
 
 
 def _is_half(lut: Lut) -> bool:
-    """True of one file of a .spi1d and a .spi3d, of which the other lies beside it."""
+    """True of a .spi1d or .spi3d whose other file is in the same folder."""
     return "pair" in lut.metadata
 
 
@@ -73,7 +74,7 @@ def check_lut(path: str | Path) -> LutReport:
     if lut.metadata.get("format") in TEXTS:
         dialect = "1D" if cube is None else "3D" if lut.shaper is None else "1D shaper + 3D"
 
-    # The outputs of the last table, behind all that follows it; of white and black where there is none.
+    # The outputs of the last table after all operations that follow it; of black and white where there is no table.
     outputs = np.array([[0.0] * 3, [1.0] * 3])
     for op in lut.ops:
         outputs = _outputs(op) if isinstance(op, Curve) else op.values if isinstance(op, Cube) else op(outputs)
@@ -82,7 +83,7 @@ def check_lut(path: str | Path) -> LutReport:
     falling = 0.0
     if cube is not None:
         steps = [np.diff(cube.values[..., channel], axis=channel) for channel in range(3)]
-        falling = float(np.mean([np.mean(step < -ALARM / max(step.shape)) for step in steps]))
+        falling = float(np.mean([np.mean(step < -ALARMING_FALL / max(step.shape)) for step in steps]))
 
     readers = {"OpenColorIO, Nuke": "cannot read it"}
     if is_read_by_ocio(path, lut):
@@ -103,7 +104,7 @@ def check_lut(path: str | Path) -> LutReport:
 
 
 def other_half(path: Path) -> Path | None:
-    """The cube of a shaper, or the shaper of a cube, that lies beside it as .spi3d or .spi1d; else none."""
+    """The .spi3d of a .spi1d, or the .spi1d of a .spi3d, that is in the same folder; else none."""
     suffix = path.suffix.lower()
     if suffix not in SPI_PAIR:
         return None
@@ -136,7 +137,7 @@ def report_lines(report: LutReport) -> list[str]:
 
 
 def _outputs(curve: Curve) -> Array:
-    """The entries of a curve; of one over all half floats those between 0 and 1."""
+    """The entries of a curve; of a curve over all half floats, those of inputs between 0 and 1."""
     if curve.inputs is None or curve.inputs.max() < HALF_MAX:
         return curve.outputs
     return curve.outputs[np.all((curve.inputs >= 0) & (curve.inputs <= 1), axis=1)]
@@ -150,7 +151,7 @@ def _problems(
     clipped: float | None,
     states: InputAndOutput | None,
 ) -> list[str]:
-    """What is wrong with a LUT. falling, outputs, clipped: as `check_lut` has them; states: what its comments say."""
+    """What is wrong with a LUT. falling, outputs, clipped: as `check_lut` has them; states: by its comments."""
     problems = [lut.metadata["problems"]] if "problems" in lut.metadata else []
     for number, op in enumerate(lut.ops, 1):
         if isinstance(op, Curve):
@@ -161,23 +162,27 @@ def _problems(
                 problems.append(f"the {name} falls at {entry}: it cannot be undone there")
             constant = np.ptp(op.outputs, axis=0) < 1e-6
             if constant.any():
-                which = [word for word, flat in zip(("red", "green", "blue"), constant, strict=True) if flat]
-                of = "" if constant.all() else f" of {' and '.join(which)}"
-                problems.append(f"the {name}{of} is constant: all inputs become one")
+                channels = [word for word, flat in zip(("red", "green", "blue"), constant, strict=True) if flat]
+                of_channels = "" if constant.all() else f" of {' and '.join(channels)}"
+                problems.append(f"the {name}{of_channels} is constant: all inputs become one")
+
     if lut.cube is not None:
-        values, share = lut.cube.values, np.linspace(0.0, 1.0, 257)[:, None]
+        values = lut.cube.values
+        share = np.linspace(0.0, 1.0, 257)[:, None]
         grey = lut((1.0 - share) * max(domain[0]) + share * min(domain[1]) + np.zeros(3))
         takes_raw = states is not None and states.takes_raw  # equal numbers of RAW before white balance are no grey
         mean = grey.mean(axis=1)
-        falls = np.min(np.diff(mean)) < -ALARM / 256 or np.max(np.maximum.accumulate(mean) - mean) > 1 / 255
+        falls = np.min(np.diff(mean)) < -ALARMING_FALL / 256 or np.max(np.maximum.accumulate(mean) - mean) > 1 / 255
         if falls and not takes_raw and not _is_half(lut):
             problems.append("grey becomes darker somewhere where the input becomes lighter")
-        # Cameras press strong colours into their gamut, where one channel makes room for another.
+
+        # In cameras a few channels fall: where strong colours are mapped into the gamut.
         if falling > 0.1:
             steps = f"{falling:.1%} of the steps"
             problems.append(f"a channel falls while its own input rises at {steps}: banding or solarization")
         if np.ptp(values) < 1e-6:
             problems.append("all colours become one")
+
         # Per output channel of the whole LUT, the input channel with which it changes most, on average.
         colours = lut(np.array(domain[0]) + grid(uniform_levels(9)) * np.subtract(domain[1], domain[0]))
         ends = [np.abs(np.take(colours, -1, axis) - np.take(colours, 0, axis)) for axis in range(3)]
@@ -185,7 +190,8 @@ def _problems(
         if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
             pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
             problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
-    problems += _problems_of_range(domain, outputs, clipped, states, lut.metadata.get("format") in FLOATS)
+
+    problems += _problems_of_range(domain, outputs, clipped, states, lut.metadata.get("format") in FLOAT_FORMATS)
     if lut.metadata.get("bits") == "8":
         problems.append("8 bits per channel: gradients will show bands; 16 are usual")
     return problems
@@ -198,9 +204,9 @@ def _problems_of_range(
     states: InputAndOutput | None,
     in_floats: bool,
 ) -> Iterator[str]:
-    """What is wrong with the range of a LUT's inputs and outputs, which most programs take for 0 to 1.
+    """What is wrong with the range of a LUT's inputs and outputs, which most programs expect to be 0 to 1.
 
-    in_floats: all programs that read the file work in floats.
+    in_floats: all programs that read the file compute in floats.
     """
     highest = float(outputs.max())
     if max(domain[1]) in CODES:
@@ -221,7 +227,10 @@ def _problems_of_range(
 
 
 def _domain(lut: Lut) -> tuple[Colour, Colour]:
-    """The inputs between which the first table lies; 0 and 1 behind a mixing matrix, and for half floats."""
+    """The lowest and the highest input of the first table.
+
+    They are 0 and 1 after a matrix that mixes channels, and for a curve over all half floats.
+    """
     low, high = np.zeros(3), np.ones(3)
     matrix = Matrix(np.eye(3))
     for op in lut.ops:

@@ -1,8 +1,8 @@
-"""Command lines that put a cube on pictures and films without changing anything else.
+"""Command lines that apply a cube to pictures and films without changing anything else.
 
-A cube takes RGB, a film holds Y'CbCr. Where a program converts between the two by itself it may take the matrix of
-BT.601, and write it without a tag: players then show every HD film in other colours. So the lines name BT.709, the
-matrix of HD and UHD film for standard displays, on both sides of the cube and in the tags of the output.
+A cube takes RGB, a film holds Y'CbCr. A program that converts between the two by itself may use the matrix of BT.601
+and write no tag: players then show an HD film in other colours. So the commands name BT.709, the matrix of HD and UHD
+film for standard displays, before and after the cube and in the tags of the output.
 """
 
 import shlex
@@ -15,7 +15,7 @@ CommandLine = Callable[[str | PurePath], str]
 
 def ffmpeg_cube(lut: str | PurePath) -> str:
     """Filters of libavfilter that apply a cube to pictures in RGB, 16 bits a channel."""
-    # A path is an option's value within a filter graph, and each of the two takes some characters for its own.
+    # A path is an option's value within a filter graph; each of the two has special characters, which are escaped.
     name = "".join(f"\\{letter}" if letter in "\\':" else letter for letter in str(lut))
     name = "".join(f"\\{letter}" if letter in "\\'[],;" else letter for letter in name)
     return f"format=gbrp16le,lut3d=file={name}:interp=tetrahedral"
@@ -41,7 +41,7 @@ def mpv(lut: str | PurePath) -> str:
 def melt(lut: str | PurePath) -> str:
     """The command that grades a film by MLT, the engine of Kdenlive and Shotcut.
 
-    Behind the filter RGB is asked for: MLT then converts by the film's own matrix, and not libavfilter by BT.601.
+    The consumer asks for RGB: MLT then converts by the film's own matrix, in place of libavfilter by BT.601.
     """
     filters = f"-filter avfilter.lut3d {shlex.quote(f'av.file={lut}')} av.interp=tetrahedral"
     return f"melt IN.mov {filters} -consumer avformat:OUT.mov mlt_image_format=rgb"
@@ -50,8 +50,8 @@ def melt(lut: str | PurePath) -> str:
 def gmic(lut: str | PurePath, bits: int = 8) -> str:
     """The command that grades a picture of 8 or 16 bits a channel by G'MIC.
 
-    G'MIC's own `map_clut` counts the nodes of a cube as if there were one more, which makes pictures 1 to 3 % brighter,
-    and takes 8 bits for granted.
+    G'MIC's command `map_clut` would make pictures 1 to 3 % brighter, since it counts one node too many per axis, and
+    it assumes 8 bits.
     """
     top, factor = {8: (255, ""), 16: (65535, "257*")}[bits]
     lookup = f"s=(w#1-1)/{top};{factor}I(#1,s*R,s*G,s*B,1,1)"

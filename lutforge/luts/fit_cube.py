@@ -1,7 +1,7 @@
 """The nodes of a cube that is fitted to a known function.
 
-Sampling a function at the nodes makes every cell err to the same side of a curve; the least-squares cube under the
-reader's own interpolation has less than half of that error. Points are plentiful, so the normal equations are well
+Sampled at the nodes, a cube errs to the same side of the function in every cell; the least-squares cube under the
+reader's interpolation has less than half of that error. Points are plentiful, so the normal equations are well
 conditioned: conjugate gradients with a diagonal preconditioner take a dozen steps, without a smoothness term.
 """
 
@@ -19,17 +19,18 @@ from lutforge.solvers.lattice_regression import Prior, fit_lattice
 from lutforge.solvers.robust_weights import lawson
 
 Function = Callable[[Array], Array]
+"""A function of colours (n, 3)."""
 
 GREY_POINTS = 1025
-"""Points of the grey axis, beside those of the whole cube."""
+"""Points of the fit on the grey axis, in addition to those all over the cube."""
 
 Share = Callable[[float], None]
-"""What is called with the share of the points at which the function has been evaluated."""
+"""A callback that gets the share of the points at which the function has been evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
 class Axes:
-    """The axes of a cube: node levels of the inputs, the same behind a curve per channel, and that curve (…, 3)."""
+    """The axes of a cube: node levels of the inputs, a curve per channel (…, 3), and knots: the levels after it."""
 
     levels: Levels
     knots: Levels
@@ -41,9 +42,8 @@ def fit_cube(
 ) -> Array:
     """Node values (N, N, N, 3) that come nearest to a function (n, 3) in [0, 1] → (n, 3), interpolated.
 
-    gain: (3,) before the function, as `fit_axes` has it. Black and white are the function's own; the grey axis counts
-    30 times. No node leaves the function's own range, whatever would fit best, so that a file keeps within the legal
-    range.
+    gain: (3,) before the function, as in `fit_axes`. Black and white are exact; the grey axis counts 30 times. Nodes
+    are clamped to the range of the function, even where others would fit better: a file keeps to the legal range.
     """
     task = _task(function, axes, method, gain, lambda y: np.ones(len(y)), progress)
     values = task.solved(task.weight, task.sampled)
@@ -60,14 +60,14 @@ def fit_cube_before_curve(
 ) -> Array:
     """Node values as of `fit_cube`, of a cube with an output curve after it that magnifies errors, and clips.
 
-    weight: outputs (n, 3) → (n,), how much a squared error counts there. A second, reweighted fit (Lawson 1961) brings
-    down the largest errors.
+    weight: outputs (n, 3) → (n,), the weight of a squared error there. A second, reweighted fit (Lawson 1961) lowers
+    the largest errors.
     """
     task = _task(function, axes, method, gain, weight, progress)
     values = task.solved(task.weight, task.sampled)
 
-    missed = np.sum((interpolate(task.x, task.knots, values, method) - task.y) ** 2, axis=1)
-    error = np.sqrt(weight(task.y) * missed)
+    squared = np.sum((interpolate(task.x, task.knots, values, method) - task.y) ** 2, axis=1)
+    error = np.sqrt(weight(task.y) * squared)
     return task.with_ends(task.solved(task.weight * lawson(error, 0.75), values))
 
 
@@ -86,7 +86,7 @@ class _Task:
     method: Interpolation
 
     def solved(self, weight: Array, start: Array) -> Array:
-        """The node values of least squares with other weights of the points, searched from `start`."""
+        """The node values of least squares with weights (m,) of the points, by iterations from `start`."""
         return solve_nodes(self.x, self.y, self.knots, self.method, weight / weight.mean(), self.sampled, start)
 
     def with_ends(self, values: Array) -> Array:
@@ -99,7 +99,7 @@ class _Task:
 def _task(
     function: Function, axes: Axes, method: Interpolation, gain: Array, importance: Function, progress: Share
 ) -> _Task:
-    """Points all over the cube, on the grey axis and at the nodes. importance: outputs (n, 3) → (n,)."""
+    """Points all over the cube, on the grey axis and at the nodes, with their weights. importance: (n, 3) → (n,)."""
     levels = axes.levels
     spread, on_face, counted = _points(levels, gain)
     count = len(spread)
@@ -113,7 +113,7 @@ def _task(
         y[start : start + (1 << 16)] = function(x[start : start + (1 << 16)])
     sampled = y[count + GREY_POINTS :].reshape(at_nodes.shape)
 
-    # A weight is the geometric mean of every input and every cell counting alike.
+    # The weight of a point is the geometric mean of two: one gives all inputs the same weight, one all cells.
     cell_size = np.ones(count)
     for c, axis in enumerate(levels):
         widths = np.diff(axis) * (len(axis) - 1)
@@ -128,21 +128,21 @@ def _task(
     x, y, weight = x[order], y[order], weight[order]
     weight *= importance(y)
     weight[-GREY_POINTS:] *= 30.0
-    # Black and white: the nodes beside them know where they stay.
+    # Black and white almost without error, so that the nodes around them are fitted to the exact ends.
     weight[[count, -GREY_POINTS - 1]] = 1e4 * weight.mean()
 
     return _Task(axes.curve(x), y, weight, sampled, axes.knots, method)
 
 
 def _points(levels: Levels, gain: Array) -> tuple[Array, Mask, Array]:
-    """Points (n, 3), even over the cells, some of them on the faces of the cube.
+    """Points (n, 3), evenly many in each cell, some of them on the faces of the cube; a mask (n, 3); a weight (n,).
 
-    With them which coordinates were beyond an end of their axis and clamped to it, (n, 3), and a weight that corrects
-    for how many inputs really lie there, (n,): where a gain clips its inputs, many of them fall on the upper face.
+    The mask is of the coordinates that were beyond an end of their axis and are clamped to it. The weight corrects for
+    how many inputs lie on the faces: where a gain clips its inputs, many of them fall on the upper one.
     """
     overhang = 0.03  # share of the points beyond either end of an axis, clamped to its face
     cells = (len(levels[0]) - 1) ** 3
-    # Four points a cell; above half a million one for each is enough beside its node.
+    # Four points a cell, up to half a million points; in larger cubes one a cell is enough, besides its node.
     u = sobol(max(1 << 16, min(4 * cells, max(1 << 19, cells))))
     even = np.linspace(0.0, 1.0, len(levels[0]))
     counted = np.ones(len(u))
@@ -163,7 +163,7 @@ def solve_nodes(
     x: Array, y: Array, levels: Levels, method: Interpolation, omega: Array, sampled: Array, start: Array
 ) -> Array:
     """(W'ΩW + ε) b = W'Ωy + ε b₀ by conjugate gradients from `start`, the three outputs together; ω: 1 in the mean."""
-    # A node without points around it takes the function's own value: it counts a thousandth of the points of a node.
+    # A node without points around it takes the function's value, whose weight is far below that of a node's points.
     hold = np.full_like(sampled, 3e-4 * len(x) / sampled[..., 0].size)
     try:
         # A hundredth of the difference between the sampled cube and the best one remains. At the limit of iterations

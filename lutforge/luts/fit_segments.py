@@ -10,7 +10,7 @@ from lutforge.luts.fit_axes import fit_axes, fit_axes_before_curve, slope_weight
 from lutforge.luts.fit_cube import Axes, Share, fit_cube, fit_cube_before_curve
 from lutforge.luts.lower import EvenSegment, Part, Segment, SegmentBeforeCurve, SegmentOnLevels, WholeSegment
 from lutforge.luts.ops import Cube, Op, joined
-from lutforge.luts.shaper import FEW, SHAPER_SIZE, levels_behind_gain, shaper
+from lutforge.luts.shaper import MAX_SHAPER_SIZE, SHORT_SHAPER_SIZE, levels_before_gain, shaper
 from lutforge.model.lattice import nodes_at, resized_levels, snapped, uniform_levels, with_level_at
 from lutforge.progress import Progress
 
@@ -47,21 +47,21 @@ def _fitted(part: Part, size: int, method: Interpolation, progress: Progress) ->
 
 
 def _share(size: int, progress: Progress) -> Share:
-    """What reports the share of a function's evaluations as progress of a fit."""
+    """A callback that reports the share of a function's evaluations as progress of a fit."""
     return lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share)
 
 
 def _fitted_on_levels(part: SegmentOnLevels, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:
-    """A segment at node levels of another number."""
-    levels = snapped(resized_levels(part.levels, size), FEW)
-    ends = [np.rint(place * (FEW - 1)) / (FEW - 1) for place in (part.black, part.white)]
+    """A segment fitted at `size` node levels as dense as its own."""
+    levels = snapped(resized_levels(part.levels, size), SHORT_SHAPER_SIZE)
+    ends = [np.rint(place * (SHORT_SHAPER_SIZE - 1)) / (SHORT_SHAPER_SIZE - 1) for place in (part.black, part.white)]
     for place in ends:
         levels = with_level_at(levels, place)
     weight = slope_weight(part.output_curve)
     values = fit_cube_before_curve(part.function, Axes(levels, levels, lambda x: x), method, np.ones(3), weight, share)
     for place, exact in zip(ends, (part.black, part.white), strict=True):
         values[nodes_at(levels, place)] = part.function(exact[None])
-    return shaper(levels, FEW), Cube(values, method)
+    return shaper(levels, SHORT_SHAPER_SIZE), Cube(values, method)
 
 
 def _fitted_whole(part: WholeSegment, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:
@@ -73,18 +73,18 @@ def _fitted_whole(part: WholeSegment, size: int, method: Interpolation, share: S
         return (*axes.shaper(part.highest), Cube(values @ part.matrix.T, method))
 
     # The levels of the shaper lie before the gain, where each is on the grid.
-    levels = levels_behind_gain(axes.levels, gain)
+    levels = levels_before_gain(axes.levels, gain)
     r, g, b = (axis * factor for axis, factor in zip(levels, gain, strict=True))
     axes = replace(axes, levels=(r, g, b))
     values = fit_cube(part.function, axes.of_cube(), method, gain, share)
 
-    at = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None] * gain
+    at = np.linspace(0.0, 1.0, MAX_SHAPER_SIZE)[:, None] * gain
     curve = None if axes.curve is None else axes.stretched(at)
-    return shaper(levels, SHAPER_SIZE, curve, part.highest), Cube(values @ part.matrix.T, method)
+    return shaper(levels, MAX_SHAPER_SIZE, curve, part.highest), Cube(values @ part.matrix.T, method)
 
 
 def _fitted_before_curve(part: SegmentBeforeCurve, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:
-    """A segment whose errors count as the curve after it magnifies them."""
+    """A segment fitted with its errors weighted by the slope of the curve after it."""
     weight = slope_weight(part.output_curve)
     axes = fit_axes_before_curve(part.function, part.gain, size, weight, part.curve)
     values = fit_cube_before_curve(part.function, axes.of_cube(), method, part.gain, weight, share)

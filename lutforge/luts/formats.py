@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FileFormat:
-    """A kind of LUT file: what it holds, and its writer.
+    """A LUT file format: what it holds, and its writer.
 
-    forms: the sequences that it holds, first the one that is baked for it; sizes: nodes per axis that it can have,
-    where not all; size: of a cube that is baked for it where none is given; bits: of integer formats, which round, and
-    clamp to [0, 1]; knots: its shaper may have its entries at free knots, and not only at even steps of a range.
+    forms: the forms that it can hold, first the one that is baked for it; sizes: the numbers of nodes per axis that it
+    can have, empty where any will do; size: nodes per axis where the user gives none; bits: of integer formats, which
+    round, and clamp to [0, 1]; knots: its shaper may have entries at free knots, and not only at even steps of a range.
     """
 
     name: str
@@ -40,7 +40,7 @@ class FileFormat:
 
 
 _SPI_PAIR_NAME = ".spi1d (shaper) and .spi3d (cube), used one after the other"
-_FORMATS = (
+_ALL_FORMATS = (
     FileFormat("CLF", tuple(PROCESS_LISTS), ("full",), write_clf, size=33),
     FileFormat(".csp", (".csp",), ("shaper",), write_csp, size=33, knots=True),
     FileFormat(".cube", (".cube",), ("plain", "shaper"), write_cube),
@@ -49,16 +49,18 @@ _FORMATS = (
     FileFormat(".3dl", (".3dl",), ("plain",), write_3dl, sizes=(17, 33, 65), size=33, bits=12),
     FileFormat(".vlt", (".vlt",), ("plain",), write_vlt, sizes=(VLT_SIZE,), size=VLT_SIZE, bits=12),
 )
-FORMATS: dict[str, FileFormat] = {suffix: known for known in _FORMATS for suffix in known.suffixes}
+FORMATS: dict[str, FileFormat] = {
+    suffix: file_format for file_format in _ALL_FORMATS for suffix in file_format.suffixes
+}
 """The formats that are written, by suffix."""
 
 
 def format_of(path: Path) -> FileFormat:
     """The format that the suffix of a path names. Raises LutError on an unknown one."""
-    known = FORMATS.get(path.suffix.lower())
-    if known is None:
+    file_format = FORMATS.get(path.suffix.lower())
+    if file_format is None:
         raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(FORMATS)}')
-    return known
+    return file_format
 
 
 def write(lut: Lut, path: Path) -> Path:
@@ -77,7 +79,7 @@ def _require_held(lut: Lut, path: Path, file_format: FileFormat) -> None:
     """Raise LutError where a format cannot hold a LUT as it is."""
     name = file_format.name
     form = file_format.forms[0]
-    if not any(lut.has_form(held) for held in file_format.forms):
+    if not any(lut.has_form(accepted) for accepted in file_format.forms):
         raise LutError(
             f"{path}: {name} holds {HELD[form]}, this LUT is {lut.summary}: bake it for this file, "
             f'bake(transform, "{path.name}") or bake(transform, form="{form}")'

@@ -9,7 +9,7 @@ FORMS: tuple[Form, ...] = get_args(Form)
 
 HELD: dict[Form, str] = {
     "full": "any sequence of operations",
-    "shaper": "one curve per channel and one cube behind it",
+    "shaper": "one curve per channel and one cube after it",
     "plain": "one cube",
 }
 """The forms in words, for messages."""

@@ -1,7 +1,7 @@
-"""What goes into a LUT and what comes out.
+"""The input and the output of a LUT: which values it expects, and which it returns.
 
-A LUT on the wrong pixels is the usual mistake, and no format has a word for it. The files that LutForge writes state it
-in their comments.
+To apply a LUT to the wrong kind of pixels is the usual mistake, and no format has a field for the kind. The files that
+LutForge writes state it in their comments.
 """
 
 from __future__ import annotations  # so that help() shows the names of types
@@ -30,13 +30,13 @@ class InputAndOutput:
 
     @property
     def are_linear(self) -> tuple[bool, bool]:
-        """Whether input and output are linear light."""
+        """Whether the input, and whether the output, is linear."""
         takes, gives = (end == RAW or end.startswith("scene-linear") for end in (self.input, self.output))
         return takes, gives
 
     @property
     def comments(self) -> tuple[str, ...]:
-        """The comment lines of a file: one record a line for `read_input_and_output`, and advice for people."""
+        """The comment lines of a file: "KEY: VALUE" for `read_input_and_output`, and advice for people."""
         takes_linear, gives_linear = self.are_linear
         advice = ["not for JPEGs"] if takes_linear else []
         if gives_linear:
@@ -45,9 +45,9 @@ class InputAndOutput:
 
 
 def input_and_output_of(kind: str, space: str, encoded: str = ENCODED) -> InputAndOutput:
-    """The input and the output of a transform. kind: "render", "linearize", or any from JPEG to JPEG.
+    """The input and the output of a transform. kind: "render", "linearize", or any other, from JPEG to JPEG.
 
-    space: of the scene's side, "raw" or a name; encoded: what the JPEG that goes in is, ENCODED or ADOBE_RGB.
+    space: of the scene's values, "raw" or a name; encoded: the encoding of the input JPEG, ENCODED or ADOBE_RGB.
     """
     linear = space == "raw" or rgb_space(space).is_linear
     scene = RAW if space == "raw" else f"scene-{'linear' if linear else 'referred'} {space}"
@@ -55,6 +55,6 @@ def input_and_output_of(kind: str, space: str, encoded: str = ENCODED) -> InputA
 
 
 def read_input_and_output(comments: Iterable[str]) -> InputAndOutput | None:
-    """What the comments of a LUT file say; None where they do not."""
-    stated = dict(comment.split(": ", 1) for comment in comments if ": " in comment)
-    return InputAndOutput(stated["input"], stated["output"]) if {"input", "output"} <= stated.keys() else None
+    """The input and output that the comments of a LUT file state; None where they do not."""
+    fields = dict(comment.split(": ", 1) for comment in comments if ": " in comment)
+    return InputAndOutput(fields["input"], fields["output"]) if {"input", "output"} <= fields.keys() else None

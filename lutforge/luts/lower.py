@@ -18,7 +18,7 @@ from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range, joined
 from lutforge.luts.parts import Parts, checked, curve_alone, parts_of
 from lutforge.luts.programs import Target
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, shaper
+from lutforge.luts.shaper import MAX_SHAPER_SIZE, lattice_ops, levels_before_gain, node_levels, shaper
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.transform import Clip, Decode, MatrixStage, Transform
 
@@ -48,8 +48,8 @@ class SegmentBeforeCurve(Segment):
 class SegmentOnLevels:
     """A function of [0, 1]³, (n, 3) → (n, 3), to be fitted at node levels as dense as the given ones.
 
-    black, white: (3,), places of these, at which the fitted cube has the function's own values; output_curve: (m, 3),
-    after it.
+    black, white: (3,), their coordinates in [0, 1]³, where the fitted cube has exactly the function's values.
+    output_curve: (m, 3), after the cube.
     """
 
     function: Function
@@ -81,7 +81,7 @@ Part = Op | Segment | SegmentOnLevels | EvenSegment
 def lower(transform: ColourFunction, target: Target, highest: float = 1.0) -> tuple[Part, ...]:
     """Return the operations and segments of a transform for one form.
 
-    highest: inputs reach from 0 to this; a transform of scene-linear inputs states by itself where they are clipped.
+    highest: of the inputs, which begin at 0; a transform of scene-linear inputs states itself where they are clipped.
     Raises LutError where the form cannot hold such inputs.
     """
     match target.form:
@@ -100,7 +100,7 @@ def lower_steps(transform: Transform, target: Target) -> tuple[Part, ...]:
     one cube of both can only come near.
     """
     stages = transform.stages
-    cuts = [at for at, stage in enumerate(stages) if isinstance(stage, Clip)][1:]
+    cuts = [index for index, stage in enumerate(stages) if isinstance(stage, Clip)][1:]
     steps = [Transform(stages[i:j]) for i, j in zip([0, *cuts], [*cuts, len(stages)], strict=True)]
     return tuple(part for step in steps for part in lower(step, target))
 
@@ -117,13 +117,13 @@ def _to_any_sequence(transform: ColourFunction, target: Target, highest: float) 
 
     first = transform.stages[0] if isinstance(transform, Transform) else None
     if isinstance(transform, Transform) and isinstance(first, Decode) and isinstance(first.curve, RgbSpace):
-        # Footage is decoded by a curve of its own, after which its light may reach beyond 1.
-        codes = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None].repeat(3, axis=1)
+        # Footage is decoded by a curve, after which its linear values may exceed 1.
+        codes = np.linspace(0.0, 1.0, MAX_SHAPER_SIZE)[:, None].repeat(3, axis=1)
         return Curve(first(codes)), *_to_any_sequence(Transform(transform.stages[1:]), target, 1.0)
 
-    known = curve_alone(transform)
-    if known:
-        return known
+    curve_ops = curve_alone(transform)
+    if curve_ops:
+        return curve_ops
 
     parts = parts_of(transform)
     lattice = _exact_lattice(parts, target)
@@ -155,13 +155,13 @@ def _to_shaper_and_cube(transform: ColourFunction, target: Target, highest: floa
             return curve, Cube(matrix(grid(uniform_levels(2))), target.method)
 
     if isinstance(transform, Transform) and takes_scenes(transform):
-        return (_whole(transform, transform.highest()),)
+        return (_one_segment(transform, transform.highest()),)
     parts = parts_of(transform)
     folded = _folded_lattice(parts, target)
     if folded:
         return folded
     if highest != 1:
-        return (_whole(transform, highest),)
+        return (_one_segment(transform, highest),)
     # An input curve is known for the values before an output curve, not for those after it.
     input_curve = parts.curve if parts.output_curve is None else None
     return (WholeSegment(parts.body, parts.gain, input_curve, matrix=parts.matrix),)
@@ -187,7 +187,7 @@ def _even_cube(target: Target) -> Cube:
     return Cube(grid(uniform_levels(target.size or target.default)), target.method)
 
 
-def _whole(transform: ColourFunction, highest: float) -> WholeSegment:
+def _one_segment(transform: ColourFunction, highest: float) -> WholeSegment:
     """A transform with inputs up to `highest` as one segment, from which nothing is taken out."""
     scaled = _scaled(transform, highest)
     return WholeSegment(scaled.function, stops=scaled.stops, matrix=np.eye(3), highest=highest)
@@ -202,13 +202,14 @@ def _scaled(transform: ColourFunction, highest: float) -> Segment:
 def _without_outer_cells(lattice: Lattice, input_matrix: Array, output_curve: Array) -> tuple[Matrix, SegmentOnLevels]:
     """The matrix of a lattice, and its cube as a segment without the first and the last cell of each axis.
 
-    These hold linear values that hardly any scene has, beyond black and white: a small cube has no nodes for them.
+    These cells hold linear values that hardly any scene has, beyond black and white: a small cube has no nodes for
+    them. A first cell with black in it stays, and so does a last one with white.
     """
     on_axes = replace(lattice, input_matrix=None)
     black = input_matrix[:, 3]
     white = lattice.on_axes(np.ones(3))
-    inner = [axis[(axis > 0) | (axis[1] > at)] for axis, at in zip(lattice.levels, black, strict=True)]
-    r, g, b = (axis[(axis < 1) | (axis[-2] < at)] for axis, at in zip(inner, white, strict=True))
+    from_black = [axis[(axis > 0) | (axis[1] > low)] for axis, low in zip(lattice.levels, black, strict=True)]
+    r, g, b = (axis[(axis < 1) | (axis[-2] < high)] for axis, high in zip(from_black, white, strict=True))
     first = np.array([r[0], g[0], b[0]])
     span = np.array([r[-1], g[-1], b[-1]]) - first
 
@@ -222,7 +223,7 @@ def _without_outer_cells(lattice: Lattice, input_matrix: Array, output_curve: Ar
 
 
 def _folded_lattice(parts: Parts, target: Target) -> tuple[Op, ...]:
-    """A lattice with its gain in the shaper and its matrix in the cube; nothing where it is not one as it stands."""
+    """The shaper and cube of a lattice, which hold its gain and its matrix; nothing where a fit is needed."""
     lattice = _exact_lattice(parts, target)
     if lattice is None or lattice.output_curve is not None:
         return ()
@@ -232,8 +233,8 @@ def _folded_lattice(parts: Parts, target: Target) -> tuple[Op, ...]:
     if np.all(gain == 1):
         return (*ops[:-1], Cube(cube.values @ parts.matrix.T, cube.interpolation))
 
-    # The cube is evaluated at the moved levels: outputs change by less than kinks do over one step of the shaper.
-    levels = levels_behind_gain(node_levels(curve, cube), gain)
+    # Levels move to the shaper's grid, so the cube is evaluated there anew; the change is below one step of the shaper.
+    levels = levels_before_gain(node_levels(curve, cube), gain)
     values = Lut(ops)(np.clip(grid(levels) * gain, 0.0, 1.0)) @ parts.matrix.T
     return shaper(levels), Cube(values, cube.interpolation)
 

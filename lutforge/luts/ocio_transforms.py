@@ -1,4 +1,4 @@
-"""Operations as OpenColorIO's transforms, and colours through its processors."""
+"""Operations converted to OpenColorIO's transforms, and colours evaluated by its processors."""
 
 from collections.abc import Sequence
 
@@ -11,8 +11,8 @@ from lutforge.errors import LutError
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 
 OCIO_ERRORS = (OCIO.Exception, OCIO.ExceptionMissingFile, UnicodeDecodeError)
-"""What OpenColorIO raises; in Python the second is not a kind of the first. The third it raises where its message, or a
-name in a file, is no text."""
+"""What OpenColorIO raises. In Python the second is no subclass of the first; the third comes where its message, or a
+name in a file, is not text."""
 
 
 def matrix_transform(matrix: Array, offset: Array | None = None) -> OCIO.MatrixTransform:
@@ -23,7 +23,7 @@ def matrix_transform(matrix: Array, offset: Array | None = None) -> OCIO.MatrixT
 
 
 def group_of(ops: Sequence[Op]) -> OCIO.GroupTransform:
-    """The operations as OpenColorIO's transforms. Raises LutError on a curve at free knots, which it has none of."""
+    """The operations as OpenColorIO's transforms. Raises LutError on a curve at free knots, which OpenColorIO lacks."""
     group = OCIO.GroupTransform()
     for op in ops:
         match op:
@@ -57,7 +57,7 @@ def group_of(ops: Sequence[Op]) -> OCIO.GroupTransform:
 def of_codes(
     processor: OCIO.Processor, optimization: OCIO.OptimizationFlags = OCIO.OPTIMIZATION_LOSSLESS
 ) -> OCIO.CPUProcessor:
-    """The processor of 8-bit codes in and out: what that of floats gives, rounded."""
+    """The processor with 8-bit codes as input and output: the results of the float one, rounded."""
     return processor.getOptimizedCPUProcessor(OCIO.BIT_DEPTH_UINT8, OCIO.BIT_DEPTH_UINT8, optimization)
 
 

@@ -40,7 +40,7 @@ class Matrix:
 
     def __call__(self, x: Array) -> Array:
         """Evaluate at x (…, 3)."""
-        if self.is_diagonal:  # by channel: what is not finite stays in its own
+        if self.is_diagonal:  # channel by channel: NaN and infinity then stay in their channel
             return np.asarray(x * np.diag(self.matrix) + self.offset)
         return np.asarray(x @ self.matrix.T + self.offset)
 
@@ -53,7 +53,7 @@ class Matrix:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Range:
-    """Clamps every channel to [low, high]; None leaves that end open. Raises LutError on an empty range."""
+    """A clamp of every channel to [low, high]; None leaves that end open. Raises LutError on an empty range."""
 
     low: float | None = 0.0
     high: float | None = 1.0
@@ -64,8 +64,8 @@ class Range:
 
     def __call__(self, x: Array) -> Array:
         """Evaluate at x (…, 3); NaN becomes the low end."""
-        known = np.where(np.isnan(x), 0.0 if self.low is None else self.low, x)
-        return np.asarray(np.clip(known, self.low, self.high)) if (self.low, self.high) != (None, None) else known
+        numbers = np.where(np.isnan(x), 0.0 if self.low is None else self.low, x)
+        return np.asarray(np.clip(numbers, self.low, self.high)) if (self.low, self.high) != (None, None) else numbers
 
     def __repr__(self) -> str:
         ends = ("open" if end is None else f"{end:g}" for end in (self.low, self.high))
@@ -100,9 +100,9 @@ class Curve:
         if self.inputs is None:
             on_unit = x if (self.low, self.high) == (0.0, 1.0) else np.asarray((x - self.low) / (self.high - self.low))
             return apply_curve(self.outputs, on_unit)
-        known = np.where(np.isnan(x), self.inputs[0], x)
+        numbers = np.where(np.isnan(x), self.inputs[0], x)
         knots, values = self.inputs.T, self.outputs.T
-        return np.stack([np.interp(known[..., c], knots[c], values[c]) for c in range(3)], axis=-1)
+        return np.stack([np.interp(numbers[..., c], knots[c], values[c]) for c in range(3)], axis=-1)
 
     def __repr__(self) -> str:
         low, high = (self.low, self.high) if self.inputs is None else (self.inputs.min(), self.inputs.max())

@@ -1,4 +1,4 @@
-"""The parts of a transform: gain and matrices around a body, and its responses, which are curves of their own."""
+"""The parts of a transform: gain and matrices before and after a body, and the responses, which become curves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from lutforge.errors import LutError
 from lutforge.interpolation import apply_curve
 from lutforge.luts.fit_cube import Function
 from lutforge.luts.ops import Curve, Matrix, Op, Range
-from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.luts.shaper import MAX_SHAPER_SIZE
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
@@ -18,7 +18,7 @@ from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, St
 
 
 def curve_alone(transform: ColourFunction) -> tuple[Op, ...]:
-    """Return the operations of a transform that is one response beside gains and matrices; none of any other."""
+    """Return the operations of a transform that is one response, gains and matrices; none of any other."""
     ops: list[Op] = []
     for stage in transform.stages if isinstance(transform, Transform) else ():
         match stage:
@@ -29,7 +29,8 @@ def curve_alone(transform: ColourFunction) -> tuple[Op, ...]:
             case Clip():
                 ops.append(Range())
             case Decode(Response() as response):
-                # Three entries between two of its own: a reader that lays a spline through them makes the same of it.
+                # Three more entries between two of the response: a reader that interpolates by a spline then gets the
+                # same values as one that interpolates linearly.
                 even = np.linspace(0.0, 1.0, 4 * len(response.inverse) - 3)[:, None].repeat(3, axis=1)
                 ops.append(Curve(response.linearize(even)))
             case Encode(Response() as response):
@@ -48,8 +49,8 @@ def curve_alone(transform: ColourFunction) -> tuple[Op, ...]:
 class Parts:
     """A transform as matrix · output_curve(cube_values(gain · before · x)); a cube is to hold `cube_values`.
 
-    curve: the input curves (m, 3) along which `cube_values` is smooth; lattice: the part between gain and matrix, where
-    it is a lattice as it stands.
+    before, matrix: (3, 3); gain: (3,). curve: the input curves (m, 3) along which `cube_values` is smooth; lattice: the
+    part between gain and matrix, where it is one lattice.
     """
 
     cube_values: Function
@@ -67,7 +68,7 @@ class Parts:
 
 
 def parts_of(transform: ColourFunction) -> Parts:
-    """Split a transform into its parts by its stages; a function that is no Transform goes into the cube whole."""
+    """Split a transform into its parts by its stages; of a function that is no Transform all is for the cube."""
     if not isinstance(transform, Transform):
         return Parts(checked(transform))
 
@@ -80,7 +81,7 @@ def parts_of(transform: ColourFunction) -> Parts:
     if stages and isinstance(stages[0], Gain):
         gain = stages.pop(0)(gain)
     if stages and isinstance(stages[0], Clip):
-        stages.pop(0)  # a curve and a cube do so themselves
+        stages.pop(0)  # a curve or a cube clamps its inputs itself
     while stages and isinstance(stages[-1], MatrixStage | Gain):
         matrix = matrix @ stages.pop()(np.eye(3)).T
 
@@ -104,26 +105,27 @@ def parts_of(transform: ColourFunction) -> Parts:
 
 
 def output_curve_of(response: Response) -> tuple[Function, Array]:
-    """Linear values scaled to [0, 1] where f begins and ends, and f from there, (SHAPER_SIZE, 3)."""
+    """Linear values scaled to [0, 1] where f begins and ends, and f from there, (MAX_SHAPER_SIZE, 3)."""
     low = response.inverse[0]
     span = response.inverse[-1] - low
-    even = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None]
+    even = np.linspace(0.0, 1.0, MAX_SHAPER_SIZE)[:, None]
     return lambda y: (y - low) / span, response.encode(low + even * span)
 
 
-def _input_curve(body: Sequence[Stage], otherwise: Array | None) -> Array | None:
-    """f⁻¹ from 0 to 1 of a camera's response that comes first, with a little of a straight line, so that it rises."""
+def _input_curve(body: Sequence[Stage], default: Array | None) -> Array | None:
+    """f⁻¹ from 0 to 1 of a response that is the first stage, with a little of a straight line, so that it rises."""
     match body:
         case [Decode(Response(inverse=inverse)), *_]:
             straight = np.linspace(0.0, 1.0, len(inverse))[:, None]
             return np.asarray(0.999 * (inverse - inverse[0]) / (inverse[-1] - inverse[0]) + 0.001 * straight)
-    return otherwise
+    return default
 
 
 def checked(function: Function) -> Function:
-    """Return a function that is evaluated in blocks which stay in cache, at inputs of 1 at most.
+    """Return the function (…, 3) → (…, 3) evaluated in blocks that stay in the processor's cache, at inputs up to 1.
 
-    A node level before a gain is rounded up, beyond what clips. Raises LutError on another shape or numbers not finite.
+    The last node level before a gain is rounded up, and may be above 1: such inputs are clipped. The function returned
+    raises LutError on another shape and on numbers that are not finite.
     """
 
     def evaluated(x: Array) -> Array:

@@ -1,7 +1,8 @@
-"""LUTs that are pictures: Hald images, lookups in square tiles, and strips of game engines, told by their content.
+"""LUTs that are pictures: Hald images, lookups in square tiles, and strips of game engines.
 
-A cube of m² nodes per axis is a square of m³ × m³ pixels both as a Hald (Eskil Steenberg's), which fills whole rows of
-the picture, and as m × m tiles of one blue each, as GPUImage has it. Read the wrong way, its colours jump.
+Their content shows which of these they are. A cube of m² nodes per axis is a square of m³ × m³ pixels both as a Hald
+(Eskil Steenberg's), which fills whole rows of the picture, and as m × m tiles of one blue level each, the layout of
+GPUImage. Read as the wrong one of the two, neighbouring colours jump.
 """
 
 from collections.abc import Iterator
@@ -16,16 +17,24 @@ from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 
 SUFFIXES = (".png", ".tif", ".tiff")
-LEVELS = range(2, 17)
+HALD_LEVELS = range(2, 17)
 """Levels of the Hald images that are read: at 16 each 8-bit colour has a node."""
 LARGEST_STRIP = 129
 """Most nodes per axis of a strip."""
 MOST_CHANGE = 1.5
-"""Mean way of a channel along an axis, in units of the range of all: 0.3 to 1.2 of looks, 0.8 to 8 of photographs."""
-LEAST_LINEAR, LEAST_AXIS = 0.6, 0.005
-"""Share of the variance that goes with red, green and blue linearly, and with the one of least influence.
+"""Largest mean variation of a channel along an axis, in units of the range of all values.
 
-0.66 to 1 and 0.009 to 0.33 of looks, black-and-white ones among them; below 0.57 and 0.005 of photographs.
+Looks have 0.3 to 1.2, photographs 0.8 to 8.
+"""
+LEAST_LINEAR = 0.6
+"""Least share of the variance that red, green and blue explain linearly.
+
+Looks have 0.66 to 1, black-and-white ones among them, photographs less than 0.57.
+"""
+LEAST_AXIS = 0.005
+"""Least share of the variance that the channel with the least influence explains.
+
+Looks have 0.009 to 0.33, photographs less than 0.005.
 """
 HALD = "Hald image"
 
@@ -43,7 +52,7 @@ def read_picture(path: Path) -> Lut:
         raise LutError(f"{path}: neither a PNG nor a TIFF image")
     if head == b"\x89PNG":
         with PngImageFile(path) as picture:
-            picture.verify()  # libpng would say on the terminal what is damaged
+            picture.verify()  # before libpng reads it, which would print on the terminal what is damaged
     with ImageReader(path) as reader:
         spec = reader.spec
         if not has_size_of_lut(spec.width, spec.height):
@@ -72,7 +81,9 @@ def read_picture(path: Path) -> Lut:
 def has_size_of_lut(width: int, height: int) -> bool:
     """True of a picture that may be a Hald, a lookup in tiles or a strip."""
     short, long = min(width, height), max(width, height)
-    return (long == short**2 <= LARGEST_STRIP**2 and short > 1) or width == height in {level**3 for level in LEVELS}
+    return (long == short**2 <= LARGEST_STRIP**2 and short > 1) or width == height in {
+        level**3 for level in HALD_LEVELS
+    }
 
 
 def is_picture_of_lut(path: Path) -> bool:
@@ -87,7 +98,7 @@ def is_picture_of_lut(path: Path) -> bool:
 
 
 def _layouts(pixels: Array) -> Iterator[tuple[str, Array]]:
-    """Each way in which a picture (h, w, 3) can hold a cube: its name, and the node values (N_r, N_g, N_b, 3)."""
+    """The layouts in which a picture (h, w, 3) can hold a cube: their names, and node values (N_r, N_g, N_b, 3)."""
     height, width = pixels.shape[:2]
     if height == width:
         m = round(height ** (1 / 3))
@@ -104,16 +115,16 @@ def _layouts(pixels: Array) -> Iterator[tuple[str, Array]]:
     rises = [
         float(np.mean(np.take(values, -1, axis)[..., axis] - np.take(values, 0, axis)[..., axis])) for axis in range(3)
     ]
-    if rises[1] < 0 < min(rises[0], rises[2]):  # OpenGL's pictures begin at the bottom
+    if rises[1] < 0 < min(rises[0], rises[2]):  # in OpenGL the first row of a picture is the lowest
         values, name = values[:, ::-1], f"{name}, green upwards"
     yield name, values
 
 
 def _change(values: Array) -> float:
-    """The mean way that a channel goes along an axis of a cube, in units of the range of all; 0 of one colour."""
+    """The mean total variation of a channel along an axis, in units of the range of all values; 0 of one colour."""
     span = float(np.ptp(values))
-    ways = [float(np.mean(np.abs(np.diff(values, axis=axis)))) * (values.shape[axis] - 1) for axis in range(3)]
-    return sum(ways) / 3 / span if span > 0 else 0.0
+    variations = [float(np.mean(np.abs(np.diff(values, axis=axis)))) * (values.shape[axis] - 1) for axis in range(3)]
+    return sum(variations) / 3 / span if span > 0 else 0.0
 
 
 def _linear_shares(values: Array) -> tuple[float, ...]:
@@ -121,8 +132,9 @@ def _linear_shares(values: Array) -> tuple[float, ...]:
     total = float(values.var(axis=(0, 1, 2)).sum())
     shares = []
     for axis in range(3):
-        others = tuple(other for other in range(3) if other != axis)
-        means, levels = values.mean(axis=others), np.linspace(-1.0, 1.0, values.shape[axis])
+        other_axes = tuple(index for index in range(3) if index != axis)
+        means = values.mean(axis=other_axes)
+        levels = np.linspace(-1.0, 1.0, values.shape[axis])
         slopes = levels @ means / (levels @ levels)
         shares.append(float(slopes @ slopes) * float(np.mean(levels**2)) / total if total > 0 else 0.0)
     return tuple(shares)

@@ -14,30 +14,29 @@ from lutforge.luts.forms import MAX_SIZE, Form
 
 CUBES = (".cube", ".cube, domain from 0", ".cube, domain", ".cube, range", ".cube, curve")
 """Kinds of .cube files without a shaper."""
-TRIED = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
-"""Sizes that a tolerance is tried at."""
-
+TOLERANCE_SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
+"""Nodes per axis that are tried in turn where a tolerance is given."""
 
 READS = "reads it"
 REFUSES = "refuses it"
 LEAVES = "leaves the picture as it is, without a word"
 UNKNOWN = "is not known to read it"
 GARBAGE = "reads it without a word and renders wrong colours"
-"""What a program does with a file."""
+"""Verdicts: what a program does with a file."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """What a program takes, and what it does with other files.
+    """A program that reads LUT files: which it reads, and what it does with others.
 
-    shaper: it reads a .cube with a shaper; reads: suffixes, the best first; max_size: most nodes per axis; size: nodes
-    per axis of a plain cube for it; interpolation: its own; use: what to do with the file; command: how it is run
-    with it, where it is run by a command. develops: it develops RAW
-    files itself, and feeds a LUT with what it developed, never with camera RAW.
+    reads: suffixes, the best first; shaper: it reads a .cube with a shaper; max_size: most nodes per axis; size: nodes
+    per axis of a plain cube for it; interpolation: its own; use: what the user does with the file; command: the command
+    line, for programs that have one. develops: it develops RAW files itself, and applies a LUT to developed colours,
+    never to camera RAW.
 
-    title: its name for people, empty for OpenColorIO and what reads files through it; tried: the version that `does`
-    and `otherwise` were measured with, empty where they are what its makers and users write. does: by kind of file, as
-    `check` names kinds; otherwise: with every other kind.
+    title: its name for people, empty for OpenColorIO and programs that read files through it. does: its verdict by kind
+    of file, as `check` names kinds; otherwise: its verdict on every other kind; tried: the version that these were
+    measured with, empty where they come from its makers and users.
     """
 
     reads: tuple[str, ...]
@@ -59,21 +58,21 @@ class Program:
 
 
 def _avfilter(refused: str) -> dict[str, str]:
-    """What ffmpeg's filter lut3d does, by kind of file; refused: what becomes of a picture whose file it refuses."""
+    """The verdicts of ffmpeg's filter lut3d, by kind of file; refused: the verdict on files that it refuses."""
     return {
         **dict.fromkeys((".cube", ".cube, domain from 0", ".csp", ".3dl, 17 nodes, 12 bits"), READS),
-        # Between two knots it goes as far up as their distance is, and not all the way.
+        # Between two knots its interpolation weight goes up to the distance of the knots, and not to 1.
         ".csp, bent": "reads it; its curve in steps where that has less than some thousand knots",
         ".cube, curve": f"{refused} as a 3D LUT; its filter lut1d reads it",
         **dict.fromkeys((".cube, domain", ".cube, shaper without ranges"), GARBAGE),
-        ".3dl": f"takes 17 nodes and 12 bits only: {GARBAGE}",  # it skips a line, and takes the rest for 17³ rows
+        ".3dl": f"takes 17 nodes and 12 bits only: {GARBAGE}",  # it skips one line, and reads 17³ rows after it
         "Hald image": f"{refused} as a 3D LUT; its filter haldclut reads it",
     }
 
 
 OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".3dl", ".spi1d", ".spi3d")
-HALD = (".png", ".tif", ".tiff")
-HALDS = {"Hald image": READS}
+HALD_SUFFIXES = (".png", ".tif", ".tiff")
+READS_HALDS = {"Hald image": READS}
 ADOBE = dict.fromkeys(
     (".cube", ".cube, domain from 0", ".cube, domain", ".cube, curve", ".3dl", ".3dl, 17 nodes, 12 bits"), READS
 )
@@ -154,11 +153,11 @@ PROGRAMS: dict[str, Program] = {
         otherwise=LEAVES,
     ),
     "rawtherapee": Program(
-        reads=(*HALD, ".dcp", ".icc"), use="Film Simulation, its folder in the preferences", develops=True,
-        title="RawTherapee", tried="5.9", does=HALDS,
+        reads=(*HALD_SUFFIXES, ".dcp", ".icc"), use="Film Simulation, its folder in the preferences", develops=True,
+        title="RawTherapee", tried="5.9", does=READS_HALDS,
     ),
     "art": Program(
-        reads=(*HALD, ".clf", ".dcp", ".icc"), develops=True, title="ART", does={**HALDS, ".clf": READS}
+        reads=(*HALD_SUFFIXES, ".clf", ".dcp", ".icc"), develops=True, title="ART", does={**READS_HALDS, ".clf": READS}
     ),
     "captureone": Program(reads=(".icc",), develops=True, title="Capture One"),
     "gmic": Program(
@@ -172,11 +171,11 @@ PROGRAMS: dict[str, Program] = {
     ),
     "gimp": Program(reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
     "imagemagick": Program(
-        reads=HALD, use="convert IN FILE -hald-clut OUT", title="ImageMagick", tried="6.9", does=HALDS
+        reads=HALD_SUFFIXES, use="convert IN FILE -hald-clut OUT", title="ImageMagick", tried="6.9", does=READS_HALDS
     ),
     "graphicsmagick": Program(
-        reads=HALD, use="gm convert IN -hald-clut FILE OUT", title="GraphicsMagick", tried="1.3", does=HALDS,
-        otherwise="says that it cannot read it, and writes the picture as it is",
+        reads=HALD_SUFFIXES, use="gm convert IN -hald-clut FILE OUT", title="GraphicsMagick", tried="1.3",
+        does=READS_HALDS, otherwise="says that it cannot read it, and writes the picture as it is",
     ),
     "pillow": Program(
         reads=(".cube",), use="pillow_lut.load_cube_file", title="pillow-lut", tried="1.1",
@@ -203,11 +202,11 @@ PROGRAMS: dict[str, Program] = {
         },
     ),
 }  # fmt: skip
-"""Programs that `--for` names: what their readers take, and what they do with what they do not take."""
+"""The programs that `--for` names."""
 
 
-def readers_of(kind: str) -> dict[str, str]:
-    """What each program that reads files without OpenColorIO does with a kind of file, by its name for people."""
+def verdicts_on(kind: str) -> dict[str, str]:
+    """The verdict on a kind of file of each program that does not read through OpenColorIO, by its name for people."""
     verdicts = {}
     for program in PROGRAMS.values():
         if program.title:
@@ -218,17 +217,18 @@ def readers_of(kind: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Target:
-    """What is to be baked.
+    """The form of the LUT to bake.
 
-    size: nodes per axis, or none for a lattice's own, else `default`; interpolation: that of the reader, or none for a
-    lattice's own, else tetrahedral; sizes: those that a tolerance is tried at. curve: the file may hold a curve alone.
+    size: nodes per axis; None: as a lattice has it, else `default`. interpolation: that of the reader; None: as a
+    lattice has it, else tetrahedral. sizes: tried in turn where a tolerance is given. curve: the file may hold a curve
+    alone.
     """
 
     form: Form = "full"
     size: int | None = None
     interpolation: Interpolation | None = None
     default: int = 33
-    sizes: tuple[int, ...] = TRIED
+    sizes: tuple[int, ...] = TOLERANCE_SIZES
     curve: bool = False
 
     @property
@@ -238,56 +238,64 @@ class Target:
 
 
 def program_named(name: str) -> Program:
-    """The program of a name, in any case. Raises LutError listing those that are known."""
-    known = PROGRAMS.get(name.lower())
-    if known is None:
+    """The program of a name, in upper or lower case. Raises LutError, which lists the names, on an unknown one."""
+    program = PROGRAMS.get(name.lower())
+    if program is None:
         raise LutError(f'unknown program "{name}"; {alternatives(name, PROGRAMS)}')
-    return known
+    return program
 
 
 def target_of(
     path: Path, program: str | None = None, size: int | None = None, interpolation: Interpolation | None = None,
     scenes: bool = False,
 ) -> Target:  # fmt: skip
-    """What to bake for a file, before any work. scenes: the input reaches beyond 1.
+    """The target of a file, found before any work. scenes: the input reaches beyond 1.
 
-    A .cube is plain, save for a program that reads a shaper, or under a name that ends in .resolve.cube or
-    .shaper.cube. Raises LutError where the format or the program cannot hold it.
+    A .cube is plain, except for a program that reads a shaper, or under a name that ends in .resolve.cube or
+    .shaper.cube. Raises LutError where the format or the program cannot hold such a LUT.
     """
-    known, file_format = None if program is None else program_named(program), format_of(path)
+    reader = None if program is None else program_named(program)
+    file_format = format_of(path)
     suffix = path.suffix.lower()
-    if known is not None and suffix not in known.reads:
-        raise LutError(f"{path}: {program} does not read {suffix} files; write {' or '.join(known.reads)}")
-    form, default = file_format.forms[0], file_format.size
-    if suffix == ".cube" and (known.shaper if known else path.name.lower().endswith((".resolve.cube", ".shaper.cube"))):
+    if reader is not None and suffix not in reader.reads:
+        raise LutError(f"{path}: {program} does not read {suffix} files; write {' or '.join(reader.reads)}")
+
+    form = file_format.forms[0]
+    named_shaper = path.name.lower().endswith((".resolve.cube", ".shaper.cube"))
+    if suffix == ".cube" and (reader.shaper if reader else named_shaper):
         form = "shaper"
     if scenes and form == "plain":
         instead = "write .clf, .ctf, .resolve.cube, .csp or .spi1d"
         raise LutError(f"{path}: {file_format.name} holds no scene-linear input beyond 1; {instead}")
+
+    default = file_format.size
     most = MAX_SIZE
-    if form == "plain" and known is not None:
-        default, most = known.size if not file_format.sizes else default, known.max_size
+    if form == "plain" and reader is not None:
+        default = file_format.size if file_format.sizes else reader.size
+        most = reader.max_size
     if size is not None and not 2 <= size <= most:
         raise LutError(f"{path}: {size} nodes per axis; this reader takes 2 to {most}")
     if size is not None and file_format.sizes and size not in file_format.sizes:
         sizes = ", ".join(map(str, file_format.sizes))
         raise LutError(f"{path}: {size} nodes per axis; {file_format.name} has {sizes}: choose one of these, or none")
-    chosen = interpolation or (None if known is None else known.interpolation)
-    curve = suffix == ".cube" and known is None and size is None
-    return Target(form, size, chosen, default, tuple(n for n in file_format.sizes or TRIED if n <= most), curve)
+
+    method = interpolation or (None if reader is None else reader.interpolation)
+    tolerance_sizes = tuple(count for count in file_format.sizes or TOLERANCE_SIZES if count <= most)
+    curve = suffix == ".cube" and reader is None and size is None
+    return Target(form, size, method, default, tolerance_sizes, curve)
 
 
 def files_for(program: str, title: str) -> dict[Path, str | None]:
-    """Return the files to write for a program, each with the program that will read it.
+    """Return the files to write for a program, each with the name of the program that will read it.
 
-    A program that reads a shaper also gets a plain cube as a fallback, for no program in particular (None). A
-    .cube with a shaper is named so: programs that read none would render garbage by one in the place of theirs.
+    A program that reads a shaper also gets a plain cube as a fallback, for no program in particular (None). The name of
+    a .cube with a shaper says so, since programs that read no shaper render wrong colours from it.
     """
     latin = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
     stem = "_".join(re.findall(r"[\w+.-]+", latin))[:100]
-    known = program_named(program)
-    shaped = ".shaper" if known.shaper and known.reads[0] == ".cube" else ""
-    first = f"{stem or 'lut'}{shaped}{known.reads[0]}"
-    if known.shaper or known.reads[0] == ".clf":
+    reader = program_named(program)
+    shaped = ".shaper" if reader.shaper and reader.reads[0] == ".cube" else ""
+    first = f"{stem or 'lut'}{shaped}{reader.reads[0]}"
+    if reader.shaper or reader.reads[0] == ".clf":
         return {Path(first): program, Path(f"{stem or 'lut'}.plain.cube"): None}
     return {Path(first): program}

@@ -1,12 +1,12 @@
-"""What programs beside OpenColorIO make of LUT files: by the table of programs."""
+"""What programs other than OpenColorIO do with a LUT file, looked up in the table of programs."""
 
-from lutforge.luts.programs import readers_of as programs_of
+from lutforge.luts.programs import verdicts_on
 from lutforge.luts.sequence import Lut
 from lutforge.luts.verification import Colour
 
 
 def kind_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> str:
-    """The kind of a file, by which the table of programs says what each does with it."""
+    """The kind of a file, by which verdicts are looked up in the table of programs."""
     suffix, words = lut.metadata.get("format", ""), lut.metadata.get("keywords", "")
     match suffix, dialect:
         case ".cube", "1D shaper + 3D":
@@ -26,7 +26,7 @@ def kind_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> str:
 
 
 def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[str, str]:
-    """What programs other than OpenColorIO make of such a file, by name of the program."""
+    """What programs other than OpenColorIO do with a file, by program. dialect, domain: as in `check_lut`."""
     suffix = lut.metadata.get("format", "")
     if suffix == ".vlt":
         cameras = {"Panasonic Lumix and VariCam cameras": "read it from their card"}
@@ -37,7 +37,7 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
             "programs of Hald images": "take it for a Hald, if for anything: garbage",
             "other programs": 'write a .cube for them: `lutforge.read_lut("a.png").write("a.cube")`',
         }
-    readers = programs_of(kind_of(lut, dialect, domain))
+    readers = verdicts_on(kind_of(lut, dialect, domain))
     if suffix == ".cube" and dialect == "3D" and lut.size not in (17, 33, 65):
         readers["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {lut.size}"
     return readers

@@ -1,7 +1,7 @@
-"""LUT files of any origin, read by OpenColorIO in a process of its own.
+"""LUT files of any origin, read by OpenColorIO in a separate process.
 
-OpenColorIO's readers are what most programs read LUT files with, so that what it makes of a file is what the file
-means. Formats that it does not know have readers of their own: .vlt, and pictures that hold a LUT.
+Most programs read LUT files by OpenColorIO, so its reading of a file is taken for the file's meaning. LutForge has
+readers for formats that OpenColorIO does not know: .vlt, and pictures that hold a LUT.
 """
 
 from collections.abc import Callable, Iterator
@@ -50,17 +50,17 @@ def read_lut(path: str | Path) -> Lut:
     reader = OWN_READERS.get(path.suffix.lower())
     with reading(path, f"a {path.suffix.lower()} LUT", LutError):
         if reader is not None:
-            with _as_its_reader_takes_it(path) as (link, problems):
+            with _file_for_reader(path) as (link, problems):
                 lut = reader(link)
             metadata = {"format": path.suffix.lower(), **lut.metadata}
             return replace(lut, metadata={**metadata, **({"problems": "; ".join(problems)} if problems else {})})
         if path.suffix.lower() == ".dcp":
             raise LutError(f"{path}: a camera profile, which is no LUT; `lutforge check` shows which programs read it")
-        known = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
-        if path.suffix.lower() not in known:  # OpenColorIO says so only after trying all its readers
-            suffixes = ", ".join(sorted(known | {*FORMATS}))
+        ocio_suffixes = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
+        if path.suffix.lower() not in ocio_suffixes:  # OpenColorIO refuses it only after trying all its readers
+            suffixes = ", ".join(sorted(ocio_suffixes | {*FORMATS}))
             raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {suffixes}')
-        return _elsewhere(_lut_of, path)
+        return _sandboxed(_lut_of, path)
 
 
 def has_own_reader(path: Path) -> bool:
@@ -77,20 +77,21 @@ def file_processor(path: str | Path, interpolation: Interpolation = "tetrahedral
 def processor_of_file(
     path: str | Path, interpolation: Interpolation = "tetrahedral"
 ) -> tuple[OCIO.Processor, tuple[str, ...]]:
-    """What OpenColorIO reads in a LUT file that is known to be harmless, and what other readers will stumble over.
+    """OpenColorIO's processor of a LUT file that is known to be harmless, and problems that other readers have with it.
 
-    `stranger` looks at other files first. Raises LutError.
+    For an untrusted file call `processor_of_untrusted`. Raises LutError.
     """
     path = Path(path)
     require_file(path, "a LUT", LutError, MOST_BYTES)
-    if path.suffix.lower() == ".csp":  # OpenColorIO 2.6 would look for the end of metadata for ever
+    if path.suffix.lower() == ".csp":  # OpenColorIO 2.6 never ends where the end of the metadata is missing
         text = path.read_bytes()
         if text.count(b"BEGIN METADATA") > text.count(b"END METADATA"):
-            raise LutError(f"{path}: no END METADATA behind BEGIN METADATA; the file is damaged")
-    OCIO.ClearAllCaches()  # else a file that was written again is read from memory
-    # "Best" is tetrahedral for cubes, and unlike that name it is quiet about files of 1D tables.
+            raise LutError(f"{path}: no END METADATA after BEGIN METADATA; the file is damaged")
+
+    OCIO.ClearAllCaches()  # without this the old content of a file that was written again would be returned
+    # INTERP_BEST is tetrahedral for cubes; INTERP_TETRAHEDRAL would print a warning for files of 1D tables.
     method = OCIO.INTERP_BEST if interpolation == "tetrahedral" else OCIO.INTERP_LINEAR
-    with reading(path, "a LUT", LutError), _as_its_reader_takes_it(path) as (link, problems):
+    with reading(path, "a LUT", LutError), _file_for_reader(path) as (link, problems):
         try:
             processor = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(str(link), interpolation=method))
         except OCIO_ERRORS as error:
@@ -100,11 +101,11 @@ def processor_of_file(
 
 
 @contextmanager
-def _as_its_reader_takes_it(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
-    """Yield where a file's reader finds it, and what other readers will stumble over.
+def _file_for_reader(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
+    """Yield the path of a file for its reader, and problems that other readers have with it.
 
-    OpenColorIO replaces variables in a path, and gets one that has none; a text that only LutForge decodes is written
-    to a folder of its own. Raises LutError where a word of the text is no number.
+    OpenColorIO replaces variables such as $SHOT in a path, so it gets a link whose path has none. A text that only
+    LutForge decodes is written again to a scratch folder. Raises LutError where a word of the text is no number.
     """
     text = checked_text(path)
     if text.rewritten is None and not {"$", "%"} & set(str(path)):
@@ -123,21 +124,21 @@ def _as_its_reader_takes_it(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]
 
 
 def is_read_by_ocio(path: Path, lut: Lut) -> bool:
-    """Whether OpenColorIO reads a file as it is, of which `lut` was read."""
+    """True where OpenColorIO reads the file, from which `lut` was read, as it is."""
     return not has_own_reader(path) and "problems" not in lut.metadata
 
 
-def processor_of_stranger(path: str | Path) -> OCIO.Processor:
-    """The processor of a file of unknown origin, which is read in a process of its own first. Raises LutError."""
+def processor_of_untrusted(path: str | Path) -> OCIO.Processor:
+    """The processor of an untrusted file, which is first read in a separate process. Raises LutError."""
     path = Path(path)
     require_file(path, "a LUT", LutError, MOST_BYTES)
     with reading(path, "a LUT", LutError):
-        _elsewhere(_require_processor, path)
+        _sandboxed(_require_processor, path)
         return processor_of_file(path)[0]
 
 
-def _elsewhere(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> R:
-    """A call in the process of strangers' files. Raises LutError."""
+def _sandboxed(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> R:
+    """A call in the separate process for untrusted files. Raises LutError."""
     try:
         return guarded(function, *arguments, **words)
     except OverrunError as error:
@@ -177,14 +178,18 @@ def _lut_of(path: Path) -> Lut:
 
 
 def _heading(path: Path, group: OCIO.GroupTransform) -> tuple[str, tuple[str, ...], list[str]]:
-    """Title, comments, and the words that lines begin with, of what stands before the numbers of a file."""
+    """Title, comments and the first words of lines, of the part of a file before its numbers."""
     about = group.getFormatMetadata()
     with path.open("rb") as file:
         lines = [line.strip() for line in decoded(file.read(1 << 14))[0].splitlines()]
     if any(line.startswith("<") for line in lines[:3]):  # XML
         described = [part for part in about.getChildElements() if part.getElementName() == "Description"]
         return about.getName()[:200], tuple(part.getElementValue()[:200] for part in described), []
-    title, comments, words, inside = "", [], [], False
+
+    title = ""
+    comments: list[str] = []
+    words: list[str] = []
+    inside = False  # the metadata of a .csp
     for line in lines:
         first, *rest = line.split(maxsplit=1) or [""]
         if line in ("BEGIN METADATA", "END METADATA"):
@@ -209,37 +214,37 @@ def _is_number(word: str) -> bool:
 def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
     """OpenColorIO's transforms as operations: those that work channel by channel become curves. Raises LutError."""
     ops: list[Op] = []
-    single: list[OCIO.Transform] = []  # neighbours that work channel by channel are one curve: no error adds up
+    single: list[OCIO.Transform] = []  # neighbours that work channel by channel become one curve: errors do not add up
     for part in group:
         inverse = part.getDirection() == OCIO.TRANSFORM_DIR_INVERSE
-        made: list[Op] = []
+        converted: list[Op] = []
         match part:
             case OCIO.MatrixTransform() if not inverse:
                 matrix, offset = np.array(part.getMatrix()).reshape(4, 4), np.array(part.getOffset())
                 if np.any(matrix[:3, 3] != 0):
-                    raise _beyond("a matrix in which alpha tints colours")
-                made = [Matrix(matrix[:3, :3], offset[:3])]
+                    raise _no_figures("a matrix in which alpha tints colours")
+                converted = [Matrix(matrix[:3, :3], offset[:3])]
             case OCIO.RangeTransform() if not inverse:
-                made = _range(part)
+                converted = _range(part)
             case OCIO.Lut1DTransform() if part.getHueAdjust() != OCIO.HUE_NONE:
-                raise _beyond("a curve that keeps hues")
+                raise _no_figures("a curve that keeps hues")
             case OCIO.Lut1DTransform() if not part.getInputHalfDomain() and not inverse:
-                made = [Curve(part.getData().reshape(-1, 3).astype(np.float64))]
+                converted = [Curve(part.getData().reshape(-1, 3).astype(np.float64))]
             case OCIO.Lut3DTransform() if not inverse:
                 size = part.getGridSize()
                 tetrahedral = part.getInterpolation() in (OCIO.INTERP_TETRAHEDRAL, OCIO.INTERP_BEST)
                 values = part.getData().reshape(size, size, size, 3).astype(np.float64)
-                made = [Cube(values, "tetrahedral" if tetrahedral else "trilinear")]
+                converted = [Cube(values, "tetrahedral" if tetrahedral else "trilinear")]
             case OCIO.Lut3DTransform():
-                raise _beyond("the inverse of a cube")
+                raise _no_figures("the inverse of a cube")
             case OCIO.CDLTransform() if not inverse:
-                made = _cdl(part)
+                converted = _cdl(part)
             case _:
                 single.append(part)
                 continue
         ops += _tabulated(single)
         single = []
-        ops += _with_domain(ops, made[0]) if isinstance(part, OCIO.Lut1DTransform) else made
+        ops += _with_domain(ops, converted[0]) if isinstance(part, OCIO.Lut1DTransform) else converted
     return (*ops, *_tabulated(single))
 
 
@@ -258,13 +263,16 @@ class NoFiguresError(LutError):
     """A file that OpenColorIO renders, and that is no sequence of matrices, ranges, curves and cubes."""
 
 
-def _beyond(what: str) -> NoFiguresError:
+def _no_figures(operation: str) -> NoFiguresError:
     rendered = "OpenColorIO and `lutforge apply` render it"
-    return NoFiguresError(f"it holds {what}, of which no figures can be told; {rendered}")
+    return NoFiguresError(f"it holds {operation}, for which no figures can be reported; {rendered}")
 
 
 def _with_domain(ops: list[Op], curve: Op) -> list[Op]:
-    """A curve with what is to be added to the operations: an even scale in front of it is its domain, and taken out."""
+    """A curve with the domain that a matrix at the end of the operations gives it; the matrix is removed from them.
+
+    Only a matrix that scales all channels alike is a domain.
+    """
     if not ops or not isinstance(ops[-1], Matrix) or not isinstance(curve, Curve) or not ops[-1].is_diagonal:
         return [curve]
     scale, offset = np.diag(ops[-1].matrix), ops[-1].offset
@@ -276,25 +284,30 @@ def _with_domain(ops: list[Op], curve: Op) -> list[Op]:
 
 
 def _range(part: OCIO.RangeTransform) -> list[Op]:
+    """A range as a clamp, where its style is to clamp, and as a scale and offset, where these change something."""
     low = part.getMinInValue() if part.hasMinInValue() else None
     high = part.getMaxInValue() if part.hasMaxInValue() else None
-    first = part.getMinOutValue() if part.hasMinOutValue() else None
-    last = part.getMaxOutValue() if part.hasMaxOutValue() else None
+    low_output = part.getMinOutValue() if part.hasMinOutValue() else None
+    high_output = part.getMaxOutValue() if part.hasMaxOutValue() else None
     ops: list[Op] = [Range(low, high)] if part.getStyle() == OCIO.RANGE_CLAMP else []
+
     scale, offset = 1.0, 0.0
-    if low is not None and first is not None:
-        if high is not None and last is not None:
-            scale = (last - first) / (high - low)
-        offset = first - scale * low
-    elif high is not None and last is not None:
-        offset = last - high
+    if low is not None and low_output is not None:
+        if high is not None and high_output is not None:
+            scale = (high_output - low_output) / (high - low)
+        offset = low_output - scale * low
+    elif high is not None and high_output is not None:
+        offset = high_output - high
     if (scale, offset) != (1.0, 0.0):
         ops.append(Matrix(scale * np.eye(3), np.full(3, offset)))
     return ops
 
 
 def _tabulated(parts: list[OCIO.Transform]) -> list[Op]:
-    """Transforms of single channels at every finite half float, as CLF's half-domain tables have it; none of none."""
+    """Transforms of single channels as one curve with a knot at every finite half float; nothing of no transform.
+
+    CLF's half-domain tables have the same knots. Raises LutError where the transforms mix channels.
+    """
     if not parts:
         return []
     halves = np.unique(np.arange(1 << 16, dtype=np.uint16).view(np.float16)).astype(np.float64) + 0.0  # -0.0 becomes 0
@@ -307,21 +320,22 @@ def _tabulated(parts: list[OCIO.Transform]) -> list[Op]:
     outputs = evaluate(processor, at).astype(np.float64)
     finite = np.all(np.isfinite(outputs), axis=1)
     curve = Curve(outputs[finite], inputs=at[finite])
-    # A curve does not mix channels, and is a straight line between half-float inputs: random colours, and greys between
-    # these inputs, test both.
+
+    # The curve is right only where the transforms do not mix channels, and are straight lines between half floats:
+    # random colours test the first, greys between half floats the second.
     between = (at[1:] + at[:-1])[(at[:-1, 0] > 1e-3) & (at[1:, 0] < 1.5)] / 2
     probes = np.concatenate([np.random.default_rng(0).random((256, 3)) * 1.5 - 0.1, between])
-    made = curve(probes)
-    if np.any(np.abs(evaluate(processor, probes) - made) > 2e-3 * np.maximum(np.abs(made), 1.0)):
-        raise _beyond(f"a {type(parts[0]).__name__}, which mixes channels or jumps")
+    by_curve = curve(probes)
+    if np.any(np.abs(evaluate(processor, probes) - by_curve) > 2e-3 * np.maximum(np.abs(by_curve), 1.0)):
+        raise _no_figures(f"a {type(parts[0]).__name__}, which mixes channels or jumps")
     return [curve]
 
 
 def _require_sound(parts: OCIO.GroupTransform, path: Path) -> None:
     """Raise LutError where a table holds NaN or infinity, or a table's domain is empty or runs backwards.
 
-    OpenColorIO applies both as they are. Tables of half-float inputs may hold NaN: for such inputs. Adobe's Cube LUT
-    Specification 1.0 has the lower bound of a domain below the upper one.
+    OpenColorIO applies such tables without an error. Tables of half-float inputs may hold NaN, for inputs that are NaN.
+    In Adobe's Cube LUT Specification 1.0 the lower bound of a domain is below the upper one.
     """
     for part in parts:
         cube = isinstance(part, OCIO.Lut3DTransform)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.highlights import raised
+from lutforge.luts.highlights import highlight_ops
 from lutforge.luts.ops import Cube, Range
 from lutforge.luts.sequence import Lut
 from lutforge.model.gamut_map import GamutMap
@@ -22,8 +22,8 @@ from lutforge.model.transform import Stage, Transform, through_stages
 class RefinishSteps:
     """The steps of a refinish.
 
-    linearize: JPEG → linear; between: from there to white-balanced RAW; highlights: kept neutral there; render:
-    white-balanced RAW → JPEG. The first and the last are the same under all white balances.
+    linearize: JPEG → linear; between: from there to white-balanced RAW; highlights: which stay neutral there; render:
+    white-balanced RAW → JPEG. linearize and render are the same under all white balances.
     """
 
     linearize: Transform
@@ -40,20 +40,21 @@ def keeps_neutrals(transform: Transform) -> bool:
 def steps_of(transform: Transform) -> RefinishSteps:
     """Return the steps of a refinish. Raises LutError on a transform that keeps no neutrals."""
     stages = transform.stages
-    at = next((at for at, stage in enumerate(stages) if isinstance(stage, NeutralHighlights)), None)
-    highlights = None if at is None else stages[at]
-    if at is None or not isinstance(highlights, NeutralHighlights):
+    index = next((index for index, stage in enumerate(stages) if isinstance(stage, NeutralHighlights)), None)
+    highlights = None if index is None else stages[index]
+    if index is None or not isinstance(highlights, NeutralHighlights):
         raise LutError("LUT: photographs are graded by a refinish that keeps clipped neutrals")
-    cut = 1 + next(at for at, stage in enumerate(stages) if isinstance(stage, Lattice | GamutMap | SolvedInverse))
-    return RefinishSteps(Transform(stages[:cut]), stages[cut:at], highlights, Transform(stages[at + 1 :]))
+    models = (at for at, stage in enumerate(stages) if isinstance(stage, Lattice | GamutMap | SolvedInverse))
+    cut = 1 + next(models)
+    return RefinishSteps(Transform(stages[:cut]), stages[cut:index], highlights, Transform(stages[index + 1 :]))
 
 
 def refinish_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
     """Return the LUT of a refinish.
 
-    baked: returns the LUT of a step that is the same under all white balances. Only what is between the two is computed
-    anew, so that a picture with a white balance of its own costs milliseconds. Raises LutError on a transform that
-    keeps no neutrals.
+    baked: returns the LUT of linearize or of render, which are the same under all white balances. Only the stages
+    between these two are computed anew, so that a picture with another white balance costs milliseconds. Raises
+    LutError on a transform that keeps no neutrals.
     """
     if transform.is_identity:
         return Lut((Range(),))
@@ -63,10 +64,10 @@ def refinish_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut
     cube = linearize.cube
     if cube is None:
         raise LutError(f"LUT: a cube is needed, not {linearize.summary}")
-    at = linearize.ops.index(cube)
+    index = linearize.ops.index(cube)
 
-    # The cube holds what is between, too, since that is linear.
-    behind = Lut(linearize.ops[at:])
-    values = through_stages(steps.between, behind(grid(uniform_levels(cube.size))))
-    neutral = raised(steps.highlights, np.ones(3), float((values / steps.highlights.white).max()))
-    return Lut((*linearize.ops[:at], Cube(values, cube.interpolation), *neutral, *baked(steps.render).ops))
+    # The cube also holds the stages between, which are linear.
+    from_cube = Lut(linearize.ops[index:])
+    values = through_stages(steps.between, from_cube(grid(uniform_levels(cube.size))))
+    neutral = highlight_ops(steps.highlights, np.ones(3), float((values / steps.highlights.white).max()))
+    return Lut((*linearize.ops[:index], Cube(values, cube.interpolation), *neutral, *baked(steps.render).ops))

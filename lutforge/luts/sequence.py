@@ -22,7 +22,7 @@ from lutforge.model.lattice import grid, uniform_levels
 
 @dataclass(frozen=True, eq=False)
 class Lut:
-    """Operations in the order in which they are applied, and what the file says beside them.
+    """Operations in the order in which they are applied, and the title and comments of their file.
 
     title, comments: for people; formats keep what they can of them. metadata: of a file that was read: the name of its
     "format", and what its reader adds, such as the "bits" of its integers. Raises LutError where there is no operation.
@@ -70,7 +70,7 @@ class Lut:
 
     @property
     def shaper(self) -> Curve | None:
-        """The curve right in front of the first cube, or the only curve; or none."""
+        """The curve right before the first cube, or the only curve; or none."""
         curve = None
         for op in self.ops:
             if isinstance(op, Cube):
@@ -102,13 +102,13 @@ class Lut:
     def shaper_and_cube(self) -> tuple[Curve | None, Cube]:
         """The whole sequence as a shaper, or none, and a cube. Raises LutError where it is more than that.
 
-        What changes nothing is left out: identity matrices, and a clamp to the domain of the curve or cube behind it.
-        A curve alone has a straight cube of two nodes behind it.
+        Operations that change nothing are left out: identity matrices, and a clamp to the domain of the curve or cube
+        after it. A curve alone comes with an identity cube of two nodes per axis.
         """
         ops = [op for op in self.ops if not (isinstance(op, Matrix) and op.is_identity)]
         if len(ops) > 1 and isinstance(ops[0], Range) and (ops[0].low, ops[0].high) == (0.0, 1.0):
-            behind = ops[1]
-            if isinstance(behind, Cube) or (isinstance(behind, Curve) and (behind.low, behind.high) == (0.0, 1.0)):
+            after = ops[1]
+            if isinstance(after, Cube) or (isinstance(after, Curve) and (after.low, after.high) == (0.0, 1.0)):
                 ops = ops[1:]
         match ops:
             case [Cube() as cube]:

@@ -1,7 +1,7 @@
-"""The text of LUT files before a reader gets it: whole numbers, as many as a row has, in an encoding that is read.
+"""Checks of the text of LUT files before a reader gets it: its encoding, its numbers, and how many a row has.
 
 OpenColorIO, like most readers, takes the beginning of a word for the number ("0,5" is 0, "1e" is 1) and skips what it
-does not expect. What is found here raises an error that names the line.
+does not expect. The checks raise an error that names the line.
 """
 
 import codecs
@@ -25,7 +25,7 @@ def _row_of(width: int) -> str:
 _ROW = re.compile(rf"\s*{NUMBER}(?:\s++{NUMBER})*+\s*+")
 _ROW_OF_3 = re.compile(_row_of(3))
 _BEGINS = re.compile(r"\s*[+-]*(?:\.?\d|nan\b|inf\b|infinity\b)", re.IGNORECASE)
-"""What a row of a table begins with."""
+"""The beginning of a row of a table."""
 _HEADING = re.compile(r"\s*(?:1D|3D|3DMESH)\s*\{?\s*")
 """Lines that begin with a digit and are no rows."""
 
@@ -36,6 +36,7 @@ _NUMBERS_OF_XML = re.compile(rf"<(?:\w+:)?({_ELEMENTS})\b([^>]*)>([^<]*)<")
 TEXTS = (".cube", ".itx", ".3dl", ".csp", ".spi1d", ".spi3d", ".spimtx", ".cub", ".lut", ".mga", ".m3d", ".vf", ".vlt")
 """Suffixes of formats that are lines of text."""
 XML = (".clf", ".ctf", ".cc", ".ccc", ".cdl")
+"""Suffixes of formats that are XML."""
 
 _HEADERS = {
     ".cube": {
@@ -51,17 +52,18 @@ _HEADERS = {
     ".mga": {"in": 1, "out": 1},
     ".m3d": {"in": 1, "out": 1},
 }  # fmt: skip
-"""Lines of a word and numbers, by suffix: the word, and how many numbers stand behind it."""
+"""Header lines by suffix: their first word, and how many numbers follow it."""
 _RANGES = {"LUT_1D_INPUT_RANGE", "LUT_3D_INPUT_RANGE"}
+"""Header lines of DaVinci Resolve's dialect of .cube."""
 _WIDTHS = {".cube": 3, ".itx": 3, ".vlt": 3, ".cub": 3, ".vf": 3, ".mga": 4, ".m3d": 4}
-"""Numbers of a row, in formats in which all rows are alike."""
+"""Numbers in a row, of formats in which all rows have the same number."""
 
 
 @dataclass(frozen=True)
 class LutText:
-    """The text of a LUT file as its reader is to have it.
+    """The text of a LUT file for its reader.
 
-    rewritten: the text where it differs from the file's bytes, else none; problems: what others make of the file.
+    rewritten: the text where it differs from the file's bytes, else none; problems: that other readers have with it.
     """
 
     rewritten: str | None = None
@@ -69,10 +71,10 @@ class LutText:
 
 
 def checked_text(path: Path) -> LutText:
-    """Decode a LUT file and require that it holds whole numbers; of formats without text nothing is read.
+    """Decode a LUT file and check its numbers; files of formats that are no text are not read.
 
-    Raises LutError, with the number of the line and what to do, on the first word that is no number where one belongs,
-    and on a row of too few or too many.
+    Raises LutError, with the number of the line and what to do, on the first word that is no number where one is
+    expected, and on a row of too few or too many.
     """
     suffix = path.suffix.lower()
     if suffix not in TEXTS + XML:
@@ -88,11 +90,13 @@ def checked_text(path: Path) -> LutText:
         if not problem or data.startswith(codecs.BOM_UTF8):
             return LutText()
         return LutText(re.sub(r"(<\?xml[^>]*encoding=)([\"'])[^\"']*\2", r"\1\2UTF-8\2", text, count=1), (problem,))
+
     lines = re.split(r"\r\n|\n|\r", text)
     if "\r" in text and "\n" not in text:
         problems.append("lines end in carriage returns alone, which OpenColorIO does not read: save it with line feeds")
-    lines, more = _without_oddities(lines, suffix)
-    problems += more
+    lines, oddities = _without_oddities(lines, suffix)
+    problems += oddities
+
     if suffix == ".cube":
         _require_cube(lines, path)
     _require_numbers(lines, suffix, path)
@@ -104,20 +108,20 @@ def checked_text(path: Path) -> LutText:
     elif suffix == ".3dl":
         _require_3dl(lines, path)
     elif suffix == ".cube":
-        lines, more = _of_one_dialect(lines, path)
-        problems += more
+        lines, mixed = _of_one_dialect(lines, path)
+        problems += mixed
     return LutText("\n".join(lines) + "\n" if problems else None, tuple(problems))
 
 
 def decoded(data: bytes) -> tuple[str, str]:
-    """The text of a file, and what is unusual about its encoding, or "". Raises UnicodeDecodeError of UTF-16 only."""
+    """The text of a file, and the problem with its encoding, or "". Raises UnicodeDecodeError on damaged UTF-16."""
     if data.startswith(codecs.BOM_UTF8):
         problem = "begins with a byte order mark, which OpenColorIO refuses: save it as UTF-8 without one"
         return data.decode("utf-8-sig", "replace"), problem
     problem = "is text in UTF-16, which other programs do not read: save it as UTF-8"
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16"), problem
-    # Without a mark every other byte of ASCII is 0 in UTF-16.
+    # UTF-16 without a byte order mark: every second byte of ASCII text is 0.
     if len(data) > 3 and data[1] == data[3] == 0 != data[0]:
         return data.decode("utf-16-le"), problem
     if len(data) > 3 and data[0] == data[2] == 0 != data[1]:
@@ -126,7 +130,7 @@ def decoded(data: bytes) -> tuple[str, str]:
 
 
 def _without_oddities(lines: list[str], suffix: str) -> tuple[list[str], list[str]]:
-    """The lines without what OpenColorIO stumbles over, each at its number, and what that was."""
+    """The lines without what OpenColorIO refuses, each with its old line number, and the problems that they had."""
     problems = []
     if lines[-1].endswith(("\x1a", "\0")):
         lines = [*lines[:-1], lines[-1].rstrip("\x1a\0")]
@@ -146,7 +150,7 @@ def _without_oddities(lines: list[str], suffix: str) -> tuple[list[str], list[st
 
 
 def _require_cube(lines: list[str], path: Path) -> None:
-    """Raise LutError where a .cube holds more or fewer rows than it says."""
+    """Raise LutError where a .cube holds more or fewer rows than its header states."""
     expected = 0
     for line in lines:
         match line.split():
@@ -158,33 +162,34 @@ def _require_cube(lines: list[str], path: Path) -> None:
     if len(rows) < expected:
         raise LutError(f"{path}: the file ends after {len(rows)} of {expected} colours: make or copy it again")
     if len(rows) > expected > 0:
-        raise LutError(f"{path}: line {rows[expected][0]}: rows go on behind the {expected} that the file says it has")
+        raise LutError(f"{path}: line {rows[expected][0]}: rows continue after the {expected} that the header states")
 
 
 def _require_numbers(lines: list[str], suffix: str, path: Path) -> None:
-    """Raise LutError where a row or a header holds a word that is no number, or not as many as it should."""
-    headers, width = _HEADERS.get(suffix, {}), _WIDTHS.get(suffix)
+    """Raise LutError where a row or a header holds a word that is no number, or too few or too many numbers."""
+    headers = _HEADERS.get(suffix, {})
+    width = _WIDTHS.get(suffix)
     if suffix == ".lut" and lines[0].startswith("LUT:"):
         width = 1  # Discreet's
     row = _ROW if width is None else _ROW_OF_3 if width == 3 else re.compile(_row_of(width))
-    inside = False  # of the metadata of a .csp
+    inside = False  # the metadata of a .csp
     for number, line in enumerate(lines, 1):
         if row.fullmatch(line):
             continue
-        words: list[str] | None = None
-        expected = width
         if suffix == ".csp" and line.strip() in ("BEGIN METADATA", "END METADATA"):
             inside = line.strip().startswith("BEGIN")
         if inside or _HEADING.fullmatch(line):
             continue
-        if _BEGINS.match(line):
-            words = line.split()
-        else:
-            first, *rest = line.split(maxsplit=1) or [""]
-            if first in headers:
-                words, expected = " ".join(rest).split(), headers[first]
-        if words is None:
-            continue
+
+        # The words that should be numbers: all of a row, those after the first of a header.
+        words = line.split()
+        expected = width
+        if not _BEGINS.match(line):
+            if not words or words[0] not in headers:
+                continue
+            expected = headers[words[0]]
+            words = words[1:]
+
         for word in words:
             if not _ROW.fullmatch(word):
                 raise LutError(f"{path}: line {number}: {_no_number(word)}")
@@ -196,7 +201,7 @@ def _require_numbers(lines: list[str], suffix: str, path: Path) -> None:
 
 
 def _no_number(word: str) -> str:
-    """Why a word is no number, and what to do."""
+    """The reason why a word is no number, and what to do."""
     if re.fullmatch(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", word):
         return f'"{word}" has a decimal comma; numbers have decimal points: replace each "," by "."'
     if re.fullmatch(r"[+-]?(?:nan|inf|infinity)", word, re.IGNORECASE):
@@ -217,53 +222,57 @@ def _require_numbers_of_xml(text: str, path: Path) -> None:
 
 
 def _require_csp(lines: list[str], path: Path) -> None:
-    """Raise LutError where a .csp holds more or fewer rows than it says."""
+    """Raise LutError where a .csp holds more or fewer rows than its sizes state."""
     text = "\n".join(lines)
     table = re.sub(r"BEGIN METADATA.*?END METADATA", lambda part: "\n" * part[0].count("\n"), text, flags=re.DOTALL)
     rows = [(n, line.split()) for n, line in enumerate(table.split("\n"), 1) if line.strip()]
-    if len(rows) < 2 or rows[1][1] not in (["1D"], ["3D"]) or not all(_whole(words) for _, words in rows[2:]):
+    if len(rows) < 2 or rows[1][1] not in (["1D"], ["3D"]) or not all(_are_numbers(words) for _, words in rows[2:]):
         return  # its reader says what is wrong
-    kind, rest = rows[1][1][0][0], rows[2:]
+    dimensions = rows[1][1][0][0]
+
+    # Three preluts: a line with the length, one with the inputs and one with the outputs.
+    table_rows = rows[2:]
     for channel in ("red", "green", "blue"):
-        if len(rest) < 3 or len(rest[0][1]) != 1:
+        if len(table_rows) < 3 or len(table_rows[0][1]) != 1:
             raise LutError(f"{path}: the prelut of {channel} is not a line with its length and two lines of numbers")
-        length = int(float(rest[0][1][0]))
-        for number, words in rest[1:3]:
+        length = int(float(table_rows[0][1][0]))
+        for number, words in table_rows[1:3]:
             if len(words) != length:
                 raise LutError(f"{path}: line {number}: {len(words)} numbers, where the prelut has {length}")
-        rest = rest[3:]
-    if not rest:
+        table_rows = table_rows[3:]
+
+    if not table_rows:
         raise LutError(f"{path}: the file ends before its table: make or copy it again")
-    sizes = [int(float(word)) for word in rest[0][1]]
-    if len(sizes) != int(kind):
-        raise LutError(f"{path}: line {rest[0][0]}: {len(sizes)} numbers are no size of a {kind}D table")
-    expected = prod(sizes)
-    _require_rows(rest[1:], expected, 3, path)
+    number, words = table_rows[0]
+    sizes = [int(float(word)) for word in words]
+    if len(sizes) != int(dimensions):
+        raise LutError(f"{path}: line {number}: {len(sizes)} numbers are no size of a {dimensions}D table")
+    _require_rows(table_rows[1:], prod(sizes), 3, path)
 
 
 def _require_3dl(lines: list[str], path: Path) -> None:
     """Raise LutError where the mesh of a .3dl is not that of its table, or a line is neither a row nor a heading."""
     rows = [(n, line.split()) for n, line in enumerate(lines, 1) if line.strip() and line.lstrip()[0] not in "#<"]
     for number, words in rows:
-        if not _whole(words) and words[0] not in ("3DMESH", "Mesh", "LUT8", "gamma"):
+        if not _are_numbers(words) and words[0] not in ("3DMESH", "Mesh", "LUT8", "gamma"):
             raise LutError(f"{path}: line {number}: {one_line(' '.join(words), 60)!r} is no row of numbers")
-    numbers = [(number, [float(word) for word in words]) for number, words in rows if _whole(words)]
+    numbers = [(number, [float(word) for word in words]) for number, words in rows if _are_numbers(words)]
     if not numbers or len(numbers[0][1]) <= 3:
         return
     number, mesh = numbers[0]
     if any(after <= before for before, after in pairwise(mesh)):
         raise LutError(f"{path}: line {number}: the levels of the axes do not rise")
-    _require_rows([row for row in rows if row[0] > number and _whole(row[1])], len(mesh) ** 3, 3, path)
+    _require_rows([row for row in rows if row[0] > number and _are_numbers(row[1])], len(mesh) ** 3, 3, path)
 
 
 def _require_spi3d(lines: list[str], path: Path) -> None:
     """Raise LutError where a .spi3d does not hold each of its nodes once."""
     rows = [(n, line.split()) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-    if len(rows) < 3 or len(rows[2][1]) != 3 or not _whole(rows[2][1]):
+    if len(rows) < 3 or len(rows[2][1]) != 3 or not _are_numbers(rows[2][1]):
         return  # its reader says what is wrong
-    for (number, words), expected in ((rows[0], None), (rows[1], ["3", "3"])):
-        if expected is not None and words != expected:
-            raise LutError(f'{path}: line {number}: a .spi3d has the line "3 3" there, not {" ".join(words)[:60]!r}')
+    number, words = rows[1]
+    if words != ["3", "3"]:
+        raise LutError(f'{path}: line {number}: a .spi3d has the line "3 3" there, not {" ".join(words)[:60]!r}')
     r, g, b = (int(float(word)) for word in rows[2][1])
     _require_rows(rows[3:], r * g * b, 6, path)
     nodes: set[tuple[str, ...]] = set()
@@ -272,41 +281,44 @@ def _require_spi3d(lines: list[str], path: Path) -> None:
         if not all(word.isdecimal() and int(word) < size for word, size in zip(node, (r, g, b), strict=True)):
             raise LutError(f"{path}: line {number}: {' '.join(node)} is no node of {r} × {g} × {b}")
         if node in nodes:
-            raise LutError(f"{path}: line {number}: the node {' '.join(node)} stands there twice; another is missing")
+            raise LutError(f"{path}: line {number}: the node {' '.join(node)} comes twice; another is missing")
         nodes.add(node)
 
 
 def _require_rows(rows: list[tuple[int, list[str]]], expected: int, width: int, path: Path) -> None:
+    """Raise LutError where there are not `expected` rows, each of `width` numbers."""
     for number, words in rows:
         if len(words) != width:
             raise LutError(f"{path}: line {number}: {len(words)} numbers, where {width} belong")
     if len(rows) < expected:
         raise LutError(f"{path}: the file ends after {len(rows)} of {expected} colours: make or copy it again")
     if len(rows) > expected:
-        raise LutError(f"{path}: line {rows[expected][0]}: rows go on behind the {expected} that the file says it has")
+        raise LutError(f"{path}: line {rows[expected][0]}: rows continue after the {expected} that the header states")
 
 
-def _whole(words: list[str]) -> bool:
+def _are_numbers(words: list[str]) -> bool:
+    """True where all words are numbers."""
     return all(_ROW.fullmatch(word) for word in words)
 
 
 def _is_resolve_cube(words: Collection[str]) -> bool:
-    """Whether these words of a .cube's header are those of DaVinci Resolve's dialect."""
+    """True where these words of a .cube's header are those of DaVinci Resolve's dialect."""
     return not _RANGES.isdisjoint(words) or {"LUT_1D_SIZE", "LUT_3D_SIZE"} <= {*words}
 
 
 def _of_one_dialect(lines: list[str], path: Path) -> tuple[list[str], list[str]]:
-    """The lines of a .cube in one of its dialects, and what is said of those that are left out.
+    """The lines of a .cube without those of a second dialect, and the problem with the lines that are left out.
 
-    Resolve's has input ranges, or a shaper, and neither TITLE nor DOMAIN lines; the Adobe Cube LUT Specification 1.0
-    has these and no ranges. LUTCalc and others write both into one file. Raises LutError where they contradict.
+    Resolve's dialect has input ranges, or a shaper, and neither TITLE nor DOMAIN lines; the Adobe Cube LUT
+    Specification 1.0 has these and no ranges. LUTCalc and others write both into one file. Raises LutError where the
+    two contradict each other.
     """
     heads: dict[str, int] = {}
     for number, line in enumerate(lines):
         if line[:1].isalpha():
             heads.setdefault(line.split(maxsplit=1)[0], number)
     resolve = _RANGES & heads.keys()
-    both = {"LUT_1D_SIZE", "LUT_3D_SIZE"} <= heads.keys()
+    has_shaper = {"LUT_1D_SIZE", "LUT_3D_SIZE"} <= heads.keys()
     adobe = [word for word in ("TITLE", "DOMAIN_MIN", "DOMAIN_MAX") if word in heads]
     if not _is_resolve_cube(heads.keys()) or not adobe:
         return lines, []
@@ -317,10 +329,10 @@ def _of_one_dialect(lines: list[str], path: Path) -> tuple[list[str], list[str]]
         ranges = {float(lines[heads[name]].split()[1 + end]) for name in resolve} or {float(end)}
         if ends != ranges:
             raise LutError(
-                f"{path}: line {heads[word] + 1}: {word} beside {' and '.join(sorted(resolve)) or 'a shaper'} says "
-                "another range: delete the line that is wrong"
+                f"{path}: line {heads[word] + 1}: {word} states another range than "
+                f"{' and '.join(sorted(resolve)) or 'a shaper has'}: delete the line that is wrong"
             )
     left_out = {heads[word] for word in adobe}
-    beside = "LUT_1D_SIZE and LUT_3D_SIZE" if both else " and ".join(sorted(resolve))
-    problem = f"{', '.join(adobe)} beside {beside}, which OpenColorIO and Nuke refuse: delete the line"
+    resolve_words = "LUT_1D_SIZE and LUT_3D_SIZE" if has_shaper else " and ".join(sorted(resolve))
+    problem = f"{', '.join(adobe)} together with {resolve_words}, which OpenColorIO and Nuke refuse: delete the line"
     return [line for number, line in enumerate(lines) if number not in left_out], [problem + "s" * (len(adobe) > 1)]

@@ -1,7 +1,7 @@
-"""How near a LUT file is to what was baked: read back as its reader evaluates it.
+"""The error of a LUT file against the transform that was baked: the file is read back and evaluated as by its reader.
 
-OpenColorIO reads the file, or our own reader where it does not know the format, with the interpolation asked for. Files
-are compared at the same points every time, of which more lie where the LUT bends.
+OpenColorIO reads the file, or LutForge's reader where it does not know the format, with the interpolation of the target
+program. The points of the comparison are fixed, and denser where the LUT bends.
 """
 
 from __future__ import annotations  # so that help() shows the names of types
@@ -28,11 +28,10 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class FileError:
-    """How far a file is from a reference, on `samples` fixed points of the input cube.
+    """The difference between a file and a reference, at `samples` fixed points of the input cube.
 
-    mean, p99, max: Euclidean norm of the RGB difference (1 = full scale).
-    mean_de00, max_de00: CIEDE2000 with both taken for encoded sRGB; None for outputs that are not for a
-    display. worst: the input (r, g, b) at which the difference is the largest.
+    mean, p99, max: Euclidean norm of the RGB difference (1 = full scale). mean_de00, max_de00: CIEDE2000, with both
+    read as encoded sRGB; None for outputs that are not for a display. worst: the input of the largest difference.
     """
 
     mean: float
@@ -60,13 +59,13 @@ def verify(
 ) -> FileError:
     """Compare the file, as a reader evaluates it in float32, with a reference.
 
-    lut: the LUT that was written: points near its nodes, and its interpolation; without it, those of the file, and
-    tetrahedral. interpolation: what the file's consumer will use instead. scenes: the input is scene-linear, which has
-    values below 0 and above the file's domain.
+    lut: the LUT that was written, whose nodes and interpolation are used; without it, the nodes are the file's, and the
+    interpolation is tetrahedral. interpolation: of the file's reader, if it is another. scenes: the input is
+    scene-linear, with values below 0 and above the file's domain.
     """
     path = Path(path)
     method = interpolation or (lut.interpolation if lut is not None else "tetrahedral")
-    # Rounded to float32 first: both sides get the very same input.
+    # Rounded to float32 first, so that the file and the reference get the same input.
     x = sample_points(lut or read_lut(path))
     x = (np.concatenate([x, scene_points(float(x.max()))]) if scenes else x).astype(np.float32).astype(np.float64)
     if not has_own_reader(path):
@@ -83,38 +82,47 @@ def verify(
 
 
 def sample_points(lut: Lut) -> Array:
-    """Points (n, 3) of a LUT's domain, dense where it bends; behind a matrix of a scene-linear space also beyond it."""
+    """Points (n, 3) of a LUT's domain, denser where it bends.
+
+    Of a LUT that begins with a matrix which mixes channels, as one of a scene-linear space does, also points beyond it.
+    """
     count = 32768
     first = lut.ops[0]
     matrix = first if isinstance(first, Matrix) else Matrix(np.eye(3))
     low, high = (0.0, 1.0) if lut.shaper is None else (lut.shaper.low, lut.shaper.high)
     axes = (np.linspace(low, high, 33),) * 3 if lut.cube is None else node_levels(lut.shaper, lut.cube)
     sequence = sobol(count)
+
+    # Points evenly many in each cell, the nodes, and points one step of a 16-bit shaper away from them.
     spread = np.stack([np.interp(sequence[:, c], np.linspace(0, 1, len(axes[c])), axes[c]) for c in range(3)], axis=1)
     nodes = np.stack([axes[c][(sequence[: count // 4, c] * len(axes[c])).astype(np.intp)] for c in range(3)], axis=1)
     step = (high - low) / 65535
     bends = np.clip(np.concatenate([spread, nodes, nodes + step, nodes - step]), low, high)
+
+    # Points evenly over the domain, greys and corners.
     grey = np.repeat(np.linspace(0.0, 1.0, 1025)[:, None], 3, axis=1)
     corners = np.array(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0])).reshape(3, -1).T
     even = np.concatenate([sequence, grey, corners])
-    back = np.linalg.inv(matrix.matrix)
+
+    inverse = np.linalg.inv(matrix.matrix)
     if not matrix.is_diagonal:
-        x = (np.concatenate([low + even * (high - low), bends]) - matrix.offset) @ back.T
-        return np.concatenate([x, 2 * x[::8]])  # and what the camera clips
-    reach = np.maximum((high - matrix.offset) * np.diag(back), 1.0)
-    return np.concatenate([even * reach, (bends - matrix.offset) * np.diag(back)])
+        x = (np.concatenate([low + even * (high - low), bends]) - matrix.offset) @ inverse.T
+        return np.concatenate([x, 2 * x[::8]])  # some of these the camera clips
+    highest = np.maximum((high - matrix.offset) * np.diag(inverse), 1.0)
+    return np.concatenate([even * highest, (bends - matrix.offset) * np.diag(inverse)])
 
 
 def scene_points(highest: float) -> Array:
-    """Scene-linear colours (n, 3) from −0.1 to beyond a domain's end, and each channel alone."""
-    low, high = -0.1, 1.25 * highest
+    """Scene-linear colours (n, 3) from −0.1 to beyond a domain's end, greys, and ramps of each channel alone."""
+    low = -0.1
+    high = 1.25 * highest
     ramp = np.linspace(low, high, 1025)[:, None]
-    alone = np.concatenate([ramp * np.eye(3)[channel] for channel in range(3)])
-    return np.concatenate([low + (high - low) * sobol(4096), np.repeat(ramp, 3, axis=1), alone])
+    single_channels = np.concatenate([ramp * np.eye(3)[channel] for channel in range(3)])
+    return np.concatenate([low + (high - low) * sobol(4096), np.repeat(ramp, 3, axis=1), single_channels])
 
 
 def compare(x: Array, read: Single, exact: Array, display_referred: bool = True) -> FileError:
-    """Figures of the difference of two outputs (n, 3) for the inputs x (n, 3)."""
+    """The difference of two outputs (n, 3) for the inputs x (n, 3), in figures."""
     norm = np.linalg.norm(read - exact, axis=1)
     de00 = delta_e_2000(read.astype(np.float64), exact) if display_referred else None
     mean_de00, max_de00 = (None, None) if de00 is None else (float(de00.mean()), float(de00.max()))

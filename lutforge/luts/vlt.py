@@ -17,7 +17,7 @@ def read_vlt(path: Path) -> Lut:
     comments = tuple(line.lstrip("# ")[:200] for line in lines if line.startswith("#"))
     numbers = [line for line in lines if not line.startswith("#")]
     if numbers[:1] != [VLT_HEADER[-1]] or len(numbers) != 1 + VLT_SIZE**3:
-        raise LutError(f"{path}: a .vlt has the line {VLT_HEADER[-1]}, and {VLT_SIZE**3} rows behind it")
+        raise LutError(f"{path}: a .vlt has the line {VLT_HEADER[-1]}, and {VLT_SIZE**3} rows after it")
     try:
         table = np.loadtxt(numbers[1:], dtype=np.int64, ndmin=2, comments=None)
     except ValueError as error:

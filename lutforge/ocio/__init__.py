@@ -1,1 +1,1 @@
-"""OpenColorIO configs that carry a calibrated camera."""
+"""OpenColorIO configs that contain calibrated cameras."""

@@ -1,4 +1,4 @@
-"""The names of cameras in a config: unique, valid in programs, file systems and archives, and not the base's."""
+"""The names of cameras in a config: unique, valid in programs, file systems and archives, and new to a base config."""
 
 import hashlib
 import re
@@ -21,33 +21,38 @@ _SIGNS = " ._()-"
 
 
 def part_name(text: str, fallback: str = "unnamed") -> str:
-    """One part of a name: letters and digits of any script, Latin ones without accents, and . _ ( ) -; 64 at most."""
+    """One part of a name, of at most 64 characters.
+
+    It holds letters and digits of any script, Latin letters without accents, and . _ ( ) -
+    """
     return _cleaned(text)[:64].rstrip() or fallback
 
 
 def _cleaned(text: str) -> str:
-    kept: list[str] = []
-    for sign in unicodedata.normalize("NFKD", text):
-        if unicodedata.category(sign).startswith("M"):
-            kept.append(sign if kept and not kept[-1].isascii() else "")
+    """A text with the characters of `part_name`; others become spaces."""
+    characters: list[str] = []
+    for character in unicodedata.normalize("NFKD", text):
+        if unicodedata.category(character).startswith("M"):  # an accent, which only Latin letters lose
+            characters.append(character if characters and not characters[-1].isascii() else "")
         else:
-            kept.append(sign if sign in _SIGNS or sign.isalnum() else " ")
-    words = unicodedata.normalize("NFC", "".join(kept)).split()
+            characters.append(character if character in _SIGNS or character.isalnum() else " ")
+    words = unicodedata.normalize("NFC", "".join(characters)).split()
     return " ".join(words).lstrip("-. ")
 
 
 def space_name(*parts: str) -> str:
-    """A colour space, look or view name of parts that are names themselves."""
+    """The name of a colour space, look or view, joined from the names of its parts."""
     return " ".join(filter(None, parts))
 
 
 def file_stem(*parts: str) -> str:
     """A file name without suffix: lower case ASCII letters, digits and single underscores.
 
-    Letters of other scripts become their code points, so that no name loses all of them; what is cut off, a digest.
+    Letters of other scripts become their code points, so that different names stay different. Of a long name the end
+    becomes a digest.
     """
     text = _cleaned(" ".join(parts)).lower()
-    ascii_only = "".join(sign if sign.isascii() else f"u{ord(sign):x}" for sign in text)
+    ascii_only = "".join(character if character.isascii() else f"u{ord(character):x}" for character in text)
     stem = re.sub(r"[^a-z0-9]+", "_", ascii_only).strip("_") or "lut"
     if len(stem) <= 100:
         return stem
@@ -56,7 +61,7 @@ def file_stem(*parts: str) -> str:
 
 
 class UniqueNames:
-    """Hands out each name once, compared without case, as OpenColorIO does; a repeated one gets a number."""
+    """A source of unique names: a name that was returned before, in upper or lower case, gets a number."""
 
     def __init__(self, taken: Iterable[str] = (), separator: str = " ") -> None:
         self._taken = {name.lower() for name in taken}
@@ -67,9 +72,11 @@ class UniqueNames:
 
     def __call__(self, name: str) -> str:
         """The name, or the name with the first number that makes it new."""
-        candidate, number = name, 2
+        candidate = name
+        number = 2
         while candidate in self:
-            candidate, number = f"{name}{self._separator}{number}", number + 1
+            candidate = f"{name}{self._separator}{number}"
+            number += 1
         self._taken.add(candidate.lower())
         return candidate
 
@@ -83,14 +90,14 @@ def config_names(config: OCIO.Config) -> set[str]:
 
 
 JPEG, RAW, LINEAR = "JPEG", "RAW", "linear"
-"""What a colour space is of: finished pictures, RAW values, or the linear values of a camera without RAW."""
+"""Kinds of colour spaces: of finished pictures, of RAW values, of the linear values of a camera without RAW."""
 UNBALANCED = "unbalanced"
 """The word for RAW before white balance, in place of the name of one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A profile and its names: of the camera, its styles and its white balances, each the profile's name → ours.
+    """A profile, and the names in the config of its camera, styles and white balances, by their names in the profile.
 
     look_pairs: the white balances (from, to) that looks change, by the profile's names.
     """
@@ -107,8 +114,11 @@ class Camera:
         return f"Input/{self.name}"
 
     @property
-    def own(self) -> str:
-        """The white balance under which this camera's neutral is the reference's: daylight, or what comes nearest."""
+    def reference_balance(self) -> str:
+        """The white balance under which a neutral of this camera is neutral in the reference space.
+
+        It is daylight, or the white balance that comes nearest to it.
+        """
         return _daylight(self.profile)
 
     def raw(self, balance: str | None = None) -> str:
@@ -134,13 +144,14 @@ class Camera:
 
     def to_reference(self, balance: str | None) -> Array:
         """Camera RGB after a white balance, or before any (None) → ACES2065-1, (3, 3)."""
-        gain = self.gain(self.own)
+        gain = self.gain(self.reference_balance)
         if balance is not None:
             gain = gain / self.gain(balance)
         return np.asarray((from_linear_srgb("aces2065-1") @ self.profile.matrix) * gain)
 
 
 def _daylight(profile: CameraProfile) -> str:
+    """The white balance of a profile that is daylight, or comes nearest to it in mired."""
     balances = profile.white_balances
 
     def distance(name: str) -> tuple[bool, float]:
@@ -152,7 +163,7 @@ def _daylight(profile: CameraProfile) -> str:
 
 
 def as_profiles(profiles: Sequence[CameraProfile | str | Path]) -> list[CameraProfile]:
-    """Profiles as they are, or of files. Raises ConfigError where they are no list or none, ProfileError."""
+    """Profiles, read from files where paths are given. Raises ConfigError on no list or an empty one, ProfileError."""
     if isinstance(profiles, CameraProfile | str | Path) or not isinstance(profiles, Sequence):
         raise ConfigError("a config is of a list of profiles: [profile]")
     if not profiles:
@@ -163,9 +174,9 @@ def as_profiles(profiles: Sequence[CameraProfile | str | Path]) -> list[CameraPr
 def name_cameras(
     profiles: Sequence[CameraProfile | str | Path], taken: Iterable[str] = (), looks: Sequence[str] = ()
 ) -> tuple[Camera, ...]:
-    """Names for profiles; a camera gets a number where a colour space or alias is taken. Raises ConfigError.
+    """The cameras of profiles, with names; a camera gets a number where a name of it is taken. Raises ConfigError.
 
-    looks: the white balances whose looks are asked for; see `_look_pairs`.
+    taken: names of colour spaces and aliases; looks: white balances, as of `_look_pairs`.
     """
     used = {name.lower() for name in taken}
     cameras: list[Camera] = []
@@ -174,7 +185,8 @@ def name_cameras(
     for profile in loaded:
         if any(profile.is_same_calibration(camera.profile) for camera in cameras):
             raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")
-        styles, balances = UniqueNames(), UniqueNames((UNBALANCED,))
+        styles = UniqueNames()
+        balances = UniqueNames((UNBALANCED,))
         first = camera = Camera(
             profile,
             part_name(profile.camera, "camera"),
@@ -194,23 +206,24 @@ def name_cameras(
 
 
 def _require_balances(profiles: Sequence[CameraProfile], looks: Sequence[str]) -> None:
-    """Raise ConfigError where the white balances asked for are unknown to all profiles, or fewer than two."""
-    known = dict.fromkeys(name for profile in profiles for name in profile.white_balances)
+    """Raise ConfigError where a white balance for looks is in no profile, or there is only one."""
+    balances = dict.fromkeys(name for profile in profiles for name in profile.white_balances)
     for name in looks:
-        if name.lower() not in map(str.lower, known):
-            raise ConfigError(f'looks: no white balance "{name}"; {alternatives(name, known)}')
+        if name.lower() not in map(str.lower, balances):
+            raise ConfigError(f'looks: no white balance "{name}"; {alternatives(name, balances)}')
     if looks and len({name.lower() for name in looks}) < 2:
-        raise ConfigError(f"looks: name two white balances or more, such as {','.join([*looks[:1], *known][:2])}")
+        raise ConfigError(f"looks: name two white balances or more, such as {','.join([*looks[:1], *balances][:2])}")
 
 
 def _look_pairs(profile: CameraProfile, looks: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """The white balances (from, to) that looks change: of those asked for the others to the first, and back.
+    """The white balances (from, to) that looks change.
 
-    Without any: from every white balance to daylight, which grows with their number only, not with its square.
+    looks: white balances: each of the others to the first, and back. Without them: from every white balance to
+    daylight, so that the number of looks grows with the number of white balances, not with its square.
     """
     if not looks:
         hub = _daylight(profile)
         return tuple((name, hub) for name in profile.white_balances if name != hub)
     by_lower = {name.lower(): name for name in profile.white_balances}
-    known = [by_lower[name] for name in dict.fromkeys(map(str.lower, looks)) if name in by_lower]
-    return tuple(pair for name in known[1:] for pair in ((name, known[0]), (known[0], name)))
+    balances = [by_lower[name] for name in dict.fromkeys(map(str.lower, looks)) if name in by_lower]
+    return tuple(pair for name in balances[1:] for pair in ((name, balances[0]), (balances[0], name)))

@@ -1,4 +1,4 @@
-"""Checks of configs of any origin: valid, complete, and each transform works on pixels both ways."""
+"""Checks of configs of any origin: that they are valid and complete, and that each transform works both ways."""
 
 import zipfile
 from collections.abc import Callable, Iterator
@@ -14,7 +14,7 @@ from lutforge.errors import ConfigError, one_line
 from lutforge.luts.ocio_transforms import OCIO_ERRORS
 
 MOST_TEXT = 64 << 20
-"""Bytes of a config.ocio; the largest of studios has half a megabyte."""
+"""Most bytes of a config.ocio; the largest that studios use have half a megabyte."""
 _PIXELS = np.array(
     [[0, 0, 0], [0.18, 0.18, 0.18], [1, 1, 1], [0.5, 0.2, 0.1], [0.1, 0.4, 0.7], [-0.01, 0.5, 1.2]],
     dtype=np.float32,
@@ -34,7 +34,7 @@ def load_config(path: str | Path) -> OCIO.Config:
 
 
 def _require_text(path: Path) -> None:
-    """Raise UnicodeDecodeError or another error where a config is no text: its names fail only where asked for."""
+    """Raise UnicodeDecodeError or another error where a config is not text; OpenColorIO would fail only later."""
     if not zipfile.is_zipfile(path):
         path.read_bytes().decode("utf-8")
         return
@@ -64,7 +64,7 @@ def try_view(path: str, source: str, display: str, view: str) -> None:
 
 @dataclass(frozen=True)
 class Problem:
-    """Something with which an application will fail. where: the part of the config, such as a colour space."""
+    """A fault of a config with which an application will fail. where: a part of the config, such as a colour space."""
 
     where: str
     reason: str
@@ -76,10 +76,10 @@ class Problem:
 
 
 def check_config(config: OCIO.Config) -> list[Problem]:
-    """What ociocheck checks and more: all with which an application will fail; empty where the config is sound.
+    """The problems with which an application will fail: those that ociocheck finds, and more.
 
-    Pixels go through each colour space, named transform, view and look, in both directions; files are looked for.
-    OpenColorIO loads no config in which a name stands for two things.
+    Pixels go through each colour space, named transform, view and look, in both directions, and files must exist. A
+    name that is given twice needs no check, since OpenColorIO does not load such a config.
     """
     problems: list[Problem] = []
     try:
@@ -89,7 +89,7 @@ def check_config(config: OCIO.Config) -> list[Problem]:
     context = config.getCurrentContext()
     for source, where in sorted(file_names(config).items()):
         try:
-            if "$" not in source:  # else a context variable names it
+            if "$" not in source:  # a name with $ depends on a context variable
                 context.resolveFileLocation(source)
         except OCIO_ERRORS:
             problems.append(Problem(f"file {source}", f"missing; {where} needs it", is_missing_file=True))
@@ -106,27 +106,34 @@ def check_config(config: OCIO.Config) -> list[Problem]:
 
 
 def _spaces(config: OCIO.Config) -> list[OCIO.ColorSpace]:
+    """All colour spaces of a config, inactive and display-referred ones too."""
     return [*config.getColorSpaces(OCIO.SEARCH_REFERENCE_SPACE_ALL, OCIO.COLORSPACE_ALL)]
 
 
 def _transforms(config: OCIO.Config) -> Iterator[tuple[str, Callable[[], OCIO.Processor]]]:
-    """Every transform of a config by name, and how to make its processor."""
-    roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_SCENE_LINEAR, OCIO.ROLE_INTERCHANGE_DISPLAY)
-    known = [role for role in roles if config.hasRole(role)]
-    for space in _spaces(config):  # with the reference that it is defined by, else any that is there
+    """The name of every transform of a config, and a function that makes its processor."""
+    all_roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_SCENE_LINEAR, OCIO.ROLE_INTERCHANGE_DISPLAY)
+    roles = [role for role in all_roles if config.hasRole(role)]
+
+    # Each colour space with the reference that it is defined by, or another one where the config has no role for it.
+    for space in _spaces(config):
         of_display = space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
-        own = OCIO.ROLE_INTERCHANGE_DISPLAY if of_display else OCIO.ROLE_INTERCHANGE_SCENE
-        if known and not space.isData():
-            name, reference = space.getName(), own if own in known else known[0]
+        role = OCIO.ROLE_INTERCHANGE_DISPLAY if of_display else OCIO.ROLE_INTERCHANGE_SCENE
+        if roles and not space.isData():
+            name = space.getName()
+            reference = role if role in roles else roles[0]
             yield f"colour space {name}, to the reference", partial(config.getProcessor, name, reference)
             yield f"colour space {name}, from the reference", partial(config.getProcessor, reference, name)
+
     for direction, way in ((OCIO.TRANSFORM_DIR_FORWARD, "forward"), (OCIO.TRANSFORM_DIR_INVERSE, "backward")):
         for named in config.getNamedTransforms(OCIO.NAMEDTRANSFORM_ALL):
             if named.getTransform(direction):
                 yield f"named transform {named.getName()}, {way}", partial(config.getProcessor, named, direction)
-    if not known:
+    if not roles:
         return
-    reference, forward = known[0], OCIO.TRANSFORM_DIR_FORWARD
+
+    reference = roles[0]
+    forward = OCIO.TRANSFORM_DIR_FORWARD
     for display in config.getDisplaysAll():
         for kind in (OCIO.VIEW_SHARED, OCIO.VIEW_DISPLAY_DEFINED):
             for view in config.getViews(kind, display):
@@ -138,17 +145,19 @@ def _transforms(config: OCIO.Config) -> Iterator[tuple[str, Callable[[], OCIO.Pr
 
 
 def file_names(config: OCIO.Config) -> dict[str, str]:
-    """File names that the config's transforms refer to, some with context variables, and the first place that does."""
-    both = (OCIO.COLORSPACE_DIR_TO_REFERENCE, OCIO.COLORSPACE_DIR_FROM_REFERENCE)
-    ways = (OCIO.TRANSFORM_DIR_FORWARD, OCIO.TRANSFORM_DIR_INVERSE)
-    views = (OCIO.VIEWTRANSFORM_DIR_TO_REFERENCE, OCIO.VIEWTRANSFORM_DIR_FROM_REFERENCE)
-    transforms = [(f"colour space {s.getName()}", s.getTransform(way)) for s in _spaces(config) for way in both]
+    """File names in a config's transforms, some with context variables, and the first part that names each."""
+    of_spaces = (OCIO.COLORSPACE_DIR_TO_REFERENCE, OCIO.COLORSPACE_DIR_FROM_REFERENCE)
+    of_named = (OCIO.TRANSFORM_DIR_FORWARD, OCIO.TRANSFORM_DIR_INVERSE)
+    of_views = (OCIO.VIEWTRANSFORM_DIR_TO_REFERENCE, OCIO.VIEWTRANSFORM_DIR_FROM_REFERENCE)
+
+    transforms = [(f"colour space {s.getName()}", s.getTransform(way)) for s in _spaces(config) for way in of_spaces]
     for named in config.getNamedTransforms(OCIO.NAMEDTRANSFORM_ALL):
-        transforms += [(f"named transform {named.getName()}", named.getTransform(way)) for way in ways]
+        transforms += [(f"named transform {named.getName()}", named.getTransform(way)) for way in of_named]
     for view in config.getViewTransforms():
-        transforms += [(f"view transform {view.getName()}", view.getTransform(way)) for way in views]
+        transforms += [(f"view transform {view.getName()}", view.getTransform(way)) for way in of_views]
     for look in config.getLooks():
         transforms += [(f"look {look.getName()}", part) for part in (look.getTransform(), look.getInverseTransform())]
+
     sources: dict[str, str] = {}
     for where, transform in transforms:
         for part in _leaves(transform):
@@ -158,6 +167,7 @@ def file_names(config: OCIO.Config) -> dict[str, str]:
 
 
 def _leaves(transform: OCIO.Transform | None) -> Iterator[OCIO.Transform]:
+    """The transforms in a transform that are no groups."""
     if isinstance(transform, OCIO.GroupTransform):
         for part in transform:
             yield from _leaves(part)

@@ -1,4 +1,4 @@
-"""An OpenColorIO config whose colour spaces, views and looks are cameras, in memory or as files."""
+"""An OpenColorIO config with the colour spaces, views and looks of cameras, in memory or as files."""
 
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from lutforge.ocio import spaces
 from lutforge.ocio.cameras import Camera, UniqueNames, config_names, name_cameras
 from lutforge.ocio.memory import in_memory
 from lutforge.ocio.merging import BaseConfig, merged, open_base
-from lutforge.ocio.renderings import STEPS, Rendering, baked, renderings
+from lutforge.ocio.renderings import BAKE_STEPS, Rendering, baked, renderings
 from lutforge.progress import Progress, silent
 from lutforge.threads import each, one_blas_thread
 
@@ -47,10 +47,10 @@ def build_config(
     inverse_size: int = SIZE,
     progress: Progress = silent,
 ) -> OCIO.Config:
-    """Build an OpenColorIO config with the given cameras in memory, its LUTs included, which converts as it is.
+    """Build an OpenColorIO config with the given cameras in memory, with its LUTs, so that it can convert at once.
 
-    It takes as long as `write_config`, for the LUTs are baked; they stay in memory until Python ends, since copies of
-    the config share them. `config.serialize()` is the text of config.ocio, without the LUTs.
+    It takes as long as `write_config`, because the LUTs are baked; they stay in memory until Python ends, since copies
+    of the config share them. `config.serialize()` is the text of config.ocio, without the LUTs.
 
     Args:
         profiles: profiles, or the paths of their files.
@@ -86,9 +86,8 @@ def write_config(
 ) -> Path:
     """Write a config and its LUTs, to a folder (config.ocio, luts/) or to one archive (.ocioz).
 
-    The same profiles make the same bytes. replace: a folder that holds a config already gets this one in its place; its
-    other files stay. The others: as for `build_config`. Returns the path of the config. Raises ConfigError, LutError,
-    LutForgeError.
+    The same profiles give the same bytes. replace: overwrite the config of a folder; its other files stay. The other
+    arguments: as for `build_config`. Returns the path of the config. Raises ConfigError, LutError, LutForgeError.
     """
     target = Path(target)
     archive = target.suffix.lower() == ARCHIVE_SUFFIX
@@ -96,11 +95,14 @@ def write_config(
     with open_base(merge) as base:
         built = _built(profiles, base, looks, profile_version, inverse_size, progress)
     text = built.config.serialize().encode()
+
     if archive:
         _write_archive(target, {CONFIG_NAME: text, **built.files})  # readers look for the config first
         progress("done", 1.0)
         return target
-    with scratch_folder(beside=target) as folder:  # so that a full disk leaves nothing
+
+    # All files are written to a scratch folder first, so that a full disk leaves none.
+    with scratch_folder(next_to=target) as folder:
         for name, content in {**built.files, CONFIG_NAME: text}.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(content)
@@ -128,7 +130,7 @@ def _write_archive(target: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _require_usable(target: Path, replace: bool) -> None:
-    """Raise ConfigError where OpenColorIO could not read the folder, or other things are in it."""
+    """Raise ConfigError where OpenColorIO could not read the folder, or it holds other files."""
     if target.suffix.lower() == ARCHIVE_SUFFIX:
         if target.is_dir():
             raise ConfigError(f"{target}: is a folder; name a file that ends in {ARCHIVE_SUFFIX}")
@@ -169,19 +171,22 @@ def _built(
 def _all_baked(
     parts: Sequence[Rendering], inverse_size: int, progress: Progress
 ) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
-    """The texts of the renderings' files by name, and what is known of their error by stem; baked on all cores."""
-    begun, telling, texts, errors = count(), Lock(), dict[str, str](), dict[str, tuple[str, ...]]()
+    """The texts of the renderings' files by name, and the lines on their errors by stem; baked on all cores."""
+    begun = count()
+    reporting = Lock()
 
     def bake_one(rendering: Rendering) -> tuple[dict[str, str], tuple[str, ...]]:
-        def tell(what: str) -> None:
-            with telling:
-                progress(f"{rendering.camera.name} {rendering.style}: {what}", next(begun) / (STEPS * len(parts)))
+        def report_step(step: str) -> None:
+            with reporting:
+                progress(f"{rendering.camera.name} {rendering.style}: {step}", next(begun) / (BAKE_STEPS * len(parts)))
 
-        luts, errors = baked(rendering, inverse_size, tell)
+        luts, errors = baked(rendering, inverse_size, report_step)
         return {name: clf_text(lut) for name, lut in luts.items()}, errors
 
-    made = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)
-    for rendering, (files, lines) in zip(parts, made, strict=True):
+    texts = dict[str, str]()
+    errors = dict[str, tuple[str, ...]]()
+    results = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)
+    for rendering, (files, lines) in zip(parts, results, strict=True):
         texts |= files
         errors[rendering.stem] = lines
     return texts, errors
@@ -194,7 +199,7 @@ def _assembled(
     errors: Mapping[str, tuple[str, ...]],
     minor: int,
 ) -> OCIO.Config:
-    """The whole config, valid. errors: what is known of the LUTs of a rendering, by its stem."""
+    """The whole config, validated. errors: lines on the errors of a rendering's LUTs, by its stem."""
     config = spaces.base_config(minor)
     groups: dict[object, str] = {}
     for camera in cameras:
@@ -209,6 +214,7 @@ def _assembled(
     spaces.add_file_rules(config, [name for camera in cameras for name in camera.spaces()])
     if base is not None:
         config = merged(base, config, views)
+
     try:
         config.validate()
     except OCIO_ERRORS as error:

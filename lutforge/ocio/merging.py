@@ -1,8 +1,8 @@
-"""Cameras added to a studio's own config, by OpenColorIO's ConfigMerger (2.5 and later).
+"""Cameras added to a studio's config, the base, by OpenColorIO's ConfigMerger (2.5 and later).
 
-The base wins wherever both have something: its colour spaces, roles, rules and views stay bit for bit what they were.
-The cameras are named so that nothing clashes (`ocio.cameras`); where the base's scene reference is not ACES2065-1,
-the merger puts the change of reference between.
+What both configs have is taken from the base: its colour spaces, roles, rules and views stay unchanged bit for bit. The
+names of the cameras are new to it (`ocio.cameras`). Where the base's scene reference is not ACES2065-1, the merger adds
+the conversion.
 """
 
 import shutil
@@ -26,13 +26,13 @@ from lutforge.ocio.check import file_names, try_file
 
 BUILTIN = "ocio://"
 BLENDER = "blender"
-MOST_BYTES = 2 << 30
-"""Most that is unpacked from an archive."""
+MOST_UNPACKED = 2 << 30
+"""Most bytes that are unpacked from an archive."""
 
 
 @dataclass(frozen=True, eq=False)
 class BaseConfig:
-    """A config to add to. label: how the user named it; folder: where its files are, or none (built in)."""
+    """A config that cameras are added to. label: the user's name for it; folder: of its files, none if built in."""
 
     config: OCIO.Config
     label: str
@@ -55,7 +55,7 @@ class BaseConfig:
         """Its LUT files, relative to its folder."""
         if self.folder is None:
             return []
-        found: set[Path] = set()
+        lut_files: set[Path] = set()
         for entry in [*self.config.getSearchPaths()] or [""]:
             if "$" in entry or Path(entry).is_absolute():
                 continue
@@ -66,8 +66,8 @@ class BaseConfig:
                     "merge the archive"
                 )
             files = place.rglob("*") if place.is_dir() else ()
-            found |= {path for path in files if path.suffix.lower() in spaces.LUT_SUFFIXES and path.is_file()}
-        return sorted(path.relative_to(self.folder) for path in found)
+            lut_files |= {path for path in files if path.suffix.lower() in spaces.LUT_SUFFIXES and path.is_file()}
+        return sorted(path.relative_to(self.folder) for path in lut_files)
 
 
 @contextmanager
@@ -86,13 +86,13 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
         return
     path = Path(source)
     if label == BLENDER and not path.exists():
-        found = blender_config()
-        if found is None:
+        installed = blender_config()
+        if installed is None:
             raise ConfigError("no Blender is found here; name its datafiles/colormanagement/config.ocio")
-        path = found
+        path = installed
     if not path.is_file():
-        known = ", ".join([BLENDER, *built_in])
-        raise ConfigError(f"{path}: no such config; name a .ocio or .ocioz file, or one of {known}")
+        names = ", ".join([BLENDER, *built_in])
+        raise ConfigError(f"{path}: no such config; name a .ocio or .ocioz file, or one of {names}")
     if not zipfile.is_zipfile(path):
         yield _read(str(path), label, path.absolute().parent)
         return
@@ -105,8 +105,9 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
 
 
 def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View]) -> OCIO.Config:
-    """The base with the cameras of another config of ours: spaces, looks and views. Raises ConfigError."""
-    displays = []  # that a shared view can be shown on: named as a colour space of video or cinema
+    """The base with the cameras of a config of LutForge: spaces, looks and views. Raises ConfigError."""
+    # Displays that can show a shared view: those with the name of a display colour space of video or cinema.
+    displays = []
     for display in base.config.getDisplaysAll():
         space = base.config.getColorSpace(display)
         of_display = space is not None and space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
@@ -115,6 +116,7 @@ def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View])
     srgb_displays = [] if displays else list(_srgb_displays(base.config))
     minor = cameras.getMinorVersion()
     _strip(cameras, keep_displays=not (displays or srgb_displays))
+
     parameters = OCIO.ConfigMergingParameters.Create()
     parameters.setDefaultStrategy(OCIO.ConfigMergingParameters.STRATEGY_PREFER_BASE)
     parameters.setInputFirst(False)
@@ -122,13 +124,14 @@ def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View])
     parameters.setAvoidDuplicates(False)
     parameters.setErrorOnConflict(False)
     level = OCIO.GetLoggingLevel()
-    OCIO.SetLoggingLevel(OCIO.LOGGING_LEVEL_NONE)  # it lists all that both have, which is what is wanted
+    OCIO.SetLoggingLevel(OCIO.LOGGING_LEVEL_NONE)  # else it would warn of all names that both have, as intended here
     try:
         config = OCIO.ConfigMergingHelpers.MergeConfigs(parameters, base.config, cameras)
     except OCIO_ERRORS as error:
         raise ConfigError(f"{base.label}: OpenColorIO cannot merge it: {error}") from error
     finally:
         OCIO.SetLoggingLevel(level)
+
     paths = [path for path in base.config.getSearchPaths() if path != spaces.LUT_FOLDER]
     config.setSearchPath(":".join([*paths, spaces.LUT_FOLDER]))
     active = [*base.config.getActiveViews()]
@@ -144,30 +147,33 @@ def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View])
 
 
 def _srgb_displays(config: OCIO.Config) -> Iterator[str]:
-    """The displays that are named as a scene-referred colour space that is sRGB, as Blender's: the JPEG itself fits."""
+    """The displays with the name of a scene-referred colour space that is sRGB, such as Blender's.
+
+    They show the colour space of a JPEG as it is.
+    """
     srgb = spaces.base_config().getProcessor(spaces.TEXTURE, spaces.REFERENCE).getDefaultCPUProcessor()
     for display in config.getDisplaysAll():
         space = config.getColorSpace(display)
         if space is None or space.isData() or space.getReferenceSpaceType() != OCIO.REFERENCE_SPACE_SCENE:
             continue
-        here = config.getProcessor(space.getName(), OCIO.ROLE_INTERCHANGE_SCENE).getDefaultCPUProcessor()
-        codes = np.array([[0.02, 0.5, 0.9], [0.8, 0.1, 0.3], [0.4, 0.7, 0.05]], dtype=np.float32)
-        wanted = codes.copy()
-        srgb.applyRGB(wanted)
-        here.applyRGB(codes)
-        if np.allclose(codes, wanted, atol=2e-3):
+        to_reference = config.getProcessor(space.getName(), OCIO.ROLE_INTERCHANGE_SCENE).getDefaultCPUProcessor()
+        by_space = np.array([[0.02, 0.5, 0.9], [0.8, 0.1, 0.3], [0.4, 0.7, 0.05]], dtype=np.float32)
+        by_srgb = by_space.copy()
+        to_reference.applyRGB(by_space)
+        srgb.applyRGB(by_srgb)
+        if np.allclose(by_space, by_srgb, atol=2e-3):
             yield display
 
 
 def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
-    """Leave what the base cannot have: the cameras. Their own common spaces would only clash with its."""
+    """Remove everything but the cameras from their config: its common spaces would clash with those of the base."""
     roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_INTERCHANGE_DISPLAY)
     for role in [name for name in cameras.getRoleNames() if name not in roles]:
         cameras.setRole(role, None)
     searched = OCIO.SEARCH_REFERENCE_SPACE_SCENE if keep_displays else OCIO.SEARCH_REFERENCE_SPACE_ALL
-    kept = (spaces.REFERENCE, spaces.DISPLAY_REFERENCE)
+    references = (spaces.REFERENCE, spaces.DISPLAY_REFERENCE)
     for space in [*cameras.getColorSpaces(searched, OCIO.COLORSPACE_ALL)]:
-        if space.getName() not in kept and not space.getFamily().startswith("Input/"):
+        if space.getName() not in references and not space.getFamily().startswith("Input/"):
             cameras.removeColorSpace(space.getName())
     for entry in cameras.getDisplaysAll():
         cameras.removeDisplayView(entry, spaces.DATA)
@@ -180,10 +186,10 @@ def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
 
 
 def _read(source: str, label: str, folder: Path | None) -> BaseConfig:
-    """An untrusted config, whose files are read in a process of their own first. Raises ConfigError."""
+    """An untrusted config, whose files are first read in a separate process. Raises ConfigError."""
     with reading(label, "an OpenColorIO config", ConfigError):
         if folder is not None:
-            Path(source).read_bytes().decode("utf-8")  # names that are no text fail only where they are asked for
+            Path(source).read_bytes().decode("utf-8")  # OpenColorIO would fail on names that are not text only later
         try:
             config = OCIO.Config.CreateFromFile(source)
         except OCIO_ERRORS as error:
@@ -199,7 +205,7 @@ def _merged_into(config: OCIO.Config, source: str, label: str, folder: Path | No
         except OverrunError as error:
             raise ConfigError(f"{label}: {name}: {error}") from error
         except LutForgeError:
-            continue  # the check of the whole tells what is wrong with it, and where
+            continue  # the check of the whole config reports it
     if config.getMajorVersion() < 2:
         raise ConfigError(f"{label}: is of OpenColorIO 1; bring it to profile version 2 first")
     if not config.hasRole(OCIO.ROLE_INTERCHANGE_SCENE):
@@ -211,11 +217,11 @@ def _merged_into(config: OCIO.Config, source: str, label: str, folder: Path | No
 
 
 def _unpack(path: Path, folder: Path) -> None:
-    """Unpack an untrusted archive: no entry outside of the folder, no more than MOST_BYTES."""
+    """Unpack an untrusted archive: no entry outside of the folder, no more than MOST_UNPACKED. Raises ConfigError."""
     with reading(path, "an OpenColorIO archive", ConfigError), zipfile.ZipFile(path) as archive:
         entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-        if sum(entry.file_size for entry in entries) > MOST_BYTES:
-            raise ConfigError(f"{path}: unpacks to more than {MOST_BYTES >> 30} GB, refused")
+        if sum(entry.file_size for entry in entries) > MOST_UNPACKED:
+            raise ConfigError(f"{path}: unpacks to more than {MOST_UNPACKED >> 30} GB, refused")
         for entry in entries:
             name = PurePosixPath(entry.filename.replace("\\", "/"))
             if name.is_absolute() or ".." in name.parts or ":" in entry.filename:

@@ -1,8 +1,7 @@
-"""The LUT files behind a config: one per style and direction, shared by all white balances that one model covers.
+"""The LUT files of a config: one per style and direction, shared by all white balances that one model covers.
 
-White balance is a matrix in front of the LUTs or behind them.
-
-A config is loaded by every program at every start, so curves in its files hold 4096 entries.
+White balance is a matrix before or after the LUTs. Programs load a config whenever they start, so curves in its files
+have only 4096 entries.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -16,11 +15,11 @@ from lutforge.errors import ConfigError
 from lutforge.inverse.linearization import SIZE, BakedRender, inverse_of
 from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
 from lutforge.luts.bake import bake
-from lutforge.luts.highlights import raised
+from lutforge.luts.highlights import highlight_ops
 from lutforge.luts.ops import Curve
 from lutforge.luts.refinish import steps_of
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import FEW
+from lutforge.luts.shaper import SHORT_SHAPER_SIZE
 from lutforge.model.coverage import uncovered
 from lutforge.model.transform import Gain, Transform
 from lutforge.ocio.cameras import Camera, UniqueNames, file_stem
@@ -29,31 +28,32 @@ from lutforge.settings import Selector
 
 
 def with_short_curves(lut: Lut) -> Lut:
-    """The LUT with FEW entries in each curve of more, an error below 1e-5 of the encoded scale.
+    """The LUT with at most SHORT_SHAPER_SIZE entries in each curve, at an error below 1e-5 of the encoded scale.
 
-    A curve without a cube stays: the one of the other direction is its exact inverse.
+    A curve without a cube stays as it is, because the curve of the other direction is its exact inverse.
     """
     if lut.cube is None:
         return lut
     ops = list(lut.ops)
     for number, op in enumerate(ops):
-        if isinstance(op, Curve) and len(op.outputs) > FEW:
-            even = np.linspace(op.low, op.high, FEW)[:, None].repeat(3, axis=1)
+        if isinstance(op, Curve) and len(op.outputs) > SHORT_SHAPER_SIZE:
+            even = np.linspace(op.low, op.high, SHORT_SHAPER_SIZE)[:, None].repeat(3, axis=1)
             ops[number] = Curve(op(even), op.low, op.high)
     return replace(lut, ops=tuple(ops))
 
 
 NEAR_WHITE = 2.0 / 255
-"""A model that renders saturated RAW this near to white means white; a style whose white is darker keeps its own."""
+"""Saturated RAW that a model renders as near to white as this becomes white; a style with a darker white keeps it."""
 
 
 def with_white(lut: Lut) -> Lut:
     """The render's LUT with white where all RAW channels are saturated, if the model comes near to it.
 
-    JPEGs have white there, which else comes back from the scene one or two codes darker, and not quite neutral.
+    JPEGs have white there. Without this, white would come back from the scene one or two codes darker, and not quite
+    neutral.
     """
-    lacking = 1.0 - lut(np.ones((1, 3)))
-    if lut.cube is None or lacking.max() > NEAR_WHITE:
+    below_white = 1.0 - lut(np.ones((1, 3)))
+    if lut.cube is None or below_white.max() > NEAR_WHITE:
         return lut
     values = lut.cube.values.copy()
     values[-1, -1, -1] = np.maximum(values[-1, -1, -1], 1.0)
@@ -62,7 +62,7 @@ def with_white(lut: Lut) -> Lut:
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
-    """What shares its LUTs: a style, and the white balances that one model of it covers.
+    """A style and the white balances that one model of it covers, which share their LUTs.
 
     render: white-balanced RAW → JPEG; linearize: JPEG → white-balanced RAW. stem: of its file names.
     """
@@ -75,7 +75,7 @@ class Rendering:
     linearize: Transform | None
 
     def file(self, way: str) -> str:
-        """Name of a file: "render", "linearize" (its exact inverse), or "calibrated", JPEG → RAW for looks."""
+        """The name of a file. way: "render", "linearize" (its exact inverse), or "calibrated", JPEG → RAW for looks."""
         return f"{self.stem}_{way}.clf"
 
     def balance_file(self, source: str, target: str) -> str:
@@ -83,9 +83,9 @@ class Rendering:
         return self.file(file_stem(self.camera.balances[source], "to", self.camera.balances[target]))
 
     def refinishes(self) -> Iterator[tuple[str, str, Transform]]:
-        """Pairs of white balances that looks change, both ways, and the refinish, where it changes anything.
+        """The pairs of white balances that looks change, both ways, with a refinish that is not the identity.
 
-        None without a calibrated JPEG → RAW.
+        Without a calibrated JPEG → RAW there are none.
         """
         if self.render is None or self.camera.profile.styles[self.style].linearize is None:
             return
@@ -99,15 +99,16 @@ class Rendering:
 
 
 def renderings(cameras: Iterable[Camera], taken: Iterable[str] = ()) -> tuple[Rendering, ...]:
-    """The renderings of cameras; taken: file stems that others use. Raises ConfigError on a style without a model."""
-    files, made = UniqueNames(taken, "_"), []
+    """The renderings of cameras. taken: file stems in use. Raises ConfigError on a style without a model."""
+    stems = UniqueNames(taken, "_")
+    found = []
     for camera in cameras:
         profile = camera.profile
-        everywhere = tuple(profile.white_balances)
+        all_balances = tuple(profile.white_balances)
         for name, style in profile.styles.items():
-            groups = [everywhere] if style.render or style.linearize else []
+            groups = [all_balances] if style.render or style.linearize else []
             if not groups:
-                groups = [tuple(b for b in everywhere if b in model.white_balances) for model in style.models]
+                groups = [tuple(b for b in all_balances if b in model.white_balances) for model in style.models]
             if not any(groups):
                 raise ConfigError(f"{profile.camera}: style {name} holds no model; calibrate it first")
             for balances in filter(None, groups):
@@ -118,98 +119,108 @@ def renderings(cameras: Iterable[Camera], taken: Iterable[str] = ()) -> tuple[Re
                 if style.linearize or style.models:
                     balance = Gain(profile.multipliers(selector))
                     linearize = Transform((*profile.linearize_to_own_raw(selector).stages, balance))
-                stem = files(file_stem(camera.name, camera.styles[name]))
-                made.append(Rendering(camera, name, balances, stem, render, linearize))
-    return tuple(made)
+                stem = stems(file_stem(camera.name, camera.styles[name]))
+                found.append(Rendering(camera, name, balances, stem, render, linearize))
+    return tuple(found)
 
 
-BEYOND = 4.0
-"""Light of white in a config, two stops above saturation: no two white balances of a camera part a channel by more."""
+WHITE_LEVEL = 4.0
+"""The linear value of burnt-out white in a config: two stops above saturation.
 
-BALANCE_SIZE, BALANCE_REACH = 21, 2.0
-"""Nodes per axis of the LUT of a look, and up to which light, relative to white, it tells levels apart."""
+No two white balances of a camera differ by more than two stops in a channel.
+"""
 
-STEPS = 4
-"""How often `baked` tells what it does, at most."""
+BALANCE_SIZE = 21
+"""Nodes per axis of the LUT of a look."""
+
+BALANCE_REACH = 2.0
+"""Highest linear value, relative to white, in the LUT of a look."""
+
+BAKE_STEPS = 4
+"""The number of steps that `baked` reports, at most."""
 
 
 def baked(
-    rendering: Rendering, inverse_size: int = SIZE, tell: Callable[[str], None] = lambda what: None
+    rendering: Rendering, inverse_size: int = SIZE, report_step: Callable[[str], None] = lambda step: None
 ) -> tuple[dict[str, Lut], tuple[str, ...]]:
-    """Bake the render as it is, and the linearization as its inverse, so that JPEG → reference → JPEG comes back.
+    """Bake the render, and the linearization as its exact inverse, so that JPEG → reference → JPEG changes nothing.
 
-    Returned are the LUTs by file name and their errors, lines of a key and a value. The
-    linearization of a style without a render is that of its profile. inverse_size: nodes per axis of an inverse. tell:
-    called with each step as it begins.
+    Returned are the LUTs by file name, and their errors as lines "KEY: VALUE". Where a style has no render, its
+    linearization is that of the profile. inverse_size: nodes per axis of an inverse. report_step: called with the name
+    of each step as it begins.
     """
     title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
-    tell("baking the render")
+    report_step("baking the render")
     luts: dict[str, Lut] = {}
     errors: list[str] = []
     if rendering.render is not None:
         render = with_white(with_short_curves(bake(rendering.render, title=f"{title} render")))
         errors.append(f"render LUT against the model: {_error(render, rendering.render)}")
         luts[rendering.file("render")] = replace(render, comments=tuple(errors))
+
     if rendering.linearize is not None:
         model: ColourFunction = rendering.linearize
         trip: list[str] = []
         if rendering.render is None or render.cube is None:  # a response alone is its own exact inverse
             linearize = with_short_curves(bake(rendering.linearize, title=f"{title} linearize"))
         else:
-            tell("inverting it")
+            report_step("inverting it")
             inverse = inverse_of(BakedRender.of(render), rendering.linearize, inverse_size)
-            inverse.values[-1, -1, -1] = BEYOND
+            inverse.values[-1, -1, -1] = WHITE_LEVEL
             calibrated = model
 
             def with_burnt_white(x: ArrayLike) -> Array:
-                """Light of encoded colours, with burnt-out white `BEYOND` saturation, as the last half code rises."""
+                """Linear values of encoded colours, which rise to WHITE_LEVEL in the last half code below white."""
                 least = np.min(np.asarray(x), axis=-1, keepdims=True)
                 burnt = np.clip((least - (1.0 - HALF_CODE)) / HALF_CODE, 0.0, 1.0)
-                light = calibrated(x)
-                return np.asarray(light + burnt * (BEYOND - light))
+                linear = calibrated(x)
+                return np.asarray(linear + burnt * (WHITE_LEVEL - linear))
 
             model = with_burnt_white
             linearize = inverse.as_lut(f"{title} linearize")
             style = rendering.camera.profile.styles[rendering.style]
-            tell("measuring what comes back")
+            report_step("measuring what comes back")
             trip = str(measure(render, linearize, shown=lambda jpeg: ~uncovered(style, jpeg))).splitlines()
-        tell("comparing with the model")
+        report_step("comparing with the model")
         lines = [f"linearize LUT against the model: {_error(linearize, model, rendering.render)}", *trip]
         luts[rendering.file("linearize")] = replace(linearize, comments=tuple(lines))
         errors += lines
+
         for source, target, refinish in rendering.refinishes():
             if rendering.file("calibrated") not in luts:  # the same for all pairs
                 lut = bake(rendering.linearize, title=f"{title} linearize, as calibrated")
                 luts[rendering.file("calibrated")] = with_short_curves(lut)
-            # A look changes the white balance between linearization and render, and keeps white white.
+            # A look changes the white balance between linearization and render; white stays white.
             highlights = steps_of(refinish).highlights
             gain = rendering.camera.gain(target) / rendering.camera.gain(source)
             names = rendering.camera.balances
             title = f"{rendering.camera.name} {names[source]} to {names[target]}"
-            step = raised(highlights, gain, BALANCE_REACH, BALANCE_SIZE)
+            step = highlight_ops(highlights, gain, BALANCE_REACH, BALANCE_SIZE)
             luts[rendering.balance_file(source, target)] = Lut(step, title)
     return luts, tuple(errors)
 
 
-def _error(lut: Lut, transform: ColourFunction, made_by: Transform | None = None) -> str:
-    """Measure a LUT against its transform: RGB norm, rounded up.
+def _error(lut: Lut, transform: ColourFunction, rendered_by: Transform | None = None) -> str:
+    """The mean and the maximum error of a LUT against its transform: RGB norms, rounded up, in words.
 
-    max: over its whole input, the rim and the darks, and over the colours that another transform makes of these; mean:
-    the largest of those over each, over what is evenly spread of it, and over what is not clipped of that.
+    They are measured over inputs that include the rim of the cube and dark colours, and over the JPEG colours that the
+    transform `rendered_by` makes from these inputs. mean: the largest of the means over each of the two sets, over its
+    evenly spread part, and over the unclipped colours of that part.
     """
 
     def error(x: Array) -> Array:
         return np.asarray(np.linalg.norm(lut(x) - transform(x), axis=1))
 
-    count, half_a_code = 1 << 15, 0.5 / 255
+    count = 1 << 15
     x = raw_colours(count, seed=7)
-    made = x if made_by is None else np.clip(made_by(x), 0.0, 1.0)
-    means, largest = [], 0.0
-    for colours in (x,) if made_by is None else (x, made):
-        wanted = transform(colours)
-        errors = np.asarray(np.linalg.norm(lut(colours) - wanted, axis=1))
-        jpeg = np.clip(wanted, 0.0, 1.0) if made_by is None else colours
-        unclipped = np.all((jpeg > half_a_code) & (jpeg < 1 - half_a_code), axis=1)[:count]
+    sets = [x] if rendered_by is None else [x, np.clip(rendered_by(x), 0.0, 1.0)]
+    means = []
+    largest = 0.0
+    for colours in sets:
+        exact = transform(colours)
+        errors = np.asarray(np.linalg.norm(lut(colours) - exact, axis=1))
+        jpeg = np.clip(exact, 0.0, 1.0) if rendered_by is None else colours
+        unclipped = np.all((jpeg > HALF_CODE) & (jpeg < 1 - HALF_CODE), axis=1)[:count]
         parts = (errors, errors[:count], errors[:count][unclipped])
         means += [float(part.mean()) for part in parts if len(part)]
         largest = max(largest, float(errors.max()), float(error(climbed(error, colours, errors, seed=7)).max()))

@@ -1,8 +1,8 @@
 """The colour spaces of a camera, its RAW and its JPEGs per style and white balance; its views and looks.
 
-The scene reference is ACES2065-1 under one white balance of each camera, its daylight (or what comes nearest): the
-reference RAW of a scene does not change with the dial. RAW → JPEG is the render of the profile, JPEG → RAW the way
-back, and from one JPEG space to another is a refinish (thesis, equation 6.1).
+The scene reference is ACES2065-1 under one white balance of each camera, daylight or the nearest to it: the reference
+values of a scene do not depend on the camera's white balance. RAW → JPEG is the render of the profile, JPEG → RAW its
+inverse, and one JPEG space → another a refinish (thesis, equation 6.1).
 """
 
 import re
@@ -22,14 +22,14 @@ OLDEST = "2.1"
 PROFILE_VERSIONS = {OLDEST: 1, "2.5": 5}
 """Versions of a config, and their minor numbers. 2.1 is read by every OpenColorIO since August 2021."""
 NEW_NAMES = 5
-"""The minor version from which configs hold interoperability IDs, negative values mirrored, and rules of views."""
+"""The minor version from which configs can hold interoperability IDs, mirrored negative values, and viewing rules."""
 
 LUT_FOLDER = "luts"
 LUT_SUFFIXES = {
     *(".3dl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".itx", ".lut", ".mga", ".m3d", ".spi1d", ".spi3d"),
     *(".cc", ".ccc", ".cdl", ".icc", ".icm", ".look", ".spimtx", ".vf"),
 }
-"""Files that OpenColorIO reads, and so what belongs to a config."""
+"""Suffixes of the files that belong to a config: those that OpenColorIO reads."""
 REFERENCE = "ACES2065-1"
 DISPLAY = "sRGB - Display"
 WORKING = "ACEScg"
@@ -39,10 +39,10 @@ LINEAR_REC709 = "Linear Rec.709 (sRGB)"
 DISPLAY_REFERENCE = "CIE XYZ-D65 - Display-referred"
 UN_TONE_MAPPED = "Un-tone-mapped"
 SCENE_RULE = "scene-referred"
-"""The rule of views for linear and logarithmic scenes, and not for finished pictures."""
+"""The viewing rule for views of linear and logarithmic scenes, which finished pictures do not get."""
 
 FILE_KINDS = {"exr": WORKING, "jpg": TEXTURE, "jpeg": TEXTURE, "png": TEXTURE}
-"""The colour spaces of files by their suffixes, where their names say nothing."""
+"""The colour spaces of files by their suffixes, where their names do not contain one."""
 
 BLENDER_NAMES = {
     REFERENCE: ("Linear ACES",),
@@ -51,11 +51,11 @@ BLENDER_NAMES = {
     TEXTURE: ("sRGB",),
     DATA: ("Non-Color", "Non-Colour Data", "Generic Data"),
 }
-"""What Blender's own config calls these spaces: .blend files name the spaces of their textures so."""
+"""The names of these spaces in Blender's config, by which .blend files refer to them."""
 BLENDER_ROLES = {"default_byte": TEXTURE, "default_float": LINEAR_REC709, "default_sequencer": TEXTURE}
 
 STUDIO = "ocio://studio-config-v5.0.0_aces-v2.1_ocio-v2.6"
-"""OpenColorIO's own config, from which the spaces of scenes and displays are."""
+"""OpenColorIO's built-in config, from which the spaces of scenes and displays are copied."""
 SCENE_SPACES = (REFERENCE, WORKING, "ACEScct", LINEAR_REC709, TEXTURE, DATA)
 DISPLAYS = (DISPLAY, "Display P3 - Display", "Gamma 2.6 P3-D65 - Display", "Rec.1886 Rec.709 - Display")
 
@@ -68,7 +68,7 @@ def minor_version(text: str) -> int:
 
 
 def base_config(minor: int = PROFILE_VERSIONS[OLDEST]) -> OCIO.Config:
-    """Reference spaces, roles, displays, rules for files without names: what is there before any camera."""
+    """The config before any camera is added: reference spaces, roles, displays, and rules for files."""
     config = OCIO.Config()
     config.setVersion(2, minor)
     config.setName("lutforge")
@@ -100,10 +100,10 @@ def base_config(minor: int = PROFILE_VERSIONS[OLDEST]) -> OCIO.Config:
 
 
 def add_file_rules(config: OCIO.Config, camera_spaces: Iterable[str]) -> None:
-    """Set the rules that give files a colour space: by its name within their path, then by their suffix.
+    """Set the rules that give files a colour space: by the space's name in their path, else by their suffix.
 
-    Names count as whole words. OpenColorIO's own search for names takes any part of a path: "raw/a.jpg" would be data.
-    Files without a rule pass as they are.
+    Only whole words of a path count. OpenColorIO's own search would match any part of it, so that "raw/a.jpg" would be
+    data. Files that match no rule are data.
     """
     words = {name: [name, file_stem(name)] for name in camera_spaces}
     for name in SCENE_SPACES:
@@ -111,7 +111,7 @@ def add_file_rules(config: OCIO.Config, camera_spaces: Iterable[str]) -> None:
             aliases = config.getColorSpace(name).getAliases()
             words[name] = [name, name.lower(), *(alias for alias in aliases if "_" in alias and ":" not in alias)]
     rules = OCIO.FileRules()
-    for index, name in enumerate(sorted(words, key=len, reverse=True)):  # the longest name that is there
+    for index, name in enumerate(sorted(words, key=len, reverse=True)):  # of several names the longest counts
         either = "|".join(re.sub(r"([.()])", r"\\\1", word) for word in dict.fromkeys(words[name]))
         rules.insertRule(index, name, name, f"(.*[^A-Za-z0-9])?({either})([^A-Za-z0-9].*)?")
     for kind, space in FILE_KINDS.items():
@@ -129,11 +129,11 @@ def _in_oldest_version(space: OCIO.ColorSpace) -> OCIO.ColorSpace:
     if isinstance(built_in, OCIO.BuiltinTransform):
         clamping = built_in.getStyle().removesuffix(" - MIRROR NEGS")
         if clamping != built_in.getStyle():
-            shown = OCIO.BuiltinTransform(clamping)
+            transform = OCIO.BuiltinTransform(clamping)
             space.setDescription(space.getDescription().removesuffix(", mirror neg. values"))
-        else:  # Display P3, which profiles have by name from 2.3 on, is written out
-            shown = OCIO.Config.CreateRaw().getProcessor(built_in).createGroupTransform()
-        space.setTransform(shown, OCIO.COLORSPACE_DIR_FROM_REFERENCE)
+        else:  # Display P3, which configs can name from version 2.3 on, becomes its operations
+            transform = OCIO.Config.CreateRaw().getProcessor(built_in).createGroupTransform()
+        space.setTransform(transform, OCIO.COLORSPACE_DIR_FROM_REFERENCE)
     return space
 
 
@@ -143,29 +143,30 @@ def file_transform(name: str) -> OCIO.FileTransform:
 
 
 def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> None:
-    """The camera's RAW before white balance, and after each. groups: equality groups, by what decides them."""
+    """Add the camera's RAW before white balance, and after each. groups: equality groups, by what decides them."""
     for balance in (None, *camera.profile.white_balances):
-        name, matrix = camera.raw(balance), camera.to_reference(balance)
+        name = camera.raw(balance)
+        matrix = camera.to_reference(balance)
         of_jpegs = isinstance(camera.profile.provenance, ReferenceRaw | ResponseOnly)
         kind = "values of the JPEGs" if of_jpegs else "RAW"
-        what = f"Linear {kind} of the {camera.profile.camera}, black 0, saturation 1, "
+        description = f"Linear {kind} of the {camera.profile.camera}, black 0, saturation 1, "
         if balance is None:
-            what += f"before white balance. Neutral in the reference under {camera.own}"
+            description += f"before white balance. Neutral in the reference under {camera.reference_balance}"
         else:
             setting = camera.profile.white_balances[balance]
             kelvin = f", about {setting.kelvin:.0f} K" if setting.kelvin is not None else ""
             r, g, b = setting.multipliers
-            what += f"after white balance {balance}{kelvin}: multipliers {r:.4f}, {g:.4f}, {b:.4f}"
+            description += f"after white balance {balance}{kelvin}: multipliers {r:.4f}, {g:.4f}, {b:.4f}"
         group = groups.setdefault(matrix.tobytes(), file_stem(name))
-        way = matrix_transform(matrix)
-        _add(config, name, camera.family, what, "scene-linear", equalityGroup=group, toReference=way)
+        transform = matrix_transform(matrix)
+        _add(config, name, camera.family, description, "scene-linear", equalityGroup=group, toReference=transform)
 
 
-def _add(config: OCIO.Config, name: str, family: str, what: str, encoding: str, **more: object) -> None:
-    """Add a colour space of files."""
+def _add(config: OCIO.Config, name: str, family: str, description: str, encoding: str, **properties: object) -> None:
+    """Add a colour space of files. properties: of OpenColorIO's ColorSpace, by their names."""
     space = OCIO.ColorSpace(
         name=name, aliases=[file_stem(name)], family=family, encoding=encoding, categories=["file-io", "texture"],
-        description=what, bitDepth=OCIO.BIT_DEPTH_F32, **more,
+        description=description, bitDepth=OCIO.BIT_DEPTH_F32, **properties,
     )  # fmt: skip
     config.addColorSpace(space)
 
@@ -182,36 +183,38 @@ def reference_to_jpeg(rendering: Rendering, balance: str) -> OCIO.GroupTransform
     return OCIO.GroupTransform([matrix_transform(to_raw), file_transform(rendering.file("render"))])
 
 
-HELD_OUT = ("render_mean", "render_max", "render_de00_mean", "linearize_mean", "linearize_max")
-"""The errors of a style that a colour space's description tells."""
+DESCRIBED_ERRORS = ("render_mean", "render_max", "render_de00_mean", "linearize_mean", "linearize_max")
+"""The held-out errors of a style that the description of a colour space states."""
 
 
 def add_jpegs(config: OCIO.Config, rendering: Rendering, groups: dict[object, str], errors: Sequence[str]) -> None:
-    """The JPEGs of a rendering by white balance. errors: of its LUTs."""
-    camera, style = rendering.camera, rendering.camera.profile.styles[rendering.style]
-    named = {name.replace("de00_mean", "mean_CIEDE2000").replace("_", " "): name for name in HELD_OUT}
+    """Add the JPEGs of a rendering under each white balance. errors: lines on the errors of its LUTs."""
+    camera = rendering.camera
+    style = camera.profile.styles[rendering.style]
+    named = {name.replace("de00_mean", "mean_CIEDE2000").replace("_", " "): name for name in DESCRIBED_ERRORS}
     held_out = "; ".join(f"{words} {style.errors[name]:.3g}" for words, name in named.items() if name in style.errors)
     for balance in rendering.white_balances:
         name = camera.jpeg(rendering.style, balance)
-        what = f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}"
-        what = "\n".join((what, f"held-out error of the profile: {held_out or 'not measured'}", *errors))
+        setting = f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}"
+        description = "\n".join((setting, f"held-out error of the profile: {held_out or 'not measured'}", *errors))
         group = groups.setdefault((rendering.stem, camera.to_reference(balance).tobytes()), file_stem(name))
-        ways = {}
+        transforms = {}
         if rendering.linearize is not None:
-            ways["toReference"] = jpeg_to_reference(rendering, balance)
+            transforms["toReference"] = jpeg_to_reference(rendering, balance)
         if rendering.render is not None:
-            ways["fromReference"] = reference_to_jpeg(rendering, balance)
-        _add(config, name, camera.family, what, "sdr-video", equalityGroup=group, **ways)
+            transforms["fromReference"] = reference_to_jpeg(rendering, balance)
+        _add(config, name, camera.family, description, "sdr-video", equalityGroup=group, **transforms)
 
 
 def _default_balances(renderings: Sequence[Rendering]) -> dict[tuple[str, str], str]:
-    """Per camera name and style the white balance of its view: the camera's own, or the first that it has."""
-    found: dict[tuple[str, str], str] = {}
+    """The white balance of the view, by camera name and style: that of the reference, or else the first."""
+    balances: dict[tuple[str, str], str] = {}
     for rendering in renderings:
-        key, own = (rendering.camera.name, rendering.style), rendering.camera.own
-        if own in rendering.white_balances or key not in found:
-            found[key] = own if own in rendering.white_balances else rendering.white_balances[0]
-    return found
+        key = (rendering.camera.name, rendering.style)
+        reference = rendering.camera.reference_balance
+        if reference in rendering.white_balances or key not in balances:
+            balances[key] = reference if reference in rendering.white_balances else rendering.white_balances[0]
+    return balances
 
 
 @dataclass(frozen=True)
@@ -223,9 +226,10 @@ class View:
 
 
 def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: UniqueNames) -> tuple[View, ...]:
-    """A view transform and a shared view for each style of each camera. views: names taken."""
-    # The camera's JPEG is sRGB: it is taken to CIE XYZ, and from there to each display by OpenColorIO's own spaces.
-    added, defaults = [], _default_balances(renderings)
+    """Add a view transform and a shared view for each style of each camera. views: names taken."""
+    # The camera's JPEG is sRGB: it is converted to CIE XYZ, and from there to each display by OpenColorIO's spaces.
+    added = []
+    defaults = _default_balances(renderings)
     rule = SCENE_RULE if config.getViewingRules().getNumEntries() else ""
     for rendering in renderings:
         camera, style = rendering.camera, rendering.style
@@ -238,9 +242,9 @@ def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: Uniqu
         if rendering.linearize is not None:
             back = OCIO.GroupTransform([_srgb(OCIO.TRANSFORM_DIR_FORWARD), jpeg_to_reference(rendering, balance)])
             properties["toReference"] = back
-        what = f"As the {camera.profile.camera} renders: picture style {style}, white balance {balance}"
+        description = f"As the {camera.profile.camera} renders: picture style {style}, white balance {balance}"
         view = OCIO.ViewTransform(
-            referenceSpace=OCIO.REFERENCE_SPACE_SCENE, name=name, family=camera.family, description=what,
+            referenceSpace=OCIO.REFERENCE_SPACE_SCENE, name=name, family=camera.family, description=description,
             fromReference=to_display, **properties,
         )  # fmt: skip
         config.addViewTransform(view)
@@ -250,7 +254,7 @@ def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: Uniqu
 
 
 def arrange_views(config: OCIO.Config, views: Sequence[str]) -> None:
-    """Offer the views on each display in this order, then the one without a tone scale, and the values as such."""
+    """Offer the views on each display in this order, then the view without a tone scale, and that of data."""
     for display in DISPLAYS:
         for view in (*views, UN_TONE_MAPPED):
             config.addDisplaySharedView(display, view)
@@ -261,47 +265,53 @@ def arrange_views(config: OCIO.Config, views: Sequence[str]) -> None:
 
 
 def _srgb(direction: OCIO.TransformDirection) -> OCIO.BuiltinTransform:
+    """CIE XYZ → encoded sRGB, or its inverse."""
     return OCIO.BuiltinTransform("DISPLAY - CIE-XYZ-D65_to_sRGB", direction)
 
 
 def add_looks(config: OCIO.Config, camera: Camera, renderings: Sequence[Rendering], looks: UniqueNames) -> None:
-    """Add the looks of a camera with these renderings: another white balance, or another style. looks: names taken.
+    """Add the looks of a camera with these renderings: to another white balance, or another style. looks: names taken.
 
     A look changes colours of its process space into colours of that same space, so that programs can apply it between
     any two spaces. With source and target the JPEG space that a photograph was taken in, the result is the JPEG that
-    the camera would have made with the other setting. Every look has its way back.
+    the camera would have made with the other setting. Every look has an inverse.
     """
 
-    def add(name: str, space: str, transform: OCIO.Transform, back: OCIO.Transform | None, what: str) -> None:
+    def add(name: str, space: str, transform: OCIO.Transform, back: OCIO.Transform | None, description: str) -> None:
         inverse = {} if back is None else {"inverseTransform": back}
-        look = OCIO.Look(name=looks(name), processSpace=space, transform=transform, description=what, **inverse)
+        look = OCIO.Look(name=looks(name), processSpace=space, transform=transform, description=description, **inverse)
         config.addLook(look)
 
-    names, styles = camera.balances, camera.styles
-    # For photographs, as `apply` refinishes. Colour space conversions pass the linear values of the scene alone, which
-    # do not tell burnt-out white under one white balance from a coloured highlight under another; these know both.
+    names = camera.balances
+    styles = camera.styles
+
+    # White balances of photographs, refinished as by `apply`. A conversion between two colour spaces knows only the
+    # linear values of the scene, which can be the same for burnt-out white under one white balance and for a coloured
+    # highlight under another. These looks know both white balances, and keep white neutral.
     for rendering in renderings:
         render = rendering.file("render")
         refinishes = {(source, target) for source, target, _ in rendering.refinishes()}
         for source, target in camera.look_pairs:
             if (source, target) not in refinishes:
                 continue
-            there, back = (
+            forward, back = (
                 OCIO.GroupTransform([file_transform(file) for file in (rendering.file("calibrated"), step, render)])
                 for step in (rendering.balance_file(source, target), rendering.balance_file(target, source))
             )
             style = styles[rendering.style]
             name = space_name(camera.name, JPEG, style, f"{names[source]} → {names[target]}")
-            what = f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}"
-            add(name, camera.jpeg(rendering.style, source), there, back, what)
-    # Between the standard style and each other.
+            description = f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}"
+            add(name, camera.jpeg(rendering.style, source), forward, back, description)
+
+    # From the standard style to each of the others, and back.
     for source, target, balance in _style_pairs(camera, renderings):
-        before, after = camera.jpeg(source, balance), camera.jpeg(target, balance)
-        there, back = OCIO.ColorSpaceTransform(before, after), OCIO.ColorSpaceTransform(after, before)
+        before = camera.jpeg(source, balance)
+        after = camera.jpeg(target, balance)
         name = space_name(before, "→", styles[target], names[balance])
-        what = f"A JPEG in picture style {target} instead of {source}, white balance {balance}"
-        add(name, before, there, back, what)
-    # In RAW: exact, for any linear values, such as those of a rendered scene, and the same for all styles.
+        description = f"A JPEG in picture style {target} instead of {source}, white balance {balance}"
+        add(name, before, OCIO.ColorSpaceTransform(before, after), OCIO.ColorSpaceTransform(after, before), description)
+
+    # White balances in RAW: exact for any linear values, such as those of a rendered scene, and common to all styles.
     for source, target in camera.look_pairs:
         ratio = matrix_transform(np.diag(camera.gain(target) / camera.gain(source)))
         name = space_name(camera.name, "scene", f"{names[source]} → {names[target]}")
@@ -309,10 +319,10 @@ def add_looks(config: OCIO.Config, camera: Camera, renderings: Sequence[Renderin
 
 
 def _style_pairs(camera: Camera, renderings: Sequence[Rendering]) -> Iterator[tuple[str, str, str]]:
-    """The styles (from, to) that looks change, with the white balance: the standard style and each other, both ways."""
-    whole = [part for part in renderings if part.render is not None and part.linearize is not None]
-    balance = camera.look_pairs[0][1] if camera.look_pairs else camera.own
-    styles = list(dict.fromkeys(part.style for part in whole if balance in part.white_balances))
+    """The styles (from, to) that looks change, with the white balance: the standard style to all others, and back."""
+    both_ways = [part for part in renderings if part.render is not None and part.linearize is not None]
+    balance = camera.look_pairs[0][1] if camera.look_pairs else camera.reference_balance
+    styles = list(dict.fromkeys(part.style for part in both_ways if balance in part.white_balances))
     if not styles:
         return
     hub = "standard" if "standard" in styles else styles[0]

@@ -1,4 +1,4 @@
-"""The journey of the data as use cases, one file per step: each reads, does its work, and returns a record.
+"""The use cases, one file for each step on the way of the data: each reads, does its work, and returns a record.
 
 shots → samples → calibration → camera profile → transform → baked LUT → OpenColorIO config → graded images
 

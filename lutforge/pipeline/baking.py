@@ -31,18 +31,19 @@ from lutforge.model.provenance import Pictures
 from lutforge.model.transform import Purpose, Transform
 from lutforge.pipeline.outputs import Paths, check_output, one_of, several
 from lutforge.pipeline.transforms import TransformRequest, choose_transform
-from lutforge.progress import Progress, silent, telling_of_compilation
+from lutforge.progress import Progress, silent, with_compilation
 from lutforge.settings import StyleName
 
 ICC_PROFILES = (".icc", ".icm")
 CAMERA_PROFILES = (*ICC_PROFILES, ".dcp")
 
 BALANCED = "input: camera RAW behind its white balance, which the RAW developer sets: one profile for all of a style"
+"""The note on a camera profile: its input."""
 
 
 @dataclass(frozen=True)
 class BakedFile:
-    """A file that was written. summary: what it holds; error: of its colours, against the model."""
+    """A file that was written. summary: its operations; error: of its colours, against the model."""
 
     path: Path
     summary: str
@@ -54,7 +55,7 @@ class BakedFile:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BakedLut(Lut):
-    """A LUT with what baking it showed: the files that were written, the most exact first, and notes."""
+    """A LUT, with the files that were written, the most exact first, and notes."""
 
     files: tuple[BakedFile, ...] = ()
     notes: tuple[str, ...] = ()
@@ -78,8 +79,8 @@ def bake_files(
 ) -> tuple[tuple[BakedFile, ...], tuple[str, ...]]:
     """Bake a transform of a profile to LUT files as `bake` does, and to ICC and DNG camera profiles.
 
-    Returned are the files, the most exact first, and what the user should know of them. colours: of an ICC profile, the
-    look without its tone curve, scene-linear. Raises ProfileError, and what `bake` does.
+    Returned are the files, the most exact first, and notes for the user. colours: an ICC profile gets the look without
+    its tone curve, scene-linear. Raises ProfileError, and the errors of `bake`.
     """
     inputs = [path for path in (profile, request.look, request.transfer) if isinstance(path, str | Path)]
     paths = [check_output(path, inputs=inputs) for path in outputs]
@@ -103,7 +104,7 @@ def bake_files(
         return tuple(_bake_camera_profile(camera, request, path, colours) for path in profiles), (BALANCED,)
 
     if isinstance(profile, str | Path):
-        _require_fed(program, transform.purpose, str(profile))
+        _require_raw_input(program, transform.purpose, str(profile))
     baked = bake(
         transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation,
         clf_version=clf_version, progress=progress,
@@ -125,7 +126,7 @@ def _require_camera_profile(path: Path, camera: CameraProfile, purpose: Purpose,
 
 
 def _bake_camera_profile(camera: CameraProfile, request: TransformRequest, path: Path, colours: bool) -> BakedFile:
-    """Write a camera profile of a look, read it back, and compare it with the model behind white balance."""
+    """Write a camera profile of a look, read it back, and compare it with the model after white balance."""
     look = look_of(camera, request.target or "")
     if path.suffix.lower() == ".dcp":
         write_dcp(fit_dng_profile(look), path)
@@ -154,26 +155,26 @@ def bake(
 
     Args:
         transform: one of a profile, such as `profile.refinish(…)`, or any function of colours (…, 3) → (…, 3).
-        outputs: files to write; their suffixes pick the formats. Without, the LUT is in memory alone.
-        program: the one that will read the files, which names them where there are no outputs, such as "resolve".
-        size: nodes per axis; without, 33 or what suits the file. A lattice of a profile keeps its own.
+        outputs: files to write; their suffixes pick the formats. Without outputs the LUT is in memory only.
+        program: the one that will read the files, such as "resolve"; it names them where there are no outputs.
+        size: nodes per axis; None: 33, or as the file's format prefers. A lattice of a profile keeps its own size.
         form: of a LUT in memory: "full" has curves and matrices around its cube (.clf, .ctf), "shaper" one curve per
-            channel in front of it (.resolve.cube, .csp, .spi1d), "plain" is an evenly spaced cube alone (.cube).
-        tolerance: instead of a size, the ΔE00 that 99 % of colours keep within; the smallest size that does is taken.
-        interpolation: how the reader interpolates, "trilinear" or "tetrahedral".
-        title: of the files, if not the transform's own.
-        highest: inputs of a function reach from 0 to this, for scene-linear light.
+            channel before it (.resolve.cube, .csp, .spi1d), "plain" is an evenly spaced cube alone (.cube).
+        tolerance: in place of a size, the largest ΔE00 of 99 % of the colours; the smallest size that meets it is used.
+        interpolation: of the reader, "trilinear" or "tetrahedral".
+        title: of the files, in place of the transform's own.
+        highest: of the inputs of a function, which begin at 0; above 1 for scene-linear values.
         clf_version: "3" writes .clf files in the namespace of the Academy's version 3.0, for readers that do not know
             SMPTE's.
-        progress: called with what is being done, and the share that is done.
+        progress: called with the name of the present step, and the share that is done.
 
     Returns:
         The LUT of the most exact file: `lut(pixels)` evaluates it, `lut.write(path)` writes it where a format can hold
-        it, `lut.files` has the errors of the files, and `lut.notes` what to know of them.
+        it, `lut.files` has the errors of the files, and `lut.notes` notes on them.
 
     Raises:
-        LutError: the form, size, tolerance or format cannot be had, or the transform is none.
-        SettingsError: an option is unknown, or the program feeds no LUT with camera RAW.
+        LutError: the form, size, tolerance or format is not possible, or the transform is none.
+        SettingsError: an option is unknown, or the program does not apply LUTs to camera RAW.
         LutForgeError: nothing can be written there. All of these are raised before the work.
     """
     plan = _plan(
@@ -187,7 +188,7 @@ def bake(
 
 @dataclass(frozen=True)
 class _Task:
-    """One LUT of a plan: its form, and the file that it is written to, or none of a LUT in memory.
+    """One LUT of a plan: its form, and the file that it is written to, or None for a LUT in memory.
 
     in_steps: a cube for each step of the transform, so that lattices of a profile stay exact.
     """
@@ -199,10 +200,10 @@ class _Task:
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """What is to be baked, and what its files state.
+    """The LUTs to bake, and the metadata of their files.
 
-    ends: input and output, where they are known; scenes: inputs are scene-linear; program: the one that reads the files
-    and its name, or none.
+    ends: input and output, where they are known; scenes: inputs are scene-linear; program: the name of the program that
+    reads the files, or None.
     """
 
     transform: ColourFunction
@@ -237,7 +238,7 @@ def _plan(
     highest: float,
     clf_version: str | None,
 ) -> _Plan:
-    """What `bake` is to do. Raises what it raises before the work."""
+    """The plan of `bake`. Raises the errors that `bake` raises before the work."""
     method = None if interpolation is None else one_of("interpolation", interpolation, INTERPOLATIONS)
     reader = None if program is None else program_named(program)
     if reader is not None:
@@ -247,15 +248,15 @@ def _plan(
     purpose = transform.purpose if isinstance(transform, Transform) else Purpose()
     if tolerance is not None and purpose.kind == "linearize":
         raise LutError("a ΔE00 tolerance has no meaning for scene-linear output; give a size (33 or 65) instead")
-    _require_fed(program, purpose)
+    _require_raw_input(program, purpose)
 
     title = title or purpose.title
     named, notes = _files([check_output(path) for path in several(outputs)], program, title)
     scenes = takes_scenes(transform) or highest != 1
-    if purpose.kind:  # of camera RAW, a matrix that comes first is that of a reference camera
+    if purpose.kind:  # in a profile's render from RAW, a first matrix is that of a reference camera
         scenes = purpose.kind == "render" and purpose.space != "raw" and rgb_space(purpose.space).is_linear
 
-    # A cube for each step where nothing else is given.
+    # One cube for each step, unless an option requires a single one.
     exact = purpose.kind in ("refinish", "match") and not any((program, size, tolerance, method))
     tasks = [
         _Task(target_of(path, name, size, method, scenes), path, exact and path.suffix.lower() in PROCESS_LISTS)
@@ -278,21 +279,21 @@ def _plan(
     )
 
 
-def _require_fed(program: str | None, purpose: Purpose, profile: str = "camera.npz") -> None:
-    """Raise SettingsError where a program feeds no LUT with camera RAW. profile: the file that a kit is made of."""
+def _require_raw_input(program: str | None, purpose: Purpose, profile: str = "camera.npz") -> None:
+    """Raise SettingsError for a LUT of camera RAW where the program applies none to it. profile: file for a kit."""
     if program is not None and purpose.kind == "render" and program_named(program).develops:
-        helps = f"make a kit for it, lutforge kit {profile} --to {purpose.target} --for {program.lower()} -o kit"
-        raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
+        advice = f"make a kit for it, lutforge kit {profile} --to {purpose.target} --for {program.lower()} -o kit"
+        raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {advice}")
 
 
 def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict[Path, str | None], list[str]]:
-    """Files to write, each once, and the program of each; without names, those that suit the program; and notes."""
+    """The files to write, each once, with the program of each; without paths, those for the program; and notes."""
     named = {} if paths or program is None else files_for(program, title)
     for path in named:
         check_output(path)
     notes = []
     for path in paths:
-        if path.resolve() in {known.resolve() for known in named}:
+        if path.resolve() in {file.resolve() for file in named}:
             notes.append(f"{path}: named twice, written once")
             continue
         named[path] = program
@@ -300,7 +301,7 @@ def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict
 
 
 def _ends(purpose: Purpose) -> InputAndOutput | None:
-    """Input and output of a transform of a profile; none of any other function."""
+    """The input and output of a transform of a profile; None for any other function."""
     if not purpose.kind:
         return None
     is_adobe_rgb = StyleName.parse(purpose.source.partition("/")[0]).colour_space == "adobe rgb"
@@ -308,14 +309,14 @@ def _ends(purpose: Purpose) -> InputAndOutput | None:
 
 
 def _comments(purpose: Purpose, ends: InputAndOutput | None, reader: Program | None, title: str) -> tuple[str, ...]:
-    """What the files state of themselves."""
+    """The comments of the files."""
     place = "" if reader is None else reader.use
     settings = [f"camera and settings: {title}"] if purpose.kind else []
     return description(ends, place, [*settings, *purpose.comments])
 
 
 def _clf_metadata(version: str | None, paths: Iterable[Path]) -> dict[str, str]:
-    """What a LUT holds so that it is written in a version of CLF. Raises SettingsError on an unknown one."""
+    """The metadata of a LUT that select a version of CLF. Raises SettingsError on an unknown version."""
     if version is None:
         return {}
     if str(version) not in ("3", "3.0"):
@@ -327,18 +328,18 @@ def _clf_metadata(version: str | None, paths: Iterable[Path]) -> dict[str, str]:
 
 def _fitted(plan: _Plan, task: _Task, progress: Progress) -> Lut:
     """The LUT of one task."""
-    with telling_of_compilation(progress) as telling:
+    with with_compilation(progress) as reporting:
         if task.in_steps and isinstance(plan.transform, Transform):
             lut = bake_steps(plan.transform, title=plan.title, comments=plan.comments)
         elif plan.tolerance is not None:
             lut = bake_within(
                 plan.transform, task.target, plan.tolerance, title=plan.title, comments=plan.comments,
-                highest=plan.highest, progress=telling,
+                highest=plan.highest, progress=reporting,
             )  # fmt: skip
         else:
             lut = bake_to(
                 plan.transform, task.target, title=plan.title, comments=plan.comments, highest=plan.highest,
-                progress=telling,
+                progress=reporting,
             )  # fmt: skip
     return replace(lut, metadata={**lut.metadata, **plan.metadata})
 
@@ -365,12 +366,12 @@ def _baked(plan: _Plan, luts: Sequence[Lut], files: Sequence[tuple[BakedFile, Lu
 
 
 def _notes_on(plan: _Plan, files: Sequence[BakedFile]) -> list[str]:
-    """What users should know of files: what these cannot hold, what they take, and how to load them."""
+    """Notes for the user on the files: what they cannot hold, what their input is, and how to load them."""
     notes = []
     for file in files:
         if plan.purpose.kind == "linearize" and format_of(file.path).bits is not None:
-            lost = "whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
-            notes.append(f"{file.path}: {lost}")
+            loss = "whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
+            notes.append(f"{file.path}: {loss}")
         notes += _notes_on_difference(plan.purpose, file)
     if files and plan.ends is not None and plan.purpose.kind in ("render", "linearize"):
         notes.append("; ".join(plan.ends.comments))
@@ -382,7 +383,7 @@ def _notes_on(plan: _Plan, files: Sequence[BakedFile]) -> list[str]:
 
 
 def _notes_on_difference(purpose: Purpose, file: BakedFile) -> list[str]:
-    """Return a note on the scene-linear input at which a file is visibly off, above ΔE00 1; none where it is not."""
+    """Return a note on the scene-linear input with the largest error of a file, where that is visible, above ΔE00 1."""
     error = file.error
     if purpose.kind != "render" or purpose.space == "raw" or error.max_de00 is None or error.max_de00 <= 1:
         return []

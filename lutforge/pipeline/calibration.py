@@ -17,8 +17,9 @@ from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import Pictures
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.pipeline.outputs import Paths, check_output
-from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples, provenance_of
-from lutforge.progress import Progress, part, silent, telling_of_compilation
+from lutforge.pipeline.provenance import provenance_of
+from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples
+from lutforge.progress import Progress, part, silent, with_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.thesis.calibrate import calibrate as fit_thesis_profile
 from lutforge.thesis.calibrate import calibrate_base as fit_thesis_base
@@ -39,8 +40,8 @@ def calibrate(
             JPEG values are encoded, both in [0, 1].
         options: CalibrationOptions, such as the size of the lattices; or lutforge.thesis.options.ThesisOptions, for
             the thesis's method as it was published.
-        progress: called with what is being done, and the share that is done.
-        given: a profile whose responses, matrix and white balances are taken as they are.
+        progress: called with the name of the present step, and the share that is done.
+        given: a profile whose responses, matrix and white balances are used in place of fitted ones.
 
     Returns:
         The profile, with its notes and held-out errors; `profile.save(path)` writes it.
@@ -54,29 +55,29 @@ def calibrate(
     options = options or CalibrationOptions()
     samples = with_setting_names(as_samples(samples))
     provenance = provenance_of(samples)
-    with telling_of_compilation(progress) as telling:
+    with with_compilation(progress) as reporting:
         base = None if given is None else as_profile(given)
-        within = part(telling, 0.0, 0.5)
+        first_half = part(reporting, 0.0, 0.5)
         if isinstance(options, ThesisOptions):
-            fitted, data = fit_thesis_profile(samples, options, within, base)
+            fitted, data = fit_thesis_profile(samples, options, first_half, base)
         else:
-            fitted, data = fit_profile(samples, options, within, base)
-        profile = measured(fitted, data, options, part(telling, 0.5, 1.0))
+            fitted, data = fit_profile(samples, options, first_half, base)
+        profile = measured(fitted, data, options, part(reporting, 0.5, 1.0))
     if not isinstance(provenance, Pictures):
         return profile
-    # The space of pictures and of a chart's colours is known exactly.
+    # The matrix of pictures, and of a chart's colours, is known exactly: that of their colour space.
     return replace(profile, matrix=matrix_between(provenance.space, "linear-srgb"), provenance=provenance)
 
 
 def calibrate_base(
     samples: SampleSet | Paths, options: Options | None = None, progress: Progress = silent
 ) -> CameraProfile:
-    """Fit responses, matrices and white balances alone, for `calibrate` to build on; the gamut maps change nothing."""
+    """Fit responses, matrices and white balances only, as `given` of `calibrate`; the gamut maps are the identity."""
     samples = with_setting_names(as_samples(samples))
-    with telling_of_compilation(progress) as telling:
+    with with_compilation(progress) as reporting:
         if isinstance(options, ThesisOptions):
-            return fit_thesis_base(samples, options, telling)
-        return fit_base(samples, options, telling)
+            return fit_thesis_base(samples, options, reporting)
+        return fit_base(samples, options, reporting)
 
 
 def write_transfer(
@@ -84,26 +85,29 @@ def write_transfer(
     target: Path,
     output: Path,
     progress: Progress = silent,
-    tell: Callable[[SampledShots], None] = lambda sampled: None,
+    report_shots: Callable[[SampledShots], None] = lambda sampled: None,
 ) -> tuple[int, RawTransfer]:
-    """Fit the transfer from the RAW of one camera to another's, and write it (.json).
+    """Fit the transfer from the RAW of one camera to that of another, and write it (.json).
 
-    source, target: samples, RAW files or folders of one camera each. Returned are the number of colours that both saw,
-    and the transfer. Raises SampleError, CalibrationError.
+    source, target: samples, RAW files or folders of one camera each. report_shots: called with those of each camera.
+    Returned are the number of colours that both cameras photographed, and the transfer. Raises SampleError,
+    CalibrationError.
     """
     check_output(output, (".json",), (source, target))
-    both, names = [], []
+    sample_sets = []
+    names = []
     for path, share in ((source, 0.0), (target, 0.5)):
         sampled = gather_samples(path, part(progress, share, share + 0.5))
-        tell(sampled)
+        report_shots(sampled)
         cameras = sorted(set(sampled.samples.camera.tolist()))
         if len(cameras) != 1:
             raise SampleError(f"{path}: samples of several cameras; give those of one")
-        both.append(sampled.samples)
+        sample_sets.append(sampled.samples)
         names.append(str(cameras[0]))
-    x, y, neutral = pair_samples(*both)
+
+    x, y, neutral = pair_samples(*sample_sets)
     fitted = fit_raw_transfer(names[0], names[1], x, y, neutral)
-    if fitted.error is not None and fitted.error > 0.3:  # then the two cameras did not see the same colours
+    if fitted.error is not None and fitted.error > 0.3:  # a larger error than that of any pair of cameras
         raise CalibrationError(
             f"{len(x)} colours that should be common differ by {fitted.error:.0%} after the best transfer: the "
             "shots are not of the same scenes; photograph the same charts with both cameras"

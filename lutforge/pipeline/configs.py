@@ -18,12 +18,12 @@ from lutforge.ocio.config import write_config as write
 from lutforge.ocio.merging import open_base
 from lutforge.ocio.spaces import OLDEST
 from lutforge.pipeline.outputs import check_output
-from lutforge.progress import Progress, silent, telling_of_compilation
+from lutforge.progress import Progress, silent, with_compilation
 
 
 @dataclass(frozen=True)
 class WrittenConfig:
-    """A config that was written. spaces: the cameras' colour spaces; notes: faults that the base had before."""
+    """A config that was written. spaces: the cameras' colour spaces; notes: on faults that the base had already."""
 
     path: Path
     config: OCIO.Config
@@ -50,10 +50,10 @@ def write_config(
         profiles: profiles, or the paths of their files.
         output: a new folder, or an archive (.ocioz).
         merge: a config to add the cameras to: a file, or the name of a built-in one.
-        replace: the config that the folder holds.
+        replace: overwrite the config that the folder holds.
         looks: white balances; looks change all others to the first, and back. Without them: all to daylight.
-        profile_version: "2.1", or "2.5" with interoperability IDs and rules of views.
-        progress: called with what is being done, and the share that is done.
+        profile_version: "2.1", or "2.5" with interoperability IDs and viewing rules.
+        progress: called with the name of the present step, and the share that is done.
 
     Returns:
         The path, the cameras' colour spaces, views and looks, `config`, as OpenColorIO reads it, and notes.
@@ -64,24 +64,16 @@ def write_config(
         LutForgeError: nothing can be written there. All but the failed check is raised before the work.
     """
     output = Path(output)
-    archive = output.suffix.lower() == ARCHIVE_SUFFIX
-    several = profiles if isinstance(profiles, list | tuple) else ()
-    inputs = [entry for entry in (*several, merge) if isinstance(entry, str | Path)]
-    check_output(output if archive else output / CONFIG_NAME, inputs=inputs)
-    loaded = as_profiles(profiles)
-    for profile in loaded:
-        if isinstance(profile.provenance, Developed):
-            raise ConfigError(
-                f"{profile.camera}: the profile is of {profile.provenance}; a config needs one of RAW files, "
-                "lutforge calibrate SHOT… -o camera.npz"
-            )
-    with telling_of_compilation(progress) as telling:
-        # Before anything is written: the base may be in the same place.
+    loaded = _checked_profiles(profiles, output, merge)
+    with with_compilation(progress) as reporting:
+        # The base is checked before anything is written, since it may be replaced.
         with open_base(merge) as base:
             faults = {} if base is None else {problem.where: problem for problem in check_config(base.config)}
         path = write(
-            loaded, output, merge=merge, replace=replace, looks=looks, profile_version=profile_version, progress=telling
-        )
+            loaded, output, merge=merge, replace=replace, looks=looks, profile_version=profile_version,
+            progress=reporting,
+        )  # fmt: skip
+
     config = load_config(path)
     if problems := [problem for problem in check_config(config) if problem.where not in faults]:
         listed = "; ".join(map(str, problems))
@@ -95,3 +87,21 @@ def write_config(
         tuple(config.getLookNames()),
         tuple(f"{merge}: {problem}; it was so before, and stays" for problem in faults.values()),
     )
+
+
+def _checked_profiles(
+    profiles: Sequence[CameraProfile | str | Path], output: Path, merge: str | Path | None
+) -> list[CameraProfile]:
+    """The profiles, loaded. Raises LutForgeError where a config cannot be written of them, or to the output."""
+    paths = profiles if isinstance(profiles, list | tuple) else ()
+    inputs = [entry for entry in (*paths, merge) if isinstance(entry, str | Path)]
+    is_archive = output.suffix.lower() == ARCHIVE_SUFFIX
+    check_output(output if is_archive else output / CONFIG_NAME, inputs=inputs)
+    loaded = as_profiles(profiles)
+    for profile in loaded:
+        if isinstance(profile.provenance, Developed):
+            raise ConfigError(
+                f"{profile.camera}: the profile is of {profile.provenance}; a config needs one of RAW files, "
+                "lutforge calibrate SHOT… -o camera.npz"
+            )
+    return loaded

@@ -1,4 +1,4 @@
-"""Use case: a profile and samples → its errors, and what it makes of each sample."""
+"""Use case: a profile and samples → its errors, and its prediction of each sample."""
 
 from __future__ import annotations  # so that help() shows the names of types
 
@@ -17,8 +17,9 @@ from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import ReferenceRaw
 from lutforge.model.vignetting import vignetting_of
 from lutforge.pipeline.outputs import Paths
-from lutforge.pipeline.sampling import as_samples, gather_samples, require_same_provenance
-from lutforge.progress import Progress, silent, telling_of_compilation
+from lutforge.pipeline.provenance import require_same_provenance
+from lutforge.pipeline.sampling import as_samples, gather_samples
+from lutforge.progress import Progress, silent, with_compilation
 from lutforge.reports.tables import Table
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.settings import Multipliers, Selector
@@ -32,16 +33,16 @@ def evaluate(
     tables: bool = False,
     sizes: Sequence[int] = (13, 17, 24),
 ) -> Evaluation:
-    """Measure the errors of a profile on samples, beside plain baselines.
+    """Measure the errors of a profile on samples, and compare them with plain baselines.
 
-    A shot that the profile was calibrated from is left out and predicted by a refit without it; any other is predicted
-    by the profile as it is.
+    A shot that the profile was calibrated from is held out: it is predicted by a refit without it. Any other shot is
+    predicted by the profile itself.
 
     Args:
         profile: a profile, or the path of its file.
         samples: a SampleSet, or what `sample` takes.
-        progress: called with what is being done, and the share that is done.
-        tables: every method of the thesis's error tables, with times.
+        progress: called with the name of the present step, and the share that is done.
+        tables: measure every method of the thesis's error tables, with times.
         sizes: nodes per axis of the lattices of these tables.
 
     Returns:
@@ -54,8 +55,8 @@ def evaluate(
     camera = as_profile(profile)
     samples = as_samples(samples)
     require_same_provenance(camera, samples)
-    with telling_of_compilation(progress) as telling:
-        return evaluate_profile(camera, with_setting_names(samples), telling, tables=tables, sizes=sizes)
+    with with_compilation(progress) as reporting:
+        return evaluate_profile(camera, with_setting_names(samples), reporting, tables=tables, sizes=sizes)
 
 
 def inspect_scene(
@@ -63,8 +64,8 @@ def inspect_scene(
 ) -> tuple[Table, tuple[str, ...]]:
     """Compare three shots or more with a profile's rendering: vignetting, exposure, contrast, saturation.
 
-    shots: RAW files, folders, or sample tables. Deviations that chance explains are not told. Returned are a table
-    with a row a shot, and a line for each shot that was left out.
+    shots: RAW files, folders, or sample tables. Only significant deviations are reported. Returned are a table with a
+    row for each shot, and a line for each shot that was left out.
     """
     camera = as_profile(profile)
     gathered = gather_samples(shots, progress)
@@ -84,11 +85,11 @@ def inspect_scene(
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """What a profile makes of samples, all (n, 3); NaN where it does not know their style or white balance.
+    """The predictions of a profile for samples, all (n, 3); NaN where it lacks their style or white balance.
 
-    scene: Ts Tw E, linear sRGB; linearized: the JPEG value backward, to be compared with it. rendered: the JPEG value
-    of the RAW; transformed, decoded: that, and the measured JPEG value, through the inverse of the response (of a
-    lattice, of its grey axis): what stands before it, h(Ts Tw E), and its measured counterpart.
+    scene: Ts Tw E, linear sRGB, from RAW; linearized: the same predicted from the JPEG value. rendered: the JPEG value
+    predicted from RAW. transformed, decoded: the rendered and the measured JPEG value through the inverse of the
+    response (of a lattice, of its grey axis), that is h(Ts Tw E) and its measured counterpart.
     """
 
     scene: Array
@@ -103,24 +104,32 @@ def predict(profile: CameraProfile, samples: SampleSet) -> Predicted:
     samples = at_the_centre(with_setting_names(samples), profile.vignettings)
     scene, linearized, rendered, transformed, decoded = (np.full_like(samples.raw, np.nan) for _ in range(5))
     multipliers = with_known_balances(samples, profile.white_balances).wb
-    through_reference = isinstance(profile.provenance, ReferenceRaw)
+    uses_reference = isinstance(profile.provenance, ReferenceRaw)
+
+    # Samples with the same settings are predicted together.
     columns = [samples.style, samples.white_balance, *np.char.mod("%.9g", multipliers.T)]
     _, first, group = np.unique(np.stack(columns), axis=1, return_index=True, return_inverse=True)
     for index, row in enumerate(first):
-        style, name, gains = str(samples.style[row]), str(samples.white_balance[row]), multipliers[row]
-        known = profile.white_balances.get(name)
+        style = str(samples.style[row])
+        name = str(samples.white_balance[row])
+        of_group = multipliers[row]
+        balance = profile.white_balances.get(name)
         if style not in profile.styles:
             continue
-        if known is not None and (through_reference or np.allclose(known.multipliers, gains, rtol=1e-6)):
-            # The setting has its gain, and its own camera model where there are several.
-            selector, gain = Selector(style, name), 1.0
-        elif through_reference or not np.all(np.isfinite(gains)):
+        if balance is not None and (uses_reference or np.allclose(balance.multipliers, of_group, rtol=1e-6)):
+            # The setting of the profile has its gain, and its own camera model where there are several.
+            selector = Selector(style, name)
+            gain = 1.0
+        elif uses_reference or not np.all(np.isfinite(of_group)):
             continue
         else:
-            r, g, b = gains.tolist()
-            selector, gain = Selector(style, Multipliers((r / g, 1.0, b / g))), 1.0 if known is None else known.gain
+            r, g, b = of_group.tolist()
+            selector = Selector(style, Multipliers((r / g, 1.0, b / g)))
+            gain = 1.0 if balance is None else balance.gain
+
         rows = group.ravel() == index
-        raw, encoded = gain * samples.raw[rows], samples.srgb[rows]
+        raw = gain * samples.raw[rows]
+        encoded = samples.srgb[rows]
         scene[rows] = raw @ profile.raw_to_linear_srgb(selector).T
         linearized[rows] = profile.linearize(selector, "linear-srgb")(encoded)
         rendered[rows] = np.where(np.isfinite(raw), profile.render(selector)(np.nan_to_num(raw)), np.nan)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-# What only some grades need is imported where it is needed: a command should not wait for it.
+# Modules that only some grades need are imported in functions, so that other commands start faster.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,11 +18,11 @@ from lutforge.progress import Progress, silent
 
 @dataclass(frozen=True)
 class Grading:
-    """What to grade, and how: the arguments of `apply`, and what the command alone has.
+    """The arguments of `apply`, and those that only the command has.
 
-    words: paths: one LUT file, one config, or profiles of different cameras; then files and folders. transfer: RAW →
-    RAW from another camera to that of `look`. resume: skip what an earlier run did. scheduler: the address of a Dask
-    cluster.
+    words: paths of one LUT file, one config, or profiles of different cameras; then of files and folders. transfer: RAW
+    → RAW from another camera to that of `look`. resume: skip images that an earlier run graded. scheduler: the address
+    of a Dask cluster.
     """
 
     words: tuple[Path, ...]
@@ -73,24 +73,25 @@ class Grading:
 
     @property
     def images(self) -> tuple[Path, ...]:
-        """The images and folders: every path after the first that is no profile."""
+        """The images and folders: all paths but the first one and profiles."""
         return tuple(path for path in self.words[1:] if not _is_profile(path))
 
     @cached_property
     def recipe(self) -> Recipe:
         """The recipe of the profiles, LUT or config, checked. Raises LutForgeError where an option does not fit it."""
         recipe: Recipe
-        path, *others = self.words[0], *filter(_is_profile, self.words[1:])  # LUT, config or profile; further profiles
+        path = self.words[0]
+        more_profiles = tuple(filter(_is_profile, self.words[1:]))
         if _is_profile(path):
             from lutforge.grading.profile_recipe import ProfileRecipe
             from lutforge.grading.scene_recipe import SceneRecipe
 
-            settings = ((path, *others), self.source, self.target, self.ev)
+            settings = ((path, *more_profiles), self.source, self.target, self.ev)
             if self.space is not None:
                 recipe = SceneRecipe(*settings, space=self.space, by_exposure=self.exposure is not None)
             else:
                 recipe = ProfileRecipe(*settings, self.look, self.transfer)
-        elif self.look is not None or self.transfer is not None or others:
+        elif self.look is not None or self.transfer is not None or more_profiles:
             raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
         elif _is_config(path):
             if self.ev:
@@ -124,7 +125,7 @@ class Grading:
         return find_inputs(self.images, self.folder, raw=_is_profile(self.words[0]))
 
     def commands(self) -> Iterator[str | Failure]:
-        """The oiiotool lines that grade as `run` would, for a POSIX shell, or why there is none."""
+        """The oiiotool lines that grade as `run` does, for a POSIX shell, or the reason why there is none."""
         from lutforge.grading.oiiotool_commands import oiiotool_commands
 
         if self.space is not None:
@@ -133,7 +134,7 @@ class Grading:
         yield from oiiotool_commands(self.recipe, jobs, self.folder / "luts")
 
     def run(self, progress: Progress = silent) -> BatchResult:
-        """Grade the images; one that fails is told of in the result, and the others go on. progress: tells the rate."""
+        """Grade the images; those that fail are in the result. progress: called with the rate of work."""
         suffix = self.suffix if self.space is None else ".exr"
         images, notes = self.inputs
         result = apply_batch(
@@ -151,11 +152,12 @@ def _is_lut(path: Path) -> bool:
 
 
 def _is_profile(path: Path) -> bool:
-    """True also of a table, which is no image either: the profile's reader then says what it is."""
+    """True of a profile, and of a sample table: the profile's reader then reports that it is none."""
     return path.suffix.lower() in TABLE_SUFFIXES
 
 
 def _is_config(path: Path) -> bool:
+    """True of an OpenColorIO config."""
     return path.suffix.lower() in (".ocio", ".ocioz")
 
 
@@ -181,25 +183,34 @@ def apply(
         grade: a LUT file, an OpenColorIO config, or profiles (.npz) of one camera or several.
         images: files and folders; with profiles RAW files, too.
         output: the folder.
-        source: STYLE/WB of the images where they do not tell; with a config, their colour space.
-        target: STYLE/WB wanted, as-shot to keep either; with a config, the colour space wanted.
+        source: STYLE/WB of the images, where their metadata do not state it; with a config, their colour space.
+        target: STYLE/WB of the graded images, as-shot to keep either; with a config, their colour space.
         ev: exposure change in stops, with a profile.
-        look: the profile of the camera whose look is wanted.
-        space: linear light in this colour space instead of a look, with profiles, in .exr.
+        look: the profile of the camera whose look the images get.
+        space: linear values of this colour space in place of a look, with profiles, in .exr.
         exposure: with `space`, "exif" divides by the stated exposures, so that pictures of a scene agree.
-        view: with a config, the view through which the images are seen, in place of `target`.
-        display: with `view`, the display that shows it; the config's first without.
+        view: with a config, the view for the graded images, in place of `target`.
+        display: with `view`, its display; by default the config's first.
         suffix: another format for the output, such as ".exr".
-        workers: threads; one per core without.
+        workers: threads; by default one per core.
 
     Returns:
-        What became of each image: `done`, `failed` with the reason, `skipped`; and notes.
+        The outcome for each image: `done`, `failed` with the reason, `skipped`; and notes.
 
     Raises:
         LutForgeError: nothing can be graded; then nothing is written.
     """
-    words, beside = (*several(grade), *several(images)), None if look is None else Path(look)
     return Grading(
-        words, Path(output), source, target, ev, beside, suffix=suffix, workers=workers, space=space, exposure=exposure,
-        view=view, display=display,
-    ).run()  # fmt: skip
+        words=(*several(grade), *several(images)),
+        output=Path(output),
+        source=source,
+        target=target,
+        ev=ev,
+        look=None if look is None else Path(look),
+        suffix=suffix,
+        workers=workers,
+        space=space,
+        exposure=exposure,
+        view=view,
+        display=display,
+    ).run()

@@ -1,4 +1,4 @@
-"""Use case: a file of any kind → what it is, and what it can be used for."""
+"""Use case: a file of any kind → its contents, and what it can be used for."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,24 +17,24 @@ from lutforge.samples.table import read_samples
 from lutforge.samples.table_file import is_table
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 
-# What reads one kind of file is imported where it reads it: inspecting should not wait for the others.
+# The reader of each kind of file is imported in the function that needs it, so that others start faster.
 if TYPE_CHECKING:
     from lutforge.model.camera_profile import CameraProfile
     from lutforge.shots.metadata import ShotMetadata
 
-CONFIGS = (".ocio", ".ocioz")
-CAMERA_PROFILES = (".dcp", ".icc", ".icm")
+CONFIG_SUFFIXES = (".ocio", ".ocioz")
+CAMERA_PROFILE_SUFFIXES = (".dcp", ".icc", ".icm")
 PICTURE_SUFFIXES = frozenset(
     {".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", ".jp2", *HEIF_SUFFIXES}
 )
-Rows = Iterator[tuple[str, str]]
+NamedValues = Iterator[tuple[str, str]]
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """What a file is. rows: name and value, as lines of a table.
+    """The contents of a file. rows: names and values, for a table; lines: of `check`, for a LUT, in place of rows.
 
-    profile: what the file holds, where it is one; lines: what `check` shows of a LUT, in place of rows.
+    profile: of a file that is one.
     """
 
     rows: tuple[tuple[str, str], ...] = ()
@@ -45,23 +45,24 @@ class Inspection:
 def files_to_inspect(path: str | Path) -> list[Path]:
     """Return a file itself, or a folder's RAW files, pictures, tables and profiles; the folder where it has none.
 
-    A picture beside the RAW file that it was made from is told of with that.
+    A picture is left out where the RAW file of the same shot is in its folder.
     """
     path = Path(path)
     if not path.is_dir():
         return [path]
-    known = RAW_SUFFIXES | PICTURE_SUFFIXES | {*PROFILE_SUFFIXES, *TABLE_SUFFIXES}
-    files = sorted(entry for entry in path.iterdir() if entry.suffix.lower() in known and entry.is_file())
+    suffixes = RAW_SUFFIXES | PICTURE_SUFFIXES | {*PROFILE_SUFFIXES, *TABLE_SUFFIXES}
+    files = sorted(entry for entry in path.iterdir() if entry.suffix.lower() in suffixes and entry.is_file())
     return [file for file in files if file.suffix.lower() not in PICTURE_SUFFIXES or raw_beside(file) is None] or [path]
 
 
 def inspect(path: str | Path) -> Inspection:
-    """Read a RAW file, picture, profile, sample table, LUT or config, and say what is in it. Raises LutForgeError."""
+    """Read a RAW file, picture, profile, sample table, LUT or config, and report its contents. Raises LutForgeError."""
     with reading(path, "what its name says", ImageError):
         return _inspected(Path(path))
 
 
 def _inspected(path: Path) -> Inspection:
+    """The contents of a file, by the reader for its suffix."""
     suffix = path.suffix.lower()
     if path.is_dir():
         raise ImageError(f"{path}: no RAW file, picture, sample table or profile in this folder")
@@ -78,11 +79,11 @@ def _inspected(path: Path) -> Inspection:
 
     from lutforge.luts.formats import FORMATS
 
-    read_by_ocio = {f".{each.lower()}" for _, each in OCIO.FileTransform.getFormats()}
-    if suffix in CONFIGS:
+    ocio_suffixes = {f".{ending.lower()}" for _, ending in OCIO.FileTransform.getFormats()}
+    if suffix in CONFIG_SUFFIXES:
         return Inspection(lines=tuple(check(path)))
-    if suffix in {*CAMERA_PROFILES, *FORMATS, *read_by_ocio}:
-        use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILES else "a LUT: apply, check"
+    if suffix in {*CAMERA_PROFILE_SUFFIXES, *FORMATS, *ocio_suffixes}:
+        use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILE_SUFFIXES else "a LUT: apply, check"
         return Inspection(lines=(*check(path), f"  use       {use}"))
     return Inspection(tuple(_shot(path)))
 
@@ -94,11 +95,13 @@ def _is_lut(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES and is_picture_of_lut(path)
 
 
-def _shot(path: Path) -> Rows:
+def _shot(path: Path) -> NamedValues:
+    """The rows on a RAW file and its JPEG."""
     from lutforge.shots.read import read_shot
 
     shot = read_shot(path)
-    data, place = shot.metadata, shot.placement.registration
+    data = shot.metadata
+    place = shot.placement.registration
     yield "camera", data.camera
     yield "picture style", data.style
     yield "white balance", f"{data.white_balance}, multipliers {_numbers(data.multipliers)}"
@@ -113,7 +116,8 @@ def _shot(path: Path) -> Rows:
     yield from (("note", text) for text in data.notes)
 
 
-def _picture(path: Path) -> Rows:
+def _picture(path: Path) -> NamedValues:
+    """The rows on a picture, which is read to its end."""
     from lutforge.images.read import ImageReader
     from lutforge.shots.metadata import read_picture_settings
 
@@ -124,7 +128,7 @@ def _picture(path: Path) -> Rows:
     else:
         with ImageReader(path) as image:
             for region in image.regions(1 << 22, rows_only=True):
-                image.read(region)  # a file that is cut short is of no use
+                image.read(region)  # raises an error where the file is cut short
             yield "picture", f"{image.spec.width} × {image.spec.height}, {image.format}"
     yield "camera", settings.camera or "the file does not name it"
     yield "picture style", settings.style
@@ -134,7 +138,8 @@ def _picture(path: Path) -> Rows:
     yield from (("note", text) for text in settings.notes)
 
 
-def _table(path: Path) -> Rows:
+def _table(path: Path) -> NamedValues:
+    """The rows on a sample table."""
     samples = read_samples(path)
     columns = {"camera": samples.camera, "style": samples.style, "white balance": samples.white_balance}
     for name, values in columns.items():
@@ -144,7 +149,8 @@ def _table(path: Path) -> Rows:
     yield "use", "a sample table: calibrate, evaluate, report, studio"
 
 
-def _profile(profile: "CameraProfile") -> Rows:
+def _profile(profile: "CameraProfile") -> NamedValues:
+    """The rows on a profile."""
     yield "camera", profile.camera
     yield "shots", str(len(profile.shots))
     for name, balance in profile.white_balances.items():
@@ -164,7 +170,7 @@ def _profile(profile: "CameraProfile") -> Rows:
 
 
 def check(path: str | Path) -> list[str]:
-    """Say what is in a LUT file, a camera profile or a config, who reads it, and what will go wrong.
+    """The report on a LUT file, a camera profile or a config: contents, programs that read it, and problems.
 
     Raises LutForgeError.
     """
@@ -173,8 +179,9 @@ def check(path: str | Path) -> list[str]:
 
 
 def _checked(path: Path) -> list[str]:
+    """The lines of `check`, by the reader for the suffix."""
     suffix = path.suffix.lower()
-    if suffix in CONFIGS:
+    if suffix in CONFIG_SUFFIXES:
         return _config_lines(path)
     if suffix == ".dcp":
         from lutforge.kits.dcp import dcp_lines
@@ -197,11 +204,11 @@ OCIO_RELEASES = {
     (2, 4): "September 2024",
     (2, 5): "September 2025",
 }
-"""When the versions of OpenColorIO appeared that profile versions of configs need."""
+"""The release dates of OpenColorIO, by the profile versions of configs that it can read."""
 
 
 def _config_lines(path: Path) -> list[str]:
-    """What a config of any origin holds, whether it is complete, and which versions of OpenColorIO read it."""
+    """The report on a config of any origin: contents, problems, and the versions of OpenColorIO that read it."""
     try:
         return guarded(_config_report, path, True)
     except OverrunError:
@@ -215,7 +222,7 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
 
     from lutforge.ocio.check import check_config, file_names, load_config
 
-    OCIO.ClearAllCaches()  # else a file that went since the last call is still there
+    OCIO.ClearAllCaches()  # without this a file that was deleted since the last call would still be found
     config = load_config(path)
     version = config.getMajorVersion(), config.getMinorVersion()
     lines = [f"{path}: OpenColorIO config, profile version {version[0]}.{version[1]}"]
@@ -233,18 +240,20 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
     ):
         if names:
             lines.append(f"  {title:<9} {len(names)}: {one_line(', '.join(names), 240)}")
+
     files = file_names(config)
-    noted = check_config(config) if with_transforms else []
-    problems = [str(problem) for problem in noted]
+    found = check_config(config) if with_transforms else []
+    problems = [str(problem) for problem in found]
     if files:
-        missing = [str(problem) for problem in noted if problem.is_missing_file]
+        missing = [str(problem) for problem in found if problem.is_missing_file]
         lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all found'}")
-        # OpenColorIO's own errors name the same files again.
-        further = [str(problem) for problem in noted if not problem.is_missing_file]
-        problems = [*missing, *(text for text in further if "could not be located" not in text)]
+        # OpenColorIO's errors on the same files are left out.
+        others = [str(problem) for problem in found if not problem.is_missing_file]
+        problems = [*missing, *(text for text in others if "could not be located" not in text)]
     lines += [f"  problem   {one_line(text, 300)}" for text in problems[:20]]
     if len(problems) > 20:
         lines.append(f"  problem   and {len(problems) - 20} others")
+
     needed = max(version, (2, 2)) if path.suffix.lower() == ".ocioz" else version
     since = f" ({OCIO_RELEASES[needed]})" if needed in OCIO_RELEASES else ""
     reads = f"OpenColorIO {needed[0]}.{needed[1]}{since} or later" if needed >= (2, 0) else "every OpenColorIO"
@@ -255,8 +264,9 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
 
 
 def _exposure(data: "ShotMetadata") -> str:
-    """Of a shot; what is not above 0, NaN included, is unknown."""
-    aperture, iso = data.aperture, data.iso
+    """The exposure in words; numbers that are NaN or not above 0 are unknown."""
+    aperture = data.aperture
+    iso = data.iso
     seconds = exposure_time(data.exposure_s) if data.exposure_s > 0 else "time unknown"
     f_number = f"f/{aperture:.3g}" if aperture > 0 else "aperture unknown"
     return f"{seconds}, {f_number}, {f'ISO {iso:g}' if iso > 0 else 'ISO unknown'}"

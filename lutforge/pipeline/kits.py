@@ -17,8 +17,9 @@ from lutforge.atomic_write import scratch_folder
 from lutforge.child_processes import run_command
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError, ShotError
+from lutforge.images.developed import Development
 from lutforge.images.orientation import inverse, orientation_between, upright
-from lutforge.images.read import Development, read_image
+from lutforge.images.read import read_image
 from lutforge.kits.install import JOURNAL, install, is_installed, targets_of, uninstall
 from lutforge.kits.kit import Kit, KitFiles, Look, look_of, write_develop_script
 from lutforge.kits.lumix import lumix_kit
@@ -34,15 +35,16 @@ from lutforge.samples.tiles import cell_size
 from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
 
-SCRIPT, MANIFEST = "develop.sh", "kit.json"
+SCRIPT = "develop.sh"
+MANIFEST = "kit.json"
 
 
 @dataclass(frozen=True)
 class KitCheck:
-    """How far a kit's program is from the camera's JPEG on one shot: ΔE00 (CIE 2000) of its flat tiles.
+    """The difference between a kit's program and the camera's JPEG on one shot: ΔE00 (CIE 2000) of its flat tiles.
 
-    tiles: how many were compared; p95: the 95th percentile; codes: the mean absolute difference of 8-bit values.
-    calibrated: the profile was calibrated from this shot, which flatters it.
+    tiles: their number; p95: the 95th percentile; codes: the mean absolute difference of 8-bit values. calibrated: the
+    profile was calibrated from this shot, so that the difference is smaller than on others.
     """
 
     shot: str
@@ -64,22 +66,22 @@ def write_kit(
     look: CameraProfile | str | Path | None = None,
     progress: Progress = silent,
 ) -> Path:
-    """Write a kit: camera profile or LUT, the preset that places it, a README, and develop.sh where it can be run.
+    """Write a kit: camera profile or LUT, a preset that applies it, a README, and develop.sh where it can be run.
 
     Args:
         profile: a profile, or the path of its file.
         to: STYLE/WB, or STYLE; "all" for every style.
         folder: a new or empty one, or an older kit, which is replaced.
-        program: the program that shows the look, such as "darktable"; RawTherapee without one.
-        base: for Lumix bodies, the style that the LUT lies on.
-        look: with `base`, the profile whose style `to` is, where it is not the camera's own.
-        progress: called with what is being done, and the share that is done.
+        program: the program that shows the look, such as "darktable"; by default RawTherapee.
+        base: for Lumix bodies, the style after which the body applies the LUT.
+        look: with `base`, the profile of the look `to`, where it is another camera's.
+        progress: called with the name of the present step, and the share that is done.
 
     Returns:
         The folder.
 
     Raises:
-        SettingsError: an option is unknown, does not go with another, or the profile is not what the program takes.
+        SettingsError: an option is unknown or excludes another, or the program needs another kind of profile.
         LutForgeError: the folder holds other files, or nothing can be written there.
     """
     profile = as_profile(profile)
@@ -89,37 +91,51 @@ def write_kit(
     if look is not None and base is None:
         raise SettingsError("--as goes with --base STYLE, the style of the camera that the LUT lies on")
     kit = KITS[name] if base is None else lumix_kit(profile, base)
-    shown = profile if look is None else as_profile(look)
-    looks = [look_of(shown, each) for each in (shown.styles if to.lower() == "all" else [to])]
-    for each in looks:
-        _require_source(kit, each)
-    target = Path(folder).resolve()  # behind a link stays what it leads to
-    if target.exists():  # an empty folder, or a kit and nothing but what its manifest lists, is replaced
-        names = {path.name for path in target.iterdir()} if target.is_dir() else {target.name}
-        if names and names != set(_names(_manifest(target), "files")):
-            raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
+    look_profile = profile if look is None else as_profile(look)
+    looks = [look_of(look_profile, setting) for setting in (look_profile.styles if to.lower() == "all" else [to])]
+    for chosen in looks:
+        _require_source(kit, chosen)
+
+    target = Path(folder).resolve()  # a link to a folder stays a link
+    _require_replaceable(target)
     check_output(target / "README.md")
-    with scratch_folder(beside=target) as scratch:
-        filled = scratch / "kit"
-        filled.mkdir()
-        written = []
-        for number, each in enumerate(looks):
-            progress(each.title, number / len(looks))
-            written.append(kit.write(each, filled))
-        if kit.script is not None:
-            write_develop_script(filled / SCRIPT, kit.script, looks[0].file_name)
-        files = sorted(["README.md", MANIFEST, *(path.name for path in filled.iterdir())])
-        (filled / "README.md").write_text(_readme(kit, looks, written, files), encoding="utf-8")
-        manifest = {
-            "lutforge": __version__, "program": kit.program, "camera": shown.camera, "files": files,
-            "styles": [each.style for each in looks], "shots": list(shown.shots),
-            "errors": {name: str(error) for each in written for name, error in each.errors.items()},
-        }  # fmt: skip
-        (filled / MANIFEST).write_text(json.dumps(manifest, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    with scratch_folder(next_to=target) as scratch:
+        new = scratch / "kit"
+        new.mkdir()
+        _fill(new, kit, looks, progress)
         if target.exists():
             target.replace(scratch / "old")
-        filled.replace(target)
+        new.replace(target)
     return Path(folder)
+
+
+def _require_replaceable(target: Path) -> None:
+    """Raise LutForgeError where a folder holds other files than those that its manifest lists."""
+    if not target.exists():
+        return
+    names = {path.name for path in target.iterdir()} if target.is_dir() else {target.name}
+    if names and names != set(_names(_manifest(target), "files")):
+        raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
+
+
+def _fill(folder: Path, kit: Kit, looks: Sequence[Look], progress: Progress) -> None:
+    """Write the files of a kit to an empty folder: those of each look, the script, the README and the manifest."""
+    written = []
+    for number, look in enumerate(looks):
+        progress(look.title, number / len(looks))
+        written.append(kit.write(look, folder))
+    if kit.script is not None:
+        write_develop_script(folder / SCRIPT, kit.script, looks[0].file_name)
+    files = sorted(["README.md", MANIFEST, *(path.name for path in folder.iterdir())])
+    (folder / "README.md").write_text(_readme(kit, looks, written, files), encoding="utf-8")
+
+    profile = looks[0].profile
+    manifest = {
+        "lutforge": __version__, "program": kit.program, "camera": profile.camera, "files": files,
+        "styles": [look.style for look in looks], "shots": list(profile.shots),
+        "errors": {name: str(error) for kit_files in written for name, error in kit_files.errors.items()},
+    }  # fmt: skip
+    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def kit_errors(folder: str | Path) -> dict[str, str]:
@@ -130,7 +146,10 @@ def kit_errors(folder: str | Path) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Installation:
-    """Where a kit's files went, or would go. found: the program is on this machine; use: what to do in it then."""
+    """The installation of a kit. files: where they are, or would be; use: what the user does in the program.
+
+    found: the program is on this machine, so that the files were installed.
+    """
 
     program: str
     files: tuple[Path, ...]
@@ -139,9 +158,9 @@ class Installation:
 
 
 def install_kit(folder: str | Path, into: str | Path | None = None) -> Installation:
-    """Put a kit where its program looks for it. into: the program's folder of settings, where it is not the usual one.
+    """Copy a kit to where its program looks for it. into: the program's folder of settings, if not the default.
 
-    Where the program is not on this machine, nothing is written, and the files are those that would be. Raises
+    Where the program is not on this machine, nothing is written, and the result has the paths that would be. Raises
     LutForgeError where a file is there already that LutForge did not write.
     """
     kit = Path(folder)
@@ -155,14 +174,14 @@ def install_kit(folder: str | Path, into: str | Path | None = None) -> Installat
             raise LutForgeError(f"{into}: no such folder; --into names the folder where {program} keeps its settings")
         place = replace(place, settings=Path(into).resolve())
     targets = targets_of(program, kit, place, _data_folder() / "kits")
-    found = place.use == KEPT or is_installed(place)
-    if found and targets:
+    is_found = place.use == KEPT or is_installed(place)
+    if is_found and targets:
         install(program, targets, _data_folder() / JOURNAL)
-    return Installation(KITS[program].title, tuple(targets), found and bool(targets), place.use)
+    return Installation(KITS[program].title, tuple(targets), is_found and bool(targets), place.use)
 
 
 def uninstall_kit(program: str) -> tuple[list[Path], list[Path]]:
-    """Take a program's kits away again. Returns the files that were removed, and those changed since, which stay.
+    """Remove a program's kits. Returns the files that were removed, and those that the user changed, which stay.
 
     Raises SettingsError on an unknown program, LutForgeError where nothing is installed for it.
     """
@@ -170,15 +189,16 @@ def uninstall_kit(program: str) -> tuple[list[Path], list[Path]]:
 
 
 def _data_folder() -> Path:
-    """Where LutForge keeps what it has to remember of this user."""
-    import platformdirs  # which does not load on every system, and is needed here alone
+    """The folder where LutForge keeps files of this user."""
+    import platformdirs  # imported here: only installations need it
 
     return platformdirs.user_data_path("lutforge", appauthor=False)
 
 
 def kits_of(profile: CameraProfile, to: str) -> list[str]:
     """The programs that a kit of a look can be for. Raises SettingsError on an unknown look."""
-    look, programs = look_of(profile, to), []
+    look = look_of(profile, to)
+    programs = []
     for name, kit in KITS.items():
         with suppress(SettingsError):
             _require_source(kit, look)
@@ -189,15 +209,16 @@ def kits_of(profile: CameraProfile, to: str) -> list[str]:
 def check_kit(
     folder: str | Path, shots: Sequence[str | Path], progress: Progress = silent
 ) -> tuple[list[KitCheck], list[str]]:
-    """Develop RAW files with a kit's own program, and compare them with the camera's JPEGs.
+    """Develop RAW files with a kit's program, and compare them with the camera's JPEGs.
 
-    Returns what was measured, and a note for each shot that could not be measured. Raises LutForgeError where the kit
-    runs no program, ShotError where no shot could be measured.
+    Returns the differences, and a note for each shot that could not be measured. Raises LutForgeError where the kit has
+    no script, ShotError where no shot could be measured.
     """
     script = Path(folder) / SCRIPT
     if not script.is_file():
         raise LutForgeError(f"{folder}: holds no {SCRIPT}: its program cannot be run from the command line")
-    files, calibrated = discover(shots), set(_names(_manifest(Path(folder)), "shots"))
+    files = discover(shots)
+    calibrated = set(_names(_manifest(Path(folder)), "shots"))
     checks: list[KitCheck] = []
     notes: list[str] = []
     for index, file in enumerate(files):
@@ -217,10 +238,10 @@ def check_kit(
 
 
 def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
-    """Compare a picture that any program developed of a RAW file, in encoded sRGB, with the camera's JPEG of the shot.
+    """Compare a picture that a program developed from a RAW file, encoded sRGB, with the camera's JPEG of the shot.
 
-    The tiles are chosen from the RAW and the JPEG alone, so a tile that the program clips counts; a tile that its
-    picture crops does not. Raises ImageError where a file cannot be read, ShotError where the pictures do not match.
+    The tiles are chosen from the RAW and the JPEG only, so that a tile which the program clips counts; a tile that is
+    outside its picture does not. Raises ImageError where a file cannot be read, ShotError where pictures do not match.
     """
     pixels = np.asarray(read_image(picture).pixels[..., :3], dtype=np.float32)
     shot = read_shot(raw)
@@ -231,21 +252,29 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     if orientation is None:
         raise ShotError(f"{raw}: {picture.name} matches another JPEG than the RAW does")
     if orientation != 1:
-        as_the_sensor = upright(pixels, inverse(orientation))
-        developed = read_shot(raw, Development(as_the_sensor, "srgb", picture.name), source=shot.jpeg_source)
+        sensor_oriented = upright(pixels, inverse(orientation))
+        developed = read_shot(raw, Development(sensor_oriented, "srgb", picture.name), source=shot.jpeg_source)
+
     cell = cell_size(shot.registration)
-    shown = developed.raw_cells(cell).mean[tuple(sampled.tile_cells.T)]
-    inside = np.isfinite(shown).all(axis=1)
+    means = developed.raw_cells(cell).mean[tuple(sampled.tile_cells.T)]
+    inside = np.isfinite(means).all(axis=1)
     if not inside.any():
         raise ShotError(f"{raw}: no flat tiles to compare")
-    seen, wanted = np.clip(shown[inside], 0.0, 1.0), samples.srgb[inside]
-    difference, codes = delta_e_2000(seen, wanted), 255 * float(np.abs(seen - wanted).mean())
-    mean, p95, most = float(difference.mean()), float(np.quantile(difference, 0.95)), float(difference.max())
-    return KitCheck(raw.name, len(difference), mean, p95, most, codes)
+    by_program = np.clip(means[inside], 0.0, 1.0)
+    by_camera = samples.srgb[inside]
+    difference = delta_e_2000(by_program, by_camera)
+    return KitCheck(
+        shot=raw.name,
+        tiles=len(difference),
+        mean=float(difference.mean()),
+        p95=float(np.quantile(difference, 0.95)),
+        maximum=float(difference.max()),
+        codes=255 * float(np.abs(by_program - by_camera).mean()),
+    )
 
 
 def _manifest(folder: Path) -> dict[str, object]:
-    """What a folder's manifest holds by name; nothing of a folder without one."""
+    """A kit's manifest; empty for a folder without one."""
     data: object = None
     with suppress(OSError, ValueError):
         data = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -259,24 +288,24 @@ def _names(manifest: Mapping[str, object], key: str) -> list[str]:
 
 
 def _readme(kit: Kit, looks: Sequence[Look], written: Sequence[KitFiles], files: Sequence[str]) -> str:
-    """One page: what it is, what to do, what it was tried with."""
+    """The README of a kit, one page: what it is, what to do, what it was tried with."""
     look = looks[0]
     provenance = look.profile.provenance
-    made = f"pictures that {provenance} developed" if isinstance(provenance, Pictures) else "RAW files"
-    styles = ", ".join(each.style for each in looks)
+    sources = f"pictures that {provenance} developed" if isinstance(provenance, Pictures) else "RAW files"
+    styles = ", ".join(shown.style for shown in looks)
     lines = [
         f"# {look.profile.camera}, {'styles' if len(looks) > 1 else 'style'} {styles}: for {kit.title}",
         "",
-        f"The camera's own JPEG look, calibrated on pairs of {made} and the camera's JPEGs by LutForge.",
+        f"The camera's own JPEG look, calibrated on pairs of {sources} and the camera's JPEGs by LutForge.",
         "",
         *(f"{number}. {step}" for number, step in enumerate(written[0].steps, 1)),
         "",
     ]
     if len(looks) > 1:
-        lines += [f"The files of the other styles are used alike: {', '.join(each.title for each in looks[1:])}.", ""]
+        lines += [f"The files of the other styles are used alike: {', '.join(other.title for other in looks[1:])}.", ""]
     if SCRIPT in files:
         lines += ["On the command line: `./develop.sh RAW OUT.tif [LOOK]` (sRGB, 16 bit).", ""]
-    errors = {name: error for each in written for name, error in each.errors.items()}
+    errors = {name: error for kit_files in written for name, error in kit_files.errors.items()}
     if errors:
         lines += [
             "The files, read back, against the model (1 = full scale; black to beyond what the camera clips):",
@@ -288,15 +317,15 @@ def _readme(kit: Kit, looks: Sequence[Look], written: Sequence[KitFiles], files:
 
 
 def _require_source(kit: Kit, look: Look) -> None:
-    """Raise SettingsError, with the command that helps, where a profile's pairs are not what a kit can be made from."""
+    """Raise SettingsError, with advice, where a kit cannot be made from a look's kind of profile."""
     if kit.source == "raw" and isinstance(look.profile.provenance, Pictures):
         raise SettingsError(
             f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.profile.provenance}: "
             "lutforge calibrate SHOT… -o camera.npz"
         )
     if isinstance(look.profile.provenance, Pictures) and look.white_balance.lower() not in look.profile.white_balances:
-        known = ", ".join(f"{look.style}/{name}" for name in look.profile.white_balances)
+        settings = ", ".join(f"{look.style}/{name}" for name in look.profile.white_balances)
         raise SettingsError(
             f"the profile is of {look.profile.provenance}, whose white balance is in it already: instead of "
-            f"{look.white_balance} name one of its own, {known}"
+            f"{look.white_balance} name one of its own, {settings}"
         )

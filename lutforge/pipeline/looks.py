@@ -1,4 +1,4 @@
-"""Use case: a look, which is a style, a white balance and an exposure → the LUT that grades photographs to it."""
+"""Use case: a look, that is a style, a white balance and an exposure → the LUT that grades photographs to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from lutforge.progress import Progress
 
 @dataclass(frozen=True)
 class ChosenLook:
-    """A look. source, target: STYLE/WB, "" where not chosen; ev: exposure change in stops."""
+    """A look that a user chose. source, target: STYLE/WB, "" where not chosen; ev: exposure change in stops."""
 
     source: str = ""
     target: str = ""
@@ -22,20 +22,20 @@ class ChosenLook:
 
 
 def usual_setting(profile: CameraProfile) -> str:
-    """STYLE/WB of a camera as most want it: the style "standard", and a white balance that shots of it were taken with.
+    """The default STYLE/WB of a camera: the style "standard", and a white balance that shots of it were taken with.
 
-    Of several that is the nearest to daylight; one that sets itself comes after those of a known temperature.
+    Of several white balances it is the one nearest to daylight; those without a temperature, such as auto, come last.
     """
     style = min(profile.styles, key=lambda name: name.lower() != "standard")
     of_shots = {name for model in profile.styles[style].models for name in model.white_balances}
-    known = {name: balance for name, balance in profile.white_balances.items() if name in of_shots}
-    known = known or dict(profile.white_balances)
+    balances = {name: balance for name, balance in profile.white_balances.items() if name in of_shots}
+    balances = balances or dict(profile.white_balances)
 
     def distance(name: str) -> float:
-        kelvin = known[name].kelvin or NAMED_KELVIN.get(name, 0.0)
+        kelvin = balances[name].kelvin or NAMED_KELVIN.get(name, 0.0)
         return abs(kelvin - NAMED_KELVIN["daylight"])
 
-    return f"{style}/{min(known, key=distance)}"
+    return f"{style}/{min(balances, key=distance)}"
 
 
 @lru_cache(4)
@@ -45,7 +45,7 @@ def grades_of(profile: CameraProfile) -> BakedGrades:
 
 
 def change_of(profile: CameraProfile, look: ChosenLook) -> SettingChange:
-    """What a look changes. Raises SettingsError."""
+    """The change of settings that a look makes. Raises SettingsError."""
     return SettingChange(profile, profile.selector(look.source), profile, profile.selector(look.target), look.ev)
 
 
@@ -55,10 +55,10 @@ def slow_steps(profile: CameraProfile, look: ChosenLook) -> tuple[Transform, ...
 
 
 def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
-    """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
+    """The LUT by which `apply` grades; None where the look changes nothing. Raises SettingsError."""
     change = change_of(profile, look)
-    same = not look.ev and str(change.source) == str(change.target)
-    return None if same else grades_of(profile).refinish(change)
+    changes_nothing = not look.ev and str(change.source) == str(change.target)
+    return None if changes_nothing else grades_of(profile).refinish(change)
 
 
 def bake_steps(steps: Sequence[Transform], progress: Progress) -> Sequence[Lut]:
@@ -67,6 +67,6 @@ def bake_steps(steps: Sequence[Transform], progress: Progress) -> Sequence[Lut]:
 
 
 def add_baked(profile: CameraProfile, steps: Sequence[Transform], luts: Sequence[Lut]) -> None:
-    """Keep what `bake_steps` made for all looks of a profile."""
+    """Keep the LUTs of `bake_steps` for all looks of a profile."""
     for step, lut in zip(steps, luts, strict=True):
         grades_of(profile).add(step, lut)

@@ -1,4 +1,4 @@
-"""Options that several use cases take, and what may be written where: asked before the work."""
+"""Checks of options and of outputs that several use cases share, done before the work."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,9 +15,8 @@ TABLE_SUFFIXES = (".csv", ".npz")
 def check_output(output: str | Path, suffixes: Sequence[str] = (), inputs: Iterable[str | Path] = ()) -> Path:
     """Return the path of an output that can be written.
 
-    suffixes: in lower case, those that readers of this kind of file know; any where there are none.
-    Raises LutForgeError where the suffix is another one, where the output is one of the inputs, or where no file can
-    be written.
+    suffixes: those allowed, in lower case; empty for any. Raises LutForgeError where the suffix is another one, where
+    the output is one of the inputs, or where no file can be written.
     """
     path = Path(output)
     require_writable(path)
@@ -29,29 +28,29 @@ def check_output(output: str | Path, suffixes: Sequence[str] = (), inputs: Itera
     return path
 
 
-def named_or_new(output: Path | None, usual: str) -> Path:
-    """Return the output that is named, else the usual one. Raises LutForgeError where that is a file already."""
-    if output is None and Path(usual).exists():
-        raise LutForgeError(f"{usual}: there is one already; name the output, such as -o {usual} to replace it")
-    return Path(usual) if output is None else output
+def named_or_new(output: Path | None, default: str) -> Path:
+    """Return the output if it is named, else the default. Raises LutForgeError where the default exists already."""
+    if output is None and Path(default).exists():
+        raise LutForgeError(f"{default}: there is one already; name the output, such as -o {default} to replace it")
+    return Path(default) if output is None else output
 
 
 Word = TypeVar("Word", bound=str)
 
 
 def one_of(kind: str, word: str, choices: Iterable[Word]) -> Word:
-    """Return the choice that a word names, whatever its case. Raises SettingsError, which lists the choices."""
-    known = {choice.lower(): choice for choice in choices}
-    if str(word).strip().lower() not in known:
-        raise SettingsError(f'unknown {kind} "{word}"; {alternatives(str(word), known.values())}')
-    return known[word.strip().lower()]
+    """Return the choice that a word names, in upper or lower case. Raises SettingsError, which lists the choices."""
+    by_lower = {choice.lower(): choice for choice in choices}
+    if str(word).strip().lower() not in by_lower:
+        raise SettingsError(f'unknown {kind} "{word}"; {alternatives(str(word), by_lower.values())}')
+    return by_lower[word.strip().lower()]
 
 
 Paths = str | Path | Sequence[str | Path]
 
 
 def several(paths: Paths) -> list[Path]:
-    """Return one path as a list of one, several as a list. Raises LutForgeError where something is no path."""
+    """Return one path, or several, as a list. Raises LutForgeError where an entry is no path."""
     return [
         path_of(path) for path in (paths if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths])
     ]

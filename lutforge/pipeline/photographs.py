@@ -1,4 +1,4 @@
-"""Use case: a photograph to look at, as browsers and screens show it, and the settings that it was taken with."""
+"""Use case: a photograph → a picture that browsers show, and the settings that it was taken with."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -24,32 +24,34 @@ from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES
 from lutforge.shots.metadata import read_picture_settings
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES, *sorted(RAW_SUFFIXES))
-"""Endings of the names of photographs that can be looked at."""
+"""Suffixes of photographs that can be shown."""
 
 
 def picture_bytes(path: Path) -> bytes:
-    """A picture in sRGB as a file that browsers read: itself, or PNG of at most 8 million pixels. Raises ImageError."""
+    """A picture as a file that browsers read: itself, or a PNG in sRGB of up to 8 million pixels. Raises ImageError."""
     if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
         with ImageReader(path) as image:
-            # Browsers turn JPEGs as they say; not all do so with PNG.
-            turned = image.format == "png" and image.spec.get_int_attribute("Orientation", 1) != 1
-            as_it_is = not turned and not foreign_profile(image.spec)
-        if as_it_is:
+            # Browsers turn JPEGs by their orientation; not all turn PNG.
+            is_turned = image.format == "png" and image.spec.get_int_attribute("Orientation", 1) != 1
+            is_readable = not is_turned and not foreign_profile(image.spec)
+        if is_readable:
             return path.read_bytes()
-    pixels, buffer = read_small(path, 8_000_000), BytesIO()
+    pixels = read_small(path, 8_000_000)
+    buffer = BytesIO()
     Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
     return buffer.getvalue()
 
 
 def raw_picture_bytes(path: Path) -> bytes:
-    """The camera's picture of a RAW file, upright, as a file that browsers read: the JPEG beside it, or inside it.
+    """The camera's picture of a RAW file, upright, as a file that browsers read: the JPEG in its folder, or inside it.
 
     Raises ImageError where there is neither.
     """
-    beside = next((file for suffix in JPEG_SUFFIXES for file in path.parent.glob(f"{path.stem}.*")
-                   if file.suffix.lower() == suffix), None)  # fmt: skip
-    if beside is not None:
-        return picture_bytes(beside)
+    candidates = path.parent.glob(f"{path.stem}.*")
+    by_suffix = {file.suffix.lower(): file for file in candidates}
+    jpeg = next((by_suffix[suffix] for suffix in JPEG_SUFFIXES if suffix in by_suffix), None)
+    if jpeg is not None:
+        return picture_bytes(jpeg)
     raw = read_raw(path, half_size=True)
     if raw.preview is None:
         raise ImageError(f"{path.name}: {raw.preview_note}; put the camera's JPEG beside it")
@@ -57,7 +59,7 @@ def raw_picture_bytes(path: Path) -> bytes:
         (folder / "preview.jpg").write_bytes(raw.preview)
         shown = picture_bytes(folder / "preview.jpg")
     with Image.open(BytesIO(shown)) as picture:
-        if raw.orientation == 1 or picture.getexif().get(0x0112, 1) != 1:  # which the browser turns
+        if raw.orientation == 1 or picture.getexif().get(0x0112, 1) != 1:  # the browser turns the latter
             return shown
         buffer = BytesIO()
         Image.fromarray(upright(np.asarray(picture.convert("RGB")), raw.orientation)).save(buffer, format="PNG")
@@ -65,9 +67,9 @@ def raw_picture_bytes(path: Path) -> bytes:
 
 
 def read_small(path: Path, most: int) -> Pixels:
-    """Read an image upright, RGB in [0, 1], averaged down to at most so many pixels. Raises ImageError.
+    """Read an image upright, RGB in [0, 1], reduced by area means to at most `most` pixels. Raises ImageError.
 
-    A picture of 8 bits in another space than sRGB is converted, as `apply_image` does.
+    An 8-bit picture in another space than sRGB is converted, as by `apply_image`.
     """
     image = read_image(path)
     pixels = image.pixels
@@ -86,9 +88,9 @@ def read_small(path: Path, most: int) -> Pixels:
 
 @dataclass(frozen=True, eq=False)
 class Photograph:
-    """A picture, as a file that browsers read. selector: its settings, None where it does not tell.
+    """A picture, as a file that browsers read. selector: its settings, None where the metadata do not state them.
 
-    style: told by the metadata, "" where they do not; notes: what the visitor should know.
+    style: stated by the metadata, "" where it is not one of the profile; notes: for the user.
     """
 
     path: Path
@@ -99,12 +101,13 @@ class Photograph:
 
 
 def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> Photograph:
-    """Read a picture, and what it was taken as. Raises ImageError."""
+    """Read a picture, and the settings that it was taken with. Raises ImageError."""
     progress("reading", 0.1)
     settings = read_picture_settings(path)
     picture = raw_picture_bytes(path) if path.suffix.lower() in RAW_SUFFIXES else picture_bytes(path)
     notes: tuple[str, ...] = ()
-    selector, style = None, settings.style if settings.style in profile.styles else ""
+    selector = None
+    style = settings.style if settings.style in profile.styles else ""
     with suppress(SettingsError):
         choose_camera(path, settings, {profile.camera.lower(): profile}, is_stated=False)
         selector, notes = source_selector(path, settings, profile)

@@ -9,8 +9,9 @@ from lutforge.kits.kit import setting_of
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import Pictures
 from lutforge.pipeline.outputs import Paths, check_output
-from lutforge.pipeline.sampling import SampledShots, gather_samples, require_same_provenance
-from lutforge.progress import Progress, part, silent, telling_of_compilation
+from lutforge.pipeline.provenance import require_same_provenance
+from lutforge.pipeline.sampling import SampledShots, gather_samples
+from lutforge.progress import Progress, part, silent, with_compilation
 from lutforge.reports.report import Report, build_comparison, build_report, write_page
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
@@ -25,9 +26,9 @@ def report(
 
     Args:
         profile: a profile, or the path of its file.
-        samples: those that it was calibrated from, or tables and shots; with shots there are error maps, too.
+        samples: those that it was calibrated from, or tables and shots; shots also get error maps.
         output: the page to write (.html).
-        progress: called with what is being done, and the share that is done.
+        progress: called with the name of the present step, and the share that is done.
 
     Returns:
         The page as blocks of text, tables and pictures.
@@ -45,13 +46,13 @@ def report(
     if sampled is not None:
         require_same_provenance(camera, sampled.samples)
     share = 0.3 if sampled is None else 0.7
-    with telling_of_compilation(progress) as telling:
+    with with_compilation(progress) as reporting:
         if sampled is None:
-            page = build_report(camera, progress=part(telling, 0.0, share))
+            page = build_report(camera, progress=part(reporting, 0.0, share))
         else:
-            files = {} if isinstance(camera.provenance, Pictures) else sampled.files  # the maps show camera RAW
+            files = {} if isinstance(camera.provenance, Pictures) else sampled.files  # error maps need camera RAW
             named = with_setting_names(sampled.samples)
-            page = build_report(camera, named, sampled.shots, files, part(telling, 0.0, share))
+            page = build_report(camera, named, sampled.shots, files, part(reporting, 0.0, share))
     if output is not None:
         write_page(page, output, part(progress, share, 1.0))
     return page
@@ -61,19 +62,21 @@ def compare(
     first: CameraProfile | str | Path,
     second: CameraProfile | str | Path,
     output: str | Path,
-    one: str | None = None,
-    other: str | None = None,
+    first_setting: str | None = None,
+    second_setting: str | None = None,
     progress: Progress = silent,
 ) -> Report:
     """Write a page that shows two cameras, or two styles of one, side by side: a chart, ΔE00.
 
-    one, other: STYLE/WB of each; without, the first style under daylight, or what there is.
+    first_setting, second_setting: STYLE/WB; by default the first style, under daylight or the first white balance.
     """
-    check_report_output(output, [each for each in (first, second) if not isinstance(each, CameraProfile)])
-    a, b = as_profile(first), as_profile(second)
+    check_report_output(output, [path for path in (first, second) if not isinstance(path, CameraProfile)])
+    a = as_profile(first)
+    b = as_profile(second)
     progress(f"{a.camera} and {b.camera}", 0.0)
-    settings = [words or setting_of(each, next(iter(each.styles))) for each, words in ((a, one), (b, other))]
-    page = build_comparison(a, settings[0], b, settings[1])
+    setting_a = first_setting or setting_of(a, next(iter(a.styles)))
+    setting_b = second_setting or setting_of(b, next(iter(b.styles)))
+    page = build_comparison(a, setting_a, b, setting_b)
     write_page(page, output, part(progress, 0.5, 1.0))
     return page
 

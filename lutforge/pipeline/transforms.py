@@ -18,9 +18,10 @@ KINDS = ("render", "linearize", "refinish", "match")
 
 @dataclass(frozen=True)
 class TransformRequest:
-    """The options of `transform`, beside the profile. Raises SettingsError where one does not go with the kind.
+    """The options of `transform`. Raises SettingsError where one is not for the kind of transform.
 
-    kind: one of KINDS; space: "raw", or the name of a colour space; in any case, and kept as they are named.
+    kind: one of KINDS; space: "raw", or the name of a colour space; both are given in upper or lower case, and stored
+    in their standard spelling.
     """
 
     kind: str
@@ -61,23 +62,23 @@ def transform(
     look: CameraProfile | str | Path | None = None,
     transfer: RawTransfer | str | Path | None = None,
 ) -> Transform:
-    """Return the transform of a profile that words ask for: a function of colours (…, 3), exact to the model.
+    """Return a transform of a profile by its kind and settings: a function of colours (…, 3), exact to the model.
 
     JPEG values are encoded, RAW and scenes linear, with 1 = full scale.
 
     Args:
         profile: a profile, or the path of its file.
         kind: "render" (RAW → JPEG), "linearize" (JPEG → scene), "refinish" (JPEG → JPEG) or "match" (camera → camera).
-        source: STYLE/WB of the JPEG that comes in.
-        target: STYLE/WB of the JPEG that comes out.
+        source: STYLE/WB of the input JPEG.
+        target: STYLE/WB of the output JPEG.
         ev: exposure change in stops.
-        space: what render takes and linearize gives: "raw", or a colour space such as "acescg" or "vlog".
+        space: the input of render, the output of linearize: "raw", or a colour space such as "acescg" or "vlog".
         model: "lattice", or "model" for the camera model itself, where the profile holds both.
-        look: for match, the profile whose look is wanted.
+        look: for match, the profile of the output's camera.
         transfer: for match, the transfer from RAW to RAW, or its file.
 
     Returns:
-        The transform; its `purpose` has a title, and notes on settings that stand for others.
+        The transform; its `purpose` has a title, and notes on settings that replace others.
 
     Raises:
         SettingsError: a setting is missing or unknown, or an option does not go with the kind.
@@ -92,8 +93,8 @@ def transform(
 def choose_transform(camera: CameraProfile, request: TransformRequest) -> Transform:
     """Return the transform that a request names. Raises SettingsError where a setting is missing or unknown."""
     model = None if request.model is None else one_of("model", request.model, MODELS)
-    end = camera if request.look is None else as_profile(request.look)
-    _require_settings(request, camera, end)
+    look = camera if request.look is None else as_profile(request.look)
+    _require_settings(request, camera, look)
     source = request.source or ""
     target = request.target or ""
     space = request.space
@@ -103,17 +104,21 @@ def choose_transform(camera: CameraProfile, request: TransformRequest) -> Transf
             space = "linear-srgb"
         return camera.linearize(source, space, model)
     if request.kind == "render":
-        fed = camera.fed_to if space == "raw" else space
-        return camera.render(target, model) if fed == "raw" else through_camera(camera, target, fed, request.ev, model)
+        scene = camera.fed_to if space == "raw" else space
+        if scene == "raw":
+            return camera.render(target, model)
+        return through_camera(camera, target, scene, request.ev, model)
     transfer = load_transfer(request.transfer) if isinstance(request.transfer, Path) else request.transfer
-    return match(camera, source, end, target, request.ev, model, transfer)
+    return match(camera, source, look, target, request.ev, model, transfer)
 
 
-def _require_settings(request: TransformRequest, camera: CameraProfile, end: CameraProfile) -> None:
-    """Raise SettingsError where a kind of transform lacks a setting. end: the profile of the JPEG that comes out."""
-    takes_jpeg = request.kind != "render"
-    makes_jpeg = request.kind != "linearize"
-    settings = [("--from", request.source, camera)] * takes_jpeg + [("--to", request.target, end)] * makes_jpeg
+def _require_settings(request: TransformRequest, camera: CameraProfile, look: CameraProfile) -> None:
+    """Raise SettingsError where a setting is missing. camera, look: the profiles of the input and the output JPEG."""
+    settings = []
+    if request.kind != "render":
+        settings.append(("--from", request.source, camera))
+    if request.kind != "linearize":
+        settings.append(("--to", request.target, look))
     for option, selector, profile in settings:
         if selector is None:
             raise SettingsError(

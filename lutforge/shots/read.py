@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from lutforge.arrays import Codes
 from lutforge.boundary import MAX_SAMPLES
 from lutforge.errors import ImageError, ShotError
+from lutforge.images.developed import Development
 from lutforge.images.heif import is_heif, read_heif
 from lutforge.images.icc import is_srgb, profile_name, to_srgb
-from lutforge.images.jpeg import decode, read_header
+from lutforge.images.jpeg import read_header
+from lutforge.images.jpeg_pixels import decode
 from lutforge.images.orientation import MIRRORED, QUARTER_TURNS, inverse, orientation_between, upright
 from lutforge.images.raw import RawImage, read_raw
-from lutforge.images.read import Development, read_image
+from lutforge.images.read import read_image
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
 from lutforge.shots.geometry import Placement, Registration

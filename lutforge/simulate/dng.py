@@ -13,7 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.atomic_write import atomic_path
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.images.jpeg import read_header
-from lutforge.images.tiff import Field, TiffWriter, byte_field, long_field, rational_field, short_field, text_field
+from lutforge.images.tiff_writer import (
+    Field,
+    TiffWriter,
+    byte_field,
+    long_field,
+    rational_field,
+    short_field,
+    text_field,
+)
 
 DATE_TIME = "2015:06:15 12:00:00"
 

@@ -16,7 +16,8 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.evaluation import predict
 from lutforge.pipeline.looks import ChosenLook, usual_setting
 from lutforge.pipeline.photographs import Photograph
-from lutforge.pipeline.response import FittedResponse, ResponseRequest
+from lutforge.pipeline.response import FittedResponse
+from lutforge.pipeline.response_request import ResponseRequest
 from lutforge.studio.background import Background
 from lutforge.studio.history import Change, History, exchanged
 from lutforge.studio.opening import Folders, Opened, open_paths

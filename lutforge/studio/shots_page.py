@@ -14,7 +14,8 @@ from PIL import Image
 
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.vignetting import vignetting_of
-from lutforge.pipeline.response import Bracket, FittedResponse, ResponseRequest
+from lutforge.pipeline.response import Bracket, FittedResponse
+from lutforge.pipeline.response_request import ResponseRequest
 from lutforge.pipeline.sampling import file_notes
 from lutforge.reports.figures import bracket_figure
 from lutforge.reports.tables import exposure_time, response_table

@@ -35,7 +35,7 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.raw_transfer import fit_raw_transfer
 from lutforge.calibration.style import style_data
 from lutforge.calibration.white_balance import complete_multipliers
-from lutforge.cli.demo_shots import HELD_OUT, DemoShots
+from lutforge.cli.demo_shots import HELD_OUT_SHOT, DemoShots
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.evaluation.methods import fit_baselines
@@ -103,12 +103,12 @@ def simulated(keep: Path) -> Figures:
     yield from _figures("simulated, refinish", refinish(before), after)
     yield from _plain_methods(shots, profile, raw, before, after)
     assert shots.held_out.jpeg is not None
-    jpeg, wanted = (read_image(path).pixels[..., :3].astype(np.float64) for path in (shots.held_out.jpeg, shots.wanted))
+    jpeg, wanted = (read_image(path).pixels[..., :3].astype(np.float64) for path in (shots.held_out.jpeg, shots.right))
     graded = np.rint(255 * np.clip(refinish(jpeg), 0, 1)) / 255
     usable = ((jpeg > 0) & (jpeg < 1) & (wanted > 0) & (wanted < 1)).all(axis=-1)
     yield from _figures("simulated, graded picture", graded[usable], wanted[usable])
     # Its ball, a strong blue, is the largest blue part of the scene.
-    surface = SCENES[HELD_OUT.scene](808, 1216, HELD_OUT.seed).first
+    surface = SCENES[HELD_OUT_SHOT.scene](808, 1216, HELD_OUT_SHOT.seed).first
     top, left = ((length - inner) // 2 for length, inner in zip(surface.shape, jpeg.shape, strict=False))
     blues, _ = ndimage.label(surface[top : top + jpeg.shape[0], left : left + jpeg.shape[1]] == 12)
     ball = blues == 1 + np.argmax(np.bincount(blues.ravel())[1:])

@@ -13,7 +13,7 @@ from lutforge.grading.pixels import grade_floats
 from lutforge.interpolation import Interpolation, Levels
 from lutforge.luts.ops import Cube, Matrix, Range, joined
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHAPER_SIZE, is_even, shaper
+from lutforge.luts.shaper import MAX_SHAPER_SIZE, is_even, shaper
 
 Pixels = NDArray[np.float32]
 
@@ -61,7 +61,7 @@ def lut_of_nodes(
     values: Array,
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0),
     matrix: Array | None = None,
-    size: int = SHAPER_SIZE,
+    size: int = MAX_SHAPER_SIZE,
     interpolation: Interpolation = "tetrahedral",
     title: str = "",
     comments: tuple[str, ...] = (),

@@ -15,7 +15,7 @@ import PIL.Image
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.cli.looks import PROGRAMS as LISTED
+from lutforge.cli.looks import PROGRAM_NAMES as LISTED
 from lutforge.cli.looks import kit
 from lutforge.cli.main import main
 from lutforge.kits.programs import KITS

@@ -17,7 +17,7 @@ from lutforge.colour.srgb import srgb_encode
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
-from lutforge.progress import part, telling_of_compilation
+from lutforge.progress import part, with_compilation
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_cube, write_picture
 
@@ -100,7 +100,7 @@ def test_compiling_a_kernel_is_told_once() -> None:
 
     doubled: Any = numba.njit(lambda value: 2 * value)
 
-    with telling_of_compilation(lambda what, share: told.append((what, share))) as progress:
+    with with_compilation(lambda what, share: told.append((what, share))) as progress:
         progress("fitting", 0.25)
         doubled(1.0)
         doubled(2.0)

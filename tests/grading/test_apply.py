@@ -15,18 +15,18 @@ from lutforge.grading.batch import apply_batch, plan_jobs
 from lutforge.grading.grade import Grade, LutRecipe
 from lutforge.grading.image import apply_image
 from lutforge.grading.inputs import JOURNAL
-from lutforge.grading.pixels import BLOCK
+from lutforge.grading.pixels import BLOCK_PIXELS
 from lutforge.images.read import is_premultiplied, read_image
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.luts.shaper import MAX_SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels
 from tests.cases.pictures import Pixels, apply_to_pixels, lut_of_nodes, write_cube, write_picture
 
 
 @pytest.fixture(scope="module")
 def lut() -> Lut:
-    axis = snap_levels(np.linspace(0, 1, 17) ** 2, SHAPER_SIZE)
+    axis = snap_levels(np.linspace(0, 1, 17) ** 2, MAX_SHAPER_SIZE)
     levels = (axis, axis, axis)
     return lut_of_nodes(levels, np.sqrt(grid(levels))[..., ::-1], (1.4, 1.0, 0.9))
 
@@ -42,7 +42,7 @@ def picture(height: int = 30, width: int = 50, channels: int = 3) -> Pixels:
 
 @pytest.mark.parametrize("workers", [1, 2, 5])
 def test_every_block_and_thread_gives_the_lut_and_leaves_other_channels(lut: Lut, lut_file: Path, workers: int) -> None:
-    pixels = picture(2 * BLOCK // 500 + 3, 500, channels=5)  # two whole blocks and a part
+    pixels = picture(2 * BLOCK_PIXELS // 500 + 3, 500, channels=5)  # two whole blocks and a part
     before = pixels.copy()
     graded = apply_to_pixels(file_processor(lut_file), pixels, workers=workers)
     np.testing.assert_allclose(graded[..., :3], lut(pixels[..., :3]), atol=1e-5)

@@ -18,9 +18,10 @@ from lutforge.grading.batch import apply_batch
 from lutforge.grading.grade import Grade, LutRecipe
 from lutforge.grading.image import apply_image
 from lutforge.grading.pixels import grade_codes
-from lutforge.images.jpeg import JpegHeader, Segment, exif_places, read_header
+from lutforge.images.exif_places import exif_places
+from lutforge.images.jpeg import JpegHeader, Segment, read_header
+from lutforge.images.output_spec import IN_ANOTHER_SPACE
 from lutforge.images.read import read_image
-from lutforge.images.write import IN_ANOTHER_SPACE
 from lutforge.shots.tags import SOFTWARE, tags
 from tests.cases.damaged import damaged
 from tests.cases.pictures import apply_to_pixels, write_cube

@@ -13,9 +13,10 @@ from PIL import ImageCms
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import ImageError
 from lutforge.images.orientation import upright
-from lutforge.images.raw import read_raw, saturation_spike
+from lutforge.images.raw import read_raw
 from lutforge.images.read import Image, is_premultiplied, read_image
-from lutforge.images.tiff import TiffWriter, byte_field, long_field, rational_field, short_field, text_field
+from lutforge.images.saturation import saturation_spike
+from lutforge.images.tiff_writer import TiffWriter, byte_field, long_field, rational_field, short_field, text_field
 from lutforge.images.write import write_image
 from lutforge.simulate.dng import write_dng
 

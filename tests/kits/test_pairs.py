@@ -16,7 +16,8 @@ from lutforge.luts.reading import file_processor
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.provenance import Developed
 from lutforge.pipeline.calibration import calibrate as calibrate_profile
-from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs
+from lutforge.pipeline.pairing import raw_substitute, sample_pairs
+from lutforge.pipeline.sampling import gather_samples
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_picture
 from tests.conftest import CommandLine

@@ -21,7 +21,7 @@ from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.programs import Target
 from lutforge.luts.reading import file_processor
-from lutforge.luts.shaper import FEW, SHAPER_SIZE
+from lutforge.luts.shaper import MAX_SHAPER_SIZE, SHORT_SHAPER_SIZE
 from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.gamut_map import GamutMap
@@ -122,7 +122,7 @@ def test_no_output_leaves_the_range_of_the_function() -> None:
 
 
 def test_a_lattice_is_baked_as_it_stands() -> None:
-    axis = snap_levels(np.linspace(0, 1, 9) ** 2, SHAPER_SIZE)
+    axis = snap_levels(np.linspace(0, 1, 9) ** 2, MAX_SHAPER_SIZE)
     lattice = Lattice((axis, axis, axis), np.random.default_rng(0).random((9, 9, 9, 3)), "trilinear")
     transform = of_lattice(lattice, MatrixStage(MATRIX))
     lut = bake(transform)
@@ -132,7 +132,7 @@ def test_a_lattice_is_baked_as_it_stands() -> None:
 
 def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> None:
     """Other formats and other sizes are fitted; no file leaves [0, 1]."""
-    axis = snap_levels(np.linspace(0, 1, 9), SHAPER_SIZE)
+    axis = snap_levels(np.linspace(0, 1, 9), MAX_SHAPER_SIZE)
     values = grid((axis, axis, axis)) * 1.3 - 0.15
     even = np.linspace(0.0, 1.0, 4096)[:, None].repeat(3, axis=1)
     table = 2 * even / (1 + even)
@@ -153,7 +153,7 @@ def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> N
 @pytest.mark.parametrize("form", ["full", "shaper"])
 def test_a_lattice_with_a_white_balance_is_near_in_any_form(tmp_path: Path, form: Form) -> None:
     """The gain is a matrix, or moves the nodes by less than a step of the shaper."""
-    axis = snap_levels(np.linspace(0, 1, 33) ** 2, SHAPER_SIZE)
+    axis = snap_levels(np.linspace(0, 1, 33) ** 2, MAX_SHAPER_SIZE)
     levels = (axis, axis, axis)
     transform = of_lattice(Lattice(levels, look(grid(levels)), "trilinear"), MatrixStage(MATRIX))
     lut = bake(transform, form=form)
@@ -201,7 +201,7 @@ def test_a_shaper_is_as_long_as_it_needs() -> None:
         return np.asarray((np.asarray(x) + 1e-5) ** 0.3)
 
     lengths = [len(shaper.outputs) for f in (refinish(), steep) if (shaper := bake(f, size=17, form="shaper").shaper)]
-    assert lengths == [FEW, SHAPER_SIZE]
+    assert lengths == [SHORT_SHAPER_SIZE, MAX_SHAPER_SIZE]
 
 
 @pytest.mark.parametrize("gain", [(2.0, 1.0, 1.5), (0.7, 1.0, 3.1)])
@@ -244,7 +244,7 @@ def test_a_hald_image_is_its_cube_to_16_bits(tmp_path: Path, name: str) -> None:
 
 def test_lattices_in_steps_are_the_model(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
-    levels = tuple(snap_levels(np.linspace(0, 1, 9) ** p, SHAPER_SIZE) for p in (1.5, 2.0, 2.5))
+    levels = tuple(snap_levels(np.linspace(0, 1, 9) ** p, MAX_SHAPER_SIZE) for p in (1.5, 2.0, 2.5))
     r, g, b = levels
     back = Lattice((r, g, b), rng.random((9, 9, 9, 3)), "trilinear")
     forth = Lattice((r, g, b), rng.random((9, 9, 9, 3)), "tetrahedral")

@@ -94,7 +94,7 @@ def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
         ("a.clf", "<ProcessList id='a'><LUT3D><Array dim='9999 2 2 3'>", "At line 1"),
         ("a.clf", f"<ProcessList {CLF}><LUT3D {DEPTHS}><Array dim='9999 2 2 3'/></LUT3D></ProcessList>", "9999 2 2 3"),
         ("a.clf", f"<ProcessList {CLF}><LUT1D {DEPTHS}><Array dim='2 1'>0</Array></LUT1D></ProcessList>", "found 1"),
-        ("a.vlt", "LUT_3D_SIZE 17\n0 0 0.5\n", "4913 rows behind it"),
+        ("a.vlt", "LUT_3D_SIZE 17\n0 0 0.5\n", "4913 rows after it"),
         # OpenColorIO 2.6 would look for the end of metadata for ever, and take memory with each line.
         ("a.csp", "CSPLUTV100\n3D\n\nBEGIN METADATA\nx\n", "no END METADATA"),
         ("a.png", "\x89PNG", "neither a PNG"),
@@ -156,7 +156,7 @@ def test_what_no_operation_holds_is_said_and_not_dropped(tmp_path: Path) -> None
     curve = f"<LUT1D {DEPTHS} hueAdjust='dw3'><Array dim='9 3'>{table}</Array></LUT1D>"
     path.write_text(f"<ProcessList version='1.4' id='a'>{curve}</ProcessList>")
     for read in (read_lut, check_lut):
-        with pytest.raises(LutError, match="a curve that keeps hues, of which no figures can be told"):
+        with pytest.raises(LutError, match="a curve that keeps hues, for which no figures can be reported"):
             read(path)
 
 

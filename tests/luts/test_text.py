@@ -179,14 +179,14 @@ def test_comments_between_numbers_tabs_and_indents_are_read(tmp_path: Path, name
 
 
 def test_a_cube_in_two_dialects_at_once_is_read(tmp_path: Path) -> None:
-    """As LUTCalc writes for Resolve: a title beside an input range."""
+    """As LUTCalc writes for Resolve: a title and an input range."""
     text = 'TITLE "SLog3 to 709"\nLUT_3D_SIZE 2\nLUT_3D_INPUT_RANGE 0.0 1.0\n' + table("0.{r} 0.{g} 0.{b}\n")
     path = write(tmp_path, "calc.cube", text)
     lut = read_lut(path)
     assert lut.title == "SLog3 to 709"
     np.testing.assert_allclose(lut([1.0, 0.0, 1.0]), [0.1, 0.0, 0.1], atol=1e-6)
     for message in messages(path):
-        assert "TITLE beside LUT_3D_INPUT_RANGE" in message and "delete the line" in message
+        assert "TITLE together with LUT_3D_INPUT_RANGE" in message and "delete the line" in message
     shaped = 'TITLE "x"\nDOMAIN_MIN 0 0 0\nDOMAIN_MAX 1 1 1\n' + SOUND["shaper.cube"]
     assert read_lut(write(tmp_path, "shaped.cube", shaped)).summary == "Curve 2 → Cube 2³"
     contradicting = text.replace("LUT_3D_SIZE", "DOMAIN_MAX 2 2 2\nLUT_3D_SIZE")

@@ -17,7 +17,7 @@ from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.programs import PROGRAMS, files_for, target_of
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, shaper
+from lutforge.luts.shaper import MAX_SHAPER_SIZE, lattice_ops, shaper
 from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
@@ -37,7 +37,7 @@ def worst_case(
     matrix: Array | None = None,
 ) -> Lut:
     """Random node values, so that a misplaced node shows at full scale; node levels bunched near black."""
-    axis = snap_levels(np.linspace(0, 1, size) ** 3, SHAPER_SIZE)
+    axis = snap_levels(np.linspace(0, 1, size) ** 3, MAX_SHAPER_SIZE)
     return lut_of_nodes(
         (axis, axis, axis), np.random.default_rng(5).random((size, size, size, 3)), gain, matrix,
         interpolation=interpolation, title="Canon “S40” standard\nrender",
@@ -84,7 +84,7 @@ def test_writing_refuses_what_the_file_cannot_hold(tmp_path: Path, name: str) ->
 
 
 def test_a_shaper_is_refused_where_only_a_cube_is_held(tmp_path: Path) -> None:
-    levels = tuple(snap_levels(np.linspace(0, 1, 17) ** p, SHAPER_SIZE) for p in (1.5, 2.0, 2.5))
+    levels = tuple(snap_levels(np.linspace(0, 1, 17) ** p, MAX_SHAPER_SIZE) for p in (1.5, 2.0, 2.5))
     lut = lut_of_nodes((levels[0], levels[1], levels[2]), grid(uniform_levels(17)))
     with pytest.raises(LutError, match='form="plain"'):
         lut.write(tmp_path / "a.3dl")
@@ -305,7 +305,7 @@ MATRIX = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.5, 1.5]])
 
 
 def bunched(size: int = 17, power: float = 2.0) -> tuple[Array, Array, Array]:
-    axes = [snap_levels(np.linspace(0, 1, size) ** p, SHAPER_SIZE) for p in (power, power + 0.3, power + 0.6)]
+    axes = [snap_levels(np.linspace(0, 1, size) ** p, MAX_SHAPER_SIZE) for p in (power, power + 0.3, power + 0.6)]
     return axes[0], axes[1], axes[2]
 
 
@@ -388,7 +388,7 @@ def test_a_lattice_off_the_grid_or_of_unequal_sizes_becomes_a_lut() -> None:
         (lambda: shaper(bunched(33), 4096), "not multiples of 1/4095"),
         (lambda: shaper(bunched(33), 70000), "65536"),
         (lambda: shaper((bunched()[0] + 1e-6, *bunched()[1:])), "from 0"),
-        (lambda: shaper(bunched(), SHAPER_SIZE, np.zeros((9, 3))), "does not rise"),
+        (lambda: shaper(bunched(), MAX_SHAPER_SIZE, np.zeros((9, 3))), "does not rise"),
     ],
 )
 def test_what_does_not_fit_is_refused(make: object, words: str) -> None:

@@ -351,7 +351,9 @@ def test_a_page_shows_chart_and_differences(profile_path: Path, tmp_path: Path) 
     assert len(table.rows) == 24
     with pytest.raises(SettingsError, match="vivid"):
         compare(profile_path, profile_path, tmp_path / "compare.html", "vivid/daylight")
-    compare_command(profile_path, output=tmp_path / "one.html", one="standard/daylight", other="standard/shade")
+    compare_command(
+        profile_path, output=tmp_path / "one.html", first_setting="standard/daylight", second_setting="standard/shade"
+    )
     assert "Nikon D40 standard/shade" in (tmp_path / "one.html").read_text()
 
 

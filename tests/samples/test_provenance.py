@@ -8,7 +8,7 @@ import pytest
 
 from lutforge.errors import CalibrationError
 from lutforge.model.provenance import Chart, Developed, OwnRaw
-from lutforge.pipeline.sampling import provenance_of
+from lutforge.pipeline.provenance import provenance_of
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples
 from tests.cases.samples import made_samples

@@ -135,7 +135,7 @@ def test_demo_shots_cover_styles_lights_and_both_kinds_of_jpeg(tmp_path: Path) -
     assert shots.held_out.jpeg is not None
     assert shots.held_out.dng not in shots.calibration
     camera = shots.camera
-    spoilt, wanted = read_jpeg(shots.held_out.jpeg) / 255, read_jpeg(shots.wanted) / 255
+    spoilt, wanted = read_jpeg(shots.held_out.jpeg) / 255, read_jpeg(shots.right) / 255
     (style, balance), (new_style, new_balance) = shots.source.split("/"), shots.target.split("/")
     raw = camera.linearize(spoilt, style, balance)
     refinished = camera.render(raw, new_style, new_balance, shots.ev)

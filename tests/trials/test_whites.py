@@ -73,16 +73,16 @@ def measured(profile: CameraProfile, folder: Path, count: int, inverse_size: int
         made["cube"] = _codes(_shaped(transform, size).processor(), colours)
         bare = profile.refinish(given, wanted, ev, neutral_highlights=False)
         off = _codes(_shaped(bare, size).processor(), colours) - np.clip(bare(colours), 0.0, 1.0) * 255
-        if ev == 0 and camera.own in (source[1], target[1]):  # looks are from and to it
+        if ev == 0 and camera.reference_balance in (source[1], target[1]):  # looks are from and to it
             between = camera.jpeg(source[0], target[1])
             steps: list[OCIO.Transform] = []
             if source[1] != target[1]:
-                sign, name = ("", camera.jpeg(*source)) if target[1] == camera.own else ("-", between)
-                look = f"{sign}{name} → {camera.balances[camera.own]}"
+                sign, name = ("", camera.jpeg(*source)) if target[1] == camera.reference_balance else ("-", between)
+                look = f"{sign}{name} → {camera.balances[camera.reference_balance]}"
                 steps.append(OCIO.LookTransform(src=name, dst=name, looks=look))
             to_style = OCIO.ColorSpaceTransform(src=between, dst=camera.jpeg(*target))
             made["look"] = _codes(_processor(config, [*steps, to_style]), colours)
-            if target[1] == camera.own:
+            if target[1] == camera.reference_balance:
                 view = next(view for view in config.getViewTransformNames() if view.endswith(camera.styles[target[0]]))
                 shown = OCIO.DisplayViewTransform(src=between, display="sRGB - Display", view=view)
                 made["view"] = _codes(_processor(config, [*steps, shown]), colours)

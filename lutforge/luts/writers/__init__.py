@@ -1,1 +1,1 @@
-"""Writers of LUT files, a format a file. Each takes a LUT whose form has been checked."""
+"""Writers of LUT files, one file for each format. Each takes a LUT whose form has been checked."""

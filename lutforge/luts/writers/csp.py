@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from lutforge.luts.sequence import Lut  # which is written by these functions
 
 KNOTS = 16384
-"""Even steps of a curve that are written."""
+"""Most even steps of a curve that are written."""
 
 
 def write_csp(lut: Lut, path: Path) -> None:
     """Write a cube with a shaper, or none; red varies fastest.
 
-    The prelut holds the knots of a curve, or some of its even steps, the nodes and their neighbours: with these
-    OpenColorIO's spline stays within 1e-5 of straight lines.
+    The prelut holds the knots of a curve with free knots. Of a curve with even steps it holds some steps, the nodes and
+    their neighbours: with these OpenColorIO's spline stays within 1e-5 of straight lines.
     """
     curve, cube = lut.shaper_and_cube()
     notes = [line for line in (plain(text) for text in (lut.title, *lut.comments)) if line]
@@ -45,7 +45,8 @@ def _prelut(curve: Curve | None, cube: Cube, channel: int) -> tuple[Array, Array
     if curve.inputs is not None:
         return curve.inputs[:, channel], curve.outputs[:, channel]
 
-    # Even steps, and between those of a short curve more beside the nodes, where it bends.
+    # Even steps, and the nodes with their neighbours, since the curve bends at nodes. A short curve gets three more
+    # points between two of its entries.
     entries = len(curve.outputs)
     fine = 1 if entries >= KNOTS else 4
     last = fine * (entries - 1)

@@ -1,9 +1,9 @@
 """The .cube format: a 3D table (Adobe Cube LUT Specification 1.0, Iridas), a 1D table, or a shaper before a 3D table.
 
-The last is what DaVinci Resolve writes and OpenColorIO reads. Comments come before its header, and there is no TITLE
-and no DOMAIN line: OpenColorIO (FileFormatResolveCube) refuses the file otherwise. The input ranges, whose default is
-0 to 1, are written out: a reader that knows the 3D form only, such as ffmpeg's lut3d, then refuses the file instead of
-rendering garbage.
+DaVinci Resolve writes the form with a shaper, and OpenColorIO reads it. Its comments come before the header, and there
+is no TITLE and no DOMAIN line: OpenColorIO (FileFormatResolveCube) refuses the file otherwise. The input ranges are
+written although 0 to 1 is their default: a reader that knows the 3D form only, such as ffmpeg's lut3d, then refuses the
+file instead of rendering wrong colours.
 """
 
 from __future__ import annotations

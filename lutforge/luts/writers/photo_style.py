@@ -1,4 +1,4 @@
-"""The picture style of a Lumix body that a LUT lies on, as its file names it."""
+"""The line of a LUT file that names the picture style of a Lumix body after which the body applies the LUT."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ if TYPE_CHECKING:
     from lutforge.luts.sequence import Lut  # which is written by these functions
 
 PHOTO_STYLE = "photo style"
-"""The key of a LUT's metadata that names the picture style of a Lumix body on which it lies, such as "STD"."""
+"""The key, in a LUT's metadata, of the picture style that the LUT is made for, such as "STD"."""
 
 
 def photo_style(lut: Lut) -> list[str]:
-    """The line that names the picture style that a LUT lies on in a Lumix body, where it is made for one.
+    """The line that names a LUT's picture style, where it has one.
 
-    It has no blank behind "#", and is the second line; without it bodies take V-Log for the base.
+    It has no blank after "#", and is the second line of a file; without it bodies apply the LUT to V-Log.
     """
     style = lut.metadata.get(PHOTO_STYLE)
     return [] if style is None else [f"#LUMIXPHOTOSTYLE {style}"]

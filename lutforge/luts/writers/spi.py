@@ -22,7 +22,7 @@ def write_spi(lut: Lut, path: Path) -> None:
     shaper, cube = lut.shaper_and_cube()
     curve = shaper or Curve(np.repeat([[0.0], [1.0]], 3, axis=1))
     header = f"Version 1\nFrom {curve.low!r} {curve.high!r}\nLength {len(curve.outputs)}\nComponents 3\n{{\n"
-    # Comments are behind the tables: the readers count the lines in front of them.
+    # Comments come after the tables, since readers count the lines before them.
     comments = "".join(f"{line}\n" for line in comment_lines(lut.title, lut.comments))
     write_text(path.with_suffix(SPI_PAIR[0]), header + rows(curve.outputs, SHAPER_DIGITS) + "}\n" + comments)
     n = cube.size

@@ -13,7 +13,7 @@ DIGITS = 6
 """Decimals of a number in a cube: an error of 5e-7, a thirtieth of a step of 16 bits."""
 
 SHAPER_DIGITS = 9
-"""Decimals of a number in a curve, which a cube behind it magnifies by its steepness."""
+"""Decimals of a number in a curve, whose error a steep cube after it magnifies."""
 
 
 def rows_of_cube(values: Array) -> Array:
