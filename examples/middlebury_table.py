@@ -21,7 +21,7 @@ from lutforge.calibration.options import BETA
 from lutforge.calibration.style import StyleData
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.further_errors import delta
+from lutforge.evaluation.linearization_errors import delta
 from lutforge.evaluation.polynomials import colour_polynomial, mixed_channel_polynomials
 from lutforge.model.profile import CameraModel
 from lutforge.samples.sample_set import SampleSet

@@ -26,7 +26,7 @@ def demo(
     from lutforge.cli.demo_shots import SHOTS, demo_shots
     from lutforge.pipeline.outputs import check_output
     from lutforge.pipeline.sampling import sample_shots
-    from lutforge.reports.matplotlib_figure import calibration_sheet
+    from lutforge.reports.sheets import calibration_sheet
 
     check_output(output / "report.html")
     numbers = count()
@@ -107,7 +107,7 @@ def _grade(shots: "DemoShots", output: Path, verbose: bool) -> tuple[str, ...]:
     """Correct the photograph with wrong settings by a LUT; return its errors, a row of the table."""
     from lutforge.evaluation.figures import error_figures
     from lutforge.images.read import read_image
-    from lutforge.reports.matplotlib_figure import refinish_sheet
+    from lutforge.reports.sheets import refinish_sheet
 
     spoilt = shots.held_out.jpeg
     assert spoilt is not None

@@ -1,1 +1,1 @@
-"""How good a calibration is: held-out errors, tables, baselines, next shots."""
+"""The evaluation of a calibration: held-out errors, tables, baselines, colours to photograph next."""

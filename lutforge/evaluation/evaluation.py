@@ -1,9 +1,9 @@
-"""The thesis's error tables of a profile on samples, held out by shot, beside plain baselines (chapters 4 to 6).
+"""The thesis's error tables of a profile on samples, held out by shot, and of plain baselines (chapters 4 to 6).
 
 The result is records, and one JSON document with stable keys.
 
     format        "lutforge-evaluation"; version: 1 (a key that exists keeps its meaning; new ones may be added)
-    camera        the profile's; tables: whether the thesis's tables were asked for
+    camera        the profile's; tables: whether it has the thesis's tables
     rows          chapter 5: one entry per direction, style, shot ("all", and all_shots true: together) and method, with
                   held_out, count, mean, maximum, q1, median, q3 (of the Euclidean norm of the RGB difference, 1 = full
                   scale), rmse (over channels), de00_mean, de00_max (null where the values are not display colours),
@@ -14,20 +14,19 @@ The result is records, and one JSON document with stable keys.
                   by edit ("+2 EV", "warmer" …)
     refinish      Fig. 6.2: source, target (STYLE/WB), method, held_out, shots, and figures as in rows
     departures    shots that deviate from the fixed rendering: shot, values and errors (exposure, contrast, saturation),
-                  clear (which of them are beyond chance)
+                  clear (which of them are significant)
     notes         sentences
 
 Directions are "render" (RAW → JPEG) and "linearize" (JPEG → white-balanced RAW). Methods are "camera model" and
 "lattice" (the profile's own), "f and T, no h", "matrix and response", "polynomial per channel", "polynomial of all
 channels"; in the thesis's tables also "thesis's camera model" (chapter 4), "uniform lattice N", "nonuniform lattice N"
-and "lattice by (5.3) N" (what the thesis compares itself with); and under refinish "unchanged".
+and "lattice by (5.3) N" (the thesis's baseline); and under refinish "unchanged".
 """
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -39,10 +38,13 @@ from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.calibration.vignetting import at_the_centre
 from lutforge.calibration.white_balance import complete_multipliers, with_gains
 from lutforge.errors import CalibrationError
-from lutforge.evaluation import further_errors as further
+from lutforge.evaluation.edit_errors import edited_errors
 from lutforge.evaluation.figures import ErrorFigures, error_figures
+from lutforge.evaluation.linearization_errors import linearization_errors
 from lutforge.evaluation.methods import LATTICE, MODEL
 from lutforge.evaluation.predictions import Predictions, predict
+from lutforge.evaluation.raw_errors import MethodError, raw_errors
+from lutforge.evaluation.refinish_errors import RefinishError, refinish_errors
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile import Direction
 from lutforge.model.provenance import ResponseOnly
@@ -54,10 +56,10 @@ from lutforge.thesis.options import stated_options
 
 @dataclass(frozen=True)
 class EvaluationRow:
-    """One line of the error table.
+    """One row of the error table.
 
-    direction: "render" or "linearize"; shot: a name, or "all" where all_shots is true; method: what predicted;
-    held_out: whether its fit had not seen the shot. fit_seconds: of its fits, the median; seconds_per_megapixel: of its
+    direction: "render" or "linearize"; shot: a name, or "all" where all_shots is true; method: of the prediction;
+    held_out: its fit had not seen the shot. fit_seconds: the median over its fits; seconds_per_megapixel: of its
     evaluation; None where they were not measured.
     """
 
@@ -76,24 +78,24 @@ class EvaluationRow:
 class Evaluation:
     """The result of an evaluation.
 
-    rows: the error table; raw, linearization, edited, refinish: the other tables; notes: what was left out, and why;
-    predictions: by style, what the rows are made of; deviations: of shots. The values of raw are the root mean squares
-    over all channels ("RMSE") and of each channel.
+    rows: the error table; raw, linearization, edited, refinish: the other tables; notes: on what was left out, and why;
+    predictions: by style, from which the rows are computed; deviations: of shots. The values of raw are the root mean
+    squares over all channels ("RMSE") and of each channel.
     """
 
     camera: str
     rows: tuple[EvaluationRow, ...]
     notes: tuple[str, ...]
-    raw: tuple[further.MethodError, ...] = ()
-    linearization: tuple[further.MethodError, ...] = ()
-    refinish: tuple[further.RefinishError, ...] = ()
-    edited: tuple[further.MethodError, ...] = ()
+    raw: tuple[MethodError, ...] = ()
+    linearization: tuple[MethodError, ...] = ()
+    refinish: tuple[RefinishError, ...] = ()
+    edited: tuple[MethodError, ...] = ()
     tables: bool = False
     predictions: Mapping[str, Predictions] = field(default_factory=dict, repr=False)  # long arrays
     deviations: tuple[Deviation, ...] = ()
 
     def as_json(self) -> dict[str, object]:
-        """The document that the head of this module describes."""
+        """The JSON document that the docstring of this module describes."""
         return {
             "format": "lutforge-evaluation",
             "version": 1,
@@ -119,7 +121,7 @@ class Evaluation:
 
 
 def _plain(row: Any) -> dict[str, object]:
-    """The values of a table's row by name, its figures among them."""
+    """The values of a table's row by name, including its figures."""
     values: dict[str, Any] = asdict(row)
     values.pop("values", None)
     figures: dict[str, object] = values.pop("figures", {})
@@ -127,16 +129,17 @@ def _plain(row: Any) -> dict[str, object]:
 
 
 def error_rows(style: str, predictions: Predictions) -> Iterator[EvaluationRow]:
-    """Per direction and method: all shots together, then (for the profile's own models) each shot."""
+    """The rows of each direction and method: of all shots together, and for the profile's own models of each shot."""
     data = predictions.data
     for direction, predicted in predictions.predicted.items():
-        display, measured = direction == "render", data.both[direction][1]
+        display = direction == "render"
+        measured = data.both[direction][1]
         for method in predictions.methods:
             values = np.clip(predicted[method], 0.0, 1.0)
-            known = np.all(np.isfinite(values), axis=1)
-            parts = [("all", True, known)]
+            finite = np.all(np.isfinite(values), axis=1)
+            parts = [("all", True, finite)]
             if method in (LATTICE, MODEL):
-                parts += [(str(shot), False, known & (data.shot == shot)) for shot in np.unique(data.shot[known])]
+                parts += [(str(shot), False, finite & (data.shot == shot)) for shot in np.unique(data.shot[finite])]
             for shot, all_shots, rows in parts:
                 figures = error_figures(values[rows], measured[rows], display=display)
                 held_out = bool(np.all(predictions.held_out[rows]))
@@ -153,9 +156,9 @@ def evaluate(
 ) -> Evaluation:
     """Measure errors of both directions, per shot and over all shots, for the profile's models and the baselines.
 
-    A shot that the profile was calibrated from is predicted by a refit without it, any other by the profile as it is.
-    tables: every method of the thesis's tables, with its times, whatever the profile holds; sizes: nodes per axis of
-    the lattices in these. Raises CalibrationError where the samples hold none of the profile's styles.
+    A shot that the profile was calibrated from is predicted by a refit without it, any other by the profile itself.
+    tables: measure every method of the thesis's tables, with its times; sizes: nodes per axis of the lattices in these.
+    Raises CalibrationError where the samples hold none of the profile's styles.
     """
     if isinstance(profile.provenance, ResponseOnly):
         raise CalibrationError(
@@ -163,41 +166,41 @@ def evaluate(
             "its error; lutforge response prints it"
         )
     samples = at_the_centre(with_own_raw(profile, samples), profile.vignettings)
-    multipliers, of_balances = complete_multipliers(samples)
+    multipliers, balance_notes = complete_multipliers(samples)
     multipliers = with_gains(samples, multipliers, profile.white_balances)
-    known, strange = known_styles(profile, samples)
-    samples, multipliers = samples.select(known), multipliers[known]
+    in_profile, style_notes = known_styles(profile, samples)
+    samples = samples.select(in_profile)
+    multipliers = multipliers[in_profile]
     data, clipped = style_data(samples, multipliers)
-    notes = [*of_balances, *strange, *styles_with_enough(samples, multipliers)[1]]
-    if clipped:
-        notes.append(f"{clipped} of {len(samples)} samples are clipped and are not counted")
-    missing = sum(shot not in samples.shot for shot in profile.shots)
-    if 0 < missing < len(profile.shots):
-        notes.append(
-            f"{missing} of the {len(profile.shots)} shots of the calibration are not among these: the refits without "
-            "each of the others see fewer colours than the profile did; give all for its error"
-        )
-    if tables and not np.isin(samples.shot, profile.shots).any():
-        notes.append("no shot of the calibration is among these: add them for the baselines and the lattice sizes")
-    options, sizes, predictions = stated_options(profile.options), sizes if tables else (), dict[str, Predictions]()
+    notes = [*balance_notes, *style_notes, *styles_with_enough(samples, multipliers)[1]]
+    notes += _notes_on_shots(profile, samples, clipped, tables)
+
+    options = stated_options(profile.options)
+    predictions = dict[str, Predictions]()
     for index, (name, style) in enumerate(data.items()):
-        within = partial(part(progress, index / len(data), (index + 1) / len(data), name), "leaving shots out")
-        made = predict(profile.styles[name], name, style, profile.shots, options, sizes=sizes, progress=within)
-        predictions[name] = made
-        notes += [*made.notes, *([monochrome_note(name)] if style.monochrome else [])]
-    shots = shots_beside(profile, samples, multipliers)
-    notes += [f"{each.shot} deviates from the fixed rendering: {each.words}" for each in shots.deviations]
+        of_style = partial(part(progress, index / len(data), (index + 1) / len(data), name), "leaving shots out")
+        predictions[name] = predict(
+            profile.styles[name], name, style, profile.shots, options, sizes=sizes if tables else (), progress=of_style
+        )
+        notes += [*predictions[name].notes, *([monochrome_note(name)] if style.monochrome else [])]
+
+    shots = compare_with_profile(profile, samples, multipliers)
+    notes += [
+        f"{deviation.shot} deviates from the fixed rendering: {deviation.words}" for deviation in shots.deviations
+    ]
     notes += [str(groups.diagnosis) for groups in shots.groups]
-    rows = [row for each in predictions.items() for row in error_rows(*each)]
-    linear = (further.linearization_errors(*each, profile.matrix) for each in predictions.items())
+    by_style = predictions.items()
+    rows = [row for name, of_style in by_style for row in error_rows(name, of_style)]
     evaluation = Evaluation(
         camera=profile.camera,
         rows=tuple(_timed(rows, predictions) if tables else rows),
         notes=tuple(notes),
-        raw=tuple(row for each in predictions.items() for row in further.raw_errors(*each)),
-        linearization=tuple(chain.from_iterable(linear)),
-        edited=tuple(row for each in predictions.items() for row in further.edited_errors(*each)),
-        refinish=further.refinish_errors(predictions),
+        raw=tuple(row for name, predicted in by_style for row in raw_errors(name, predicted)),
+        linearization=tuple(
+            row for name, predicted in by_style for row in linearization_errors(name, predicted, profile.matrix)
+        ),
+        edited=tuple(row for name, predicted in by_style for row in edited_errors(name, predicted)),
+        refinish=refinish_errors(predictions),
         deviations=shots.deviations,
         tables=tables,
         predictions=predictions,
@@ -206,43 +209,59 @@ def evaluate(
     return evaluation
 
 
-def shots_beside(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> ShotCheck:
-    """Compare the shots of each style with what the profile renders of their RAW."""
-    usable, checks = unclipped(samples, multipliers), list[ShotCheck]()
+def _notes_on_shots(profile: CameraProfile, samples: SampleSet, clipped: int, tables: bool) -> Iterator[str]:
+    """Notes on clipped samples, and on shots of the calibration that are missing. tables: the thesis's are measured."""
+    if clipped:
+        yield f"{clipped} of {len(samples)} samples are clipped and are not counted"
+    missing = sum(shot not in samples.shot for shot in profile.shots)
+    if 0 < missing < len(profile.shots):
+        yield (
+            f"{missing} of the {len(profile.shots)} shots of the calibration are not among these: the refits without "
+            "each of the others see fewer colours than the profile did; give all for its error"
+        )
+    if tables and not np.isin(samples.shot, profile.shots).any():
+        yield "no shot of the calibration is among these: add them for the baselines and the lattice sizes"
+
+
+def compare_with_profile(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> ShotCheck:
+    """Compare the JPEG values of each style's shots with the profile's rendering of their RAW."""
+    usable = unclipped(samples, multipliers)
+    checks = list[ShotCheck]()
     for name, style in profile.styles.items():
         rows = usable & (samples.style == name)
         if style.render is None or style.linearize is None or not rows.any():
             continue
-        balanced, encoded = samples.raw[rows] * multipliers[rows], samples.srgb[rows]
+        balanced = samples.raw[rows] * multipliers[rows]
+        encoded = samples.srgb[rows]
         if not is_monochrome(balanced, encoded):
             checks.append(compare_shots(style.render(balanced), encoded, samples.shot[rows], style.linearize))
     return ShotCheck.of(checks)
 
 
 def scene_deviations(profile: CameraProfile, samples: SampleSet) -> tuple[Deviation, ...]:
-    """What the camera did to shots beyond its fixed rendering, of styles that the profile has."""
+    """The deviations of shots from the fixed rendering, of styles that the profile has."""
     samples = at_the_centre(with_own_raw(profile, samples), profile.vignettings)
     multipliers = with_gains(samples, complete_multipliers(samples)[0], profile.white_balances)
-    shots = shots_beside(profile, samples, multipliers)
+    shots = compare_with_profile(profile, samples, multipliers)
     return shots.deviations + tuple(groups.deviation for groups in shots.groups)
 
 
 def known_styles(profile: CameraProfile, samples: SampleSet) -> tuple[Mask, tuple[str, ...]]:
-    """(n,): the samples of styles that the profile has, and notes on the others. Raises CalibrationError."""
+    """Mask (n,) of the samples of styles that the profile has, and notes on the others. Raises CalibrationError."""
     notes = []
-    others = [str(name) for name in np.unique(samples.camera) if name != profile.camera]
-    if others:
-        notes.append(f"the profile is of {profile.camera}, the samples are of {', '.join(others)}")
-    known = np.isin(samples.style, list(profile.styles))
-    if not known.any():
+    other_cameras = [str(name) for name in np.unique(samples.camera) if name != profile.camera]
+    if other_cameras:
+        notes.append(f"the profile is of {profile.camera}, the samples are of {', '.join(other_cameras)}")
+    in_profile = np.isin(samples.style, list(profile.styles))
+    if not in_profile.any():
         raise CalibrationError(
             f"the samples' styles ({', '.join(np.unique(samples.style))}) are not in the profile "
             f"({', '.join(profile.styles)})"
         )
-    if not known.all():
-        strange = ", ".join(np.unique(samples.style[~known]))
-        notes.append(f"the samples of {strange} are not counted: not in the profile")
-    return known, tuple(notes)
+    if not in_profile.all():
+        missing = ", ".join(np.unique(samples.style[~in_profile]))
+        notes.append(f"the samples of {missing} are not counted: not in the profile")
+    return in_profile, tuple(notes)
 
 
 def _timed(rows: Iterable[EvaluationRow], predictions: dict[str, Predictions]) -> Iterable[EvaluationRow]:
@@ -253,12 +272,12 @@ def _timed(rows: Iterable[EvaluationRow], predictions: dict[str, Predictions]) -
         if not row.all_shots or not fits:
             yield row
             continue
-        known = [seconds for fit in fits if (seconds := fit.seconds[row.direction]) is not None]
+        of_fits = [seconds for fit in fits if (seconds := fit.seconds[row.direction]) is not None]
         evaluate_pixels = fits[-1][row.direction]
-        took = []
-        for some in (pixels[:1], pixels, pixels, pixels):  # the first compiles
+        durations = []
+        for block in (pixels[:1], pixels, pixels, pixels):  # the first call compiles
             start = time.perf_counter()
-            evaluate_pixels(some)
-            took.append(time.perf_counter() - start)
-        fit_seconds = float(np.median(known)) if known else None
-        yield replace(row, fit_seconds=fit_seconds, seconds_per_megapixel=min(took[1:]) * 1e6 / len(pixels))
+            evaluate_pixels(block)
+            durations.append(time.perf_counter() - start)
+        fit_seconds = float(np.median(of_fits)) if of_fits else None
+        yield replace(row, fit_seconds=fit_seconds, seconds_per_megapixel=min(durations[1:]) * 1e6 / len(pixels))

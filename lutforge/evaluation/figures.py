@@ -1,4 +1,4 @@
-"""Error figures of predicted colours: those of the thesis (chapter 5), with ΔE00 beside them."""
+"""Error figures of predicted colours: those of the thesis (chapter 5), and ΔE00."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,7 @@ from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000
 
 FIGURES = ("n", "mean", "max", "Q1", "median", "Q3", "RMSE", "ΔE00", "max ΔE00")
+"""The columns of `ErrorFigures.cells`."""
 
 
 @dataclass(frozen=True)
@@ -29,15 +30,16 @@ class ErrorFigures:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """The figures as cells of a table, whose columns FIGURES names."""
+        """The figures as cells of a table with the columns FIGURES."""
         numbers = (self.mean, self.maximum, self.q1, self.median, self.q3, self.rmse)
         differences = ("–" if value is None else f"{value:.2f}" for value in (self.de00_mean, self.de00_max))
         return (str(self.count), *(f"{value:.4f}" for value in numbers), *differences)
 
 
 def error_figures(predicted: Array, measured: Array, *, display: bool) -> ErrorFigures:
-    """Figures of predicted (n, 3) against measured (n, 3); display: both are encoded sRGB."""
-    distance, rmse = np.linalg.norm(predicted - measured, axis=1), np.sqrt(np.mean((predicted - measured) ** 2))
+    """The figures of predicted (n, 3) against measured (n, 3). display: both are encoded sRGB."""
+    distance = np.linalg.norm(predicted - measured, axis=1)
+    rmse = np.sqrt(np.mean((predicted - measured) ** 2))
     figures = [distance.mean(), distance.max(), *np.percentile(distance, [25, 50, 75]), rmse]
     if display:
         difference = delta_e_2000(predicted, measured)

@@ -1,4 +1,4 @@
-"""The methods that are compared: the profile's own models, those of the thesis's tables, plain baselines."""
+"""The methods that an evaluation compares: the profile's models, those of the thesis's tables, plain baselines."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -33,22 +33,22 @@ BASELINES = (MATRIX_AND_RESPONSE, CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL)
 
 
 def lattice_name(size: int, *, nonuniform: bool) -> str:
-    """The name of the method that fits lattices of `size` nodes per axis."""
+    """The name of the method with lattices of `size` nodes per axis."""
     return f"{'nonuniform' if nonuniform else 'uniform'} lattice {size}"
 
 
 @dataclass(frozen=True, eq=False)
 class Fit(ByDirection[Predictor]):
-    """One method, fitted once. render: Tw E (n, 3) → I; linearize: I → Tw E, not clipped.
+    """A method fitted to samples. render: Tw E (n, 3) → I; linearize: I → Tw E, not clipped.
 
-    seconds: what the fits took, with all that is searched; None where the method was not fitted here.
+    seconds: the duration of the fits, with searches of parameters; None where it was not measured.
     """
 
     seconds: ByDirection[float | None] = field(default_factory=lambda: ByDirection(None, None))
 
 
 def fits_of_profile(style: PictureStyle, model: CameraModel | None) -> dict[str, Fit]:
-    """The profile's own models of a style, as they are."""
+    """The models of a style in the profile, without a new fit."""
     fits = {}
     if style.render is not None and style.linearize is not None:
         fits[LATTICE] = Fit(style.render, style.linearize)
@@ -70,10 +70,10 @@ def fit_baselines(train: StyleData) -> dict[str, Fit]:
 
 @dataclass(frozen=True)
 class Fitter:
-    """Fits all methods to parts of a style's shots.
+    """A function that fits all methods to a part of a style's shots.
 
-    name: of the style; options: of the profile's calibration; notes: is given what could not be done; sizes: of the
-    lattices of the thesis's tables, with its other methods; none where tables are not asked for.
+    name: of the style; options: of the profile's calibration; notes: a list to which notes on failed fits are added;
+    sizes: of the lattices of the thesis's tables, empty without these tables.
     """
 
     name: str
@@ -83,7 +83,7 @@ class Fitter:
 
     def fit(self, train: StyleData) -> dict[str, Fit]:
         """All methods by name, fitted to these samples."""
-        fits = {**self._own(train), **fit_baselines(train)}
+        fits = {**self._methods_of_profile(train), **fit_baselines(train)}
         if not self.sizes:
             return fits
 
@@ -95,10 +95,10 @@ class Fitter:
             fits |= {THESIS_MODEL: thesis[MODEL]} if thesis else {}
         return fits
 
-    def _own(self, train: StyleData) -> dict[str, Fit]:
+    def _methods_of_profile(self, train: StyleData) -> dict[str, Fit]:
         """The methods of the profile's calibration.
 
-        A camera model is measured by itself: what the lattices that are baked from it add is known without a fit.
+        A camera model is measured without its lattices, whose additional error is known without a fit.
         """
         options = self.options
         if isinstance(options, ThesisOptions):
@@ -106,11 +106,11 @@ class Fitter:
             return {LATTICE: lattices, **self._thesis_model(train, options)}
         if train.monochrome:
             return {LATTICE: _timed(lambda: _as_fit(bake_lattices(train, options)))}
-        model = _timed(lambda: Fit(train.model.render, train.model.linearize))  # the first use of it is its fit
+        model = _timed(lambda: Fit(train.model.render, train.model.linearize))  # `train.model` is fitted here
         return {MODEL: model, NO_GAMUT_MAP: _without_gamut_map(train.model)}
 
     def _thesis_model(self, train: StyleData, options: ThesisOptions) -> dict[str, Fit]:
-        """The thesis's camera model, and the same without its gamut map; none where f cannot be determined."""
+        """The thesis's camera model, with and without its gamut map; none where f cannot be determined."""
         start = time.perf_counter()
         try:
             model = fit_thesis_model(train, options)
@@ -125,7 +125,7 @@ class Fitter:
 
 
 def compared_fits(train: StyleData, options: Options) -> dict[str, Fit]:
-    """The methods that a report compares with the profile's: a lattice of even nodes, and the camera model."""
+    """The methods that a report compares with the profile's model: a lattice of even nodes, and the camera model."""
     even = replace(options, nonuniform=False)
     name = lattice_name(options.size, nonuniform=False)
     if isinstance(even, ThesisOptions):
@@ -134,11 +134,10 @@ def compared_fits(train: StyleData, options: Options) -> dict[str, Fit]:
 
 
 def _thesis_lattices(train: StyleData, options: ThesisOptions) -> dict[str, Fit]:
-    """The lattices of one size in the thesis's tables, and what it compares them with: no smoothness but λ_K (5.3)."""
+    """The lattices of one size in the thesis's tables, and the thesis's baseline: no smoothness but λ_K (5.3)."""
     fits = {}
     for nonuniform in (False, True):
-        chosen = replace(options, nonuniform=nonuniform)
-        lattices = _timed(partial(_thesis_fit, train, chosen))
+        lattices = _timed(partial(_thesis_fit, train, replace(options, nonuniform=nonuniform)))
         fits[lattice_name(options.size, nonuniform=nonuniform)] = lattices
     fits[f"lattice by (5.3) {options.size}"] = _timed(
         lambda: Fit(
@@ -149,11 +148,12 @@ def _thesis_lattices(train: StyleData, options: ThesisOptions) -> dict[str, Fit]
 
 
 def _thesis_fit(train: StyleData, options: ThesisOptions) -> Fit:
+    """The thesis's lattices, fitted to samples."""
     return _as_fit(fit_thesis_lattices(train, options))
 
 
 def _timed(fit: Callable[[], Fit]) -> Fit:
-    """A fit of both directions with half of the seconds that both took for each."""
+    """A fit of both directions, with half of its duration as the time of each."""
     start = time.perf_counter()
     fitted = fit()
     half = 0.5 * (time.perf_counter() - start)
@@ -161,9 +161,11 @@ def _timed(fit: Callable[[], Fit]) -> Fit:
 
 
 def _as_fit(lattices: ByDirection[Lattice]) -> Fit:
+    """Lattices as a method."""
     return Fit(lattices.render, lattices.linearize)
 
 
 def _without_gamut_map(model: CameraModel) -> Fit:
+    """The matrix and response of a camera model as a method."""
     plain = MatrixAndResponse(model.matrix, model.response)
     return Fit(plain.render, plain.linearize)

@@ -1,8 +1,8 @@
-"""The colours to photograph next: real ones that a style knows least, by the error to expect of them.
+"""The colours to photograph next: colours of real surfaces with the largest expected error in a style.
 
-Where no error is known, or where samples come near less than half of the colours that real surfaces have, they are
-those that no sample comes near: errors to expect are measured on samples that were left out, and those of one chart
-say nothing of other colours.
+Where no error is known, or samples are near less than half of the colours that real surfaces have, they are the colours
+without a sample nearby: expected errors are measured on held-out samples, and the samples of one chart do not show the
+errors of other colours.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode, srgb_to_lab
 
-TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
+TONE_NAMES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
 """Names by upper bound of L*."""
 HUES = (
     (20.0, "pink"),
@@ -29,46 +29,48 @@ HUES = (
 )
 """Names by upper bound of the CIELAB hue angle in degrees."""
 
-
 NEAR = 0.1
-"""A colour is known within this distance of a sample, in encoded RGB."""
+"""Largest distance, in encoded RGB, at which a sample is near a colour."""
 VISIBLE = 6.0 / 255.0
-"""Error of encoded RGB that is seen side by side."""
-FEW_SEEN = 0.5
-"""Share of real colours below which samples are too few to tell an error of the others from."""
-MOSTLY_UNSEEN, MORE_THAN_A_CORNER = 0.5, 4
-"""A region is a gap from this share and this number of unseen cells on."""
+"""Least error of encoded RGB that is visible side by side."""
+LEAST_SEEN = 0.5
+"""Least share of real colours with a sample nearby, for the expected errors of the others to be valid."""
+MOSTLY_UNSEEN = 0.5
+"""Least share of colours without a sample nearby in a region that is a gap."""
+LEAST_UNSEEN = 4
+"""Least number of such colours, so that a region is not a gap for one corner."""
 MOST_GAPS = 6
+"""Most gaps that are reported."""
 
 
 @dataclass(frozen=True)
 class Gap:
-    """A region of real colours that is not known: its name, and the share of it that is unknown.
+    """A region of real colours to photograph. unseen: the share of its colours without a sample nearby.
 
-    error: the mean error to expect there, of encoded RGB; NaN where that is not known.
+    error: the mean expected error there, of encoded RGB; NaN where it is not known.
     """
 
     colour: str
-    unknown: float
+    unseen: float
     error: float = np.nan
 
     def __str__(self) -> str:
         expected = "" if np.isnan(self.error) else f", {255 * self.error:.0f} codes of error to expect"
-        return f"{self.colour} ({self.unknown:.0%} of them unseen{expected})"
+        return f"{self.colour} ({self.unseen:.0%} of them unseen{expected})"
 
 
 def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None) -> tuple[Gap, ...]:
-    """The largest gaps among samples' JPEG colours (n, 3), the largest first; none where all regions are known.
+    """The largest gaps between samples' JPEG colours (n, 3), the largest first; empty where there are none.
 
-    expected: encoded colours (m, 3) → the error to expect (m,). A region is a gap where that is visible, and the gap
-    with the largest sum of errors comes first; then, or without it, where no sample is near, the most colours first.
-    Counted are the colours of sRGB within Pointer's gamut, the colours that real surfaces have (M. R. Pointer, "The
-    gamut of real surface colors", Color Research & Application 5(3), 1980).
+    expected: encoded colours (m, 3) → the expected error (m,). First come regions where it is visible, by the sum of
+    their errors, then regions without samples, by the number of their colours. The colours are those of sRGB within
+    Pointer's gamut, which real surfaces have (M. R. Pointer, "The gamut of real surface colors", Color Research &
+    Application 5(3), 1980).
     """
     cells, lab = _real_colours()
     distance, _ = cKDTree(encoded.reshape(-1, 3)).query(cells, distance_upper_bound=NEAR)
-    unknown = ~np.isfinite(distance)
-    few_seen = expected is None or 1.0 - unknown.mean() < FEW_SEEN
+    is_unseen = ~np.isfinite(distance)
+    few_seen = expected is None or 1.0 - is_unseen.mean() < LEAST_SEEN
     error = np.full(len(cells), np.nan) if expected is None else expected(cells)
 
     names = np.array([_name(colour) for colour in lab])
@@ -76,12 +78,12 @@ def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None
     unseen: list[tuple[float, Gap]] = []
     for name in dict.fromkeys(names.tolist()):
         inside = names == name
-        share = float(unknown[inside].mean())
-        count = int(unknown[inside].sum())
+        share = float(is_unseen[inside].mean())
+        count = int(is_unseen[inside].sum())
         size = float(error[inside].mean())
         if size > VISIBLE:
             visible.append((float(error[inside].sum()), Gap(name, share, size)))
-        elif few_seen and share >= MOSTLY_UNSEEN and count >= MORE_THAN_A_CORNER:
+        elif few_seen and share >= MOSTLY_UNSEEN and count >= LEAST_UNSEEN:
             unseen.append((float(count), Gap(name, share)))
 
     def largest_first(gaps: list[tuple[float, Gap]]) -> list[Gap]:
@@ -91,7 +93,7 @@ def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None
 
 
 def _real_colours() -> tuple[Array, Array]:
-    """Cell middles of sRGB's cube within Pointer's gamut (m, 3), and their CIELAB."""
+    """The centres of cells of sRGB's cube within Pointer's gamut (m, 3), encoded, and their CIELAB."""
     import colour  # imported here: it takes a second, and most commands never need it
 
     axis = (np.arange(16) + 0.5) / 16
@@ -103,13 +105,13 @@ def _real_colours() -> tuple[Array, Array]:
 
 
 def _is_grey(lab: Array) -> Mask:
-    """Whether colours (…, 3) pass for greys."""
+    """True of colours (…, 3) in CIELAB that are near grey."""
     return np.asarray(np.hypot(lab[..., 1], lab[..., 2]) < 12.0)
 
 
 def _name(lab: Array) -> str:
-    """The region of a colour."""
-    tone = next(name for bound, name in TONES if lab[0] < bound)
+    """The name of the region of a colour (3,) in CIELAB."""
+    tone = next(name for bound, name in TONE_NAMES if lab[0] < bound)
     if _is_grey(lab):
         return f"{tone} greys"
     angle = float(np.degrees(np.arctan2(lab[2], lab[1]))) % 360.0

@@ -1,4 +1,4 @@
-"""The polynomial baselines that the thesis compares with (Fig. 4.5): functions x (n, 3) → y (n, 3)."""
+"""The polynomial baselines of the thesis (Fig. 4.5): functions x (n, 3) → y (n, 3)."""
 
 from collections.abc import Callable
 from itertools import combinations_with_replacement
@@ -13,14 +13,15 @@ Predictor = Callable[[Array], Array]
 ORDER = 6
 """The degree of the polynomial of each channel, as in the thesis."""
 RIDGE = 1e-9
-"""Weight of the squared coefficients beside a sample: what colours cannot tell stays small."""
+"""Weight of the squared coefficients relative to a sample: undetermined coefficients stay small."""
 
 
 def channel_polynomials(x: Array, y: Array) -> Predictor:
     """Fit one polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x."""
-    # Few tones leave coefficients open, of which `full` takes the smallest; without it NumPy warns.
+    # With few tones the coefficients are not determined: `full` takes the smallest, without it NumPy warns.
     fits = [Polynomial.fit(x[:, c], y[:, c], ORDER, full=True)[0] for c in range(3)]
-    low, high = x.min(axis=0), x.max(axis=0)
+    low = x.min(axis=0)
+    high = x.max(axis=0)
 
     def predict(values: Array) -> Array:
         inside = np.clip(values, low, high)
@@ -32,13 +33,15 @@ def channel_polynomials(x: Array, y: Array) -> Predictor:
 def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
     """Fit JPEG → RAW, E = M p(I): one polynomial per channel, then a 3 × 3 matrix (Chakrabarti et al. 2009).
 
-    Alternating least squares from the best sum of one-channel terms, the coefficients (3, ORDER) of each term cut to
-    rank one. All systems are sums over the products of the terms, so that the samples are gone through once.
+    The solution is found by alternating least squares. The start is the best sum of one-channel terms, with the
+    coefficients (3, ORDER) of each channel reduced to rank one. All systems are sums over products of terms, which are
+    computed from the samples once.
     """
     powers = np.arange(1, ORDER + 1)
     terms = encoded[:, :, None] ** powers  # (n, 3, ORDER)
     design = terms.reshape(len(encoded), -1)
-    products, right_sides = design.T @ design, (design.T @ raw).reshape(3, ORDER, 3)
+    products = design.T @ design
+    right_sides = (design.T @ raw).reshape(3, ORDER, 3)
     ridge = RIDGE * len(encoded) * np.eye(len(products))
     additive = np.linalg.solve(products + ridge, right_sides.reshape(-1, 3)).reshape(3, ORDER, 3)
     blocks = products.reshape(3, ORDER, 3, ORDER)
@@ -61,7 +64,7 @@ def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
 
 
 def colour_polynomial(x: Array, y: Array) -> Predictor:
-    """Fit one polynomial of all three channels: degree 4 (35 terms), less where there are not four samples a term."""
+    """Fit one polynomial of all three channels: of degree 4 (35 terms), or less with fewer than four samples a term."""
     degree = 4
     while degree > 1 and len(x) < 4 * len(_terms(degree)):
         degree -= 1
@@ -80,5 +83,5 @@ def colour_polynomial(x: Array, y: Array) -> Predictor:
 
 
 def _terms(degree: int) -> list[tuple[int, ...]]:
-    """Channel indices of every monomial up to a degree; () is the constant."""
+    """The channel indices of every monomial up to a degree; () is the constant."""
     return [term for order in range(degree + 1) for term in combinations_with_replacement(range(3), order)]

@@ -25,8 +25,8 @@ from lutforge.threads import each, one_blas_thread
 class Predictions:
     """Predictions of the samples of one style.
 
-    fold: (n,) which of `fits` (by method) predicts a sample; held_out: (n,) whether that fit has not seen its shot.
-    predicted: by method (n, 3), NaN where the method says nothing. notes: what could not be done, and why.
+    fold: (n,) the index in `fits` (by method) of the fit that predicts a sample; held_out: (n,) that fit has not seen
+    its shot. predicted: by method (n, 3), NaN without a prediction. notes: on fits that failed, and why.
     """
 
     data: StyleData
@@ -53,6 +53,7 @@ class Predictions:
 def _by_fold(
     fits: Sequence[Mapping[str, Fit]], fold: NDArray[np.intp], method: str, direction: Direction, values: Array
 ) -> Array:
+    """Predict values (n, 3) by a method, each by the fit of its fold (n,); NaN where the fit lacks the method."""
     result = np.full(values.shape, np.nan)
     for index, fitted in enumerate(fits):
         rows = fold == index
@@ -74,38 +75,44 @@ def predict(
 ) -> Predictions:
     """Predict all samples of a style by all methods.
 
-    sizes: of lattices, for all methods of the thesis's tables; without them the shots that are left out are predicted
-    by the model that the options ask for and the baselines. Raises CalibrationError where a part of the shots holds too
-    few samples for a fit.
+    seen_shots: those that the profile was calibrated from; sizes: of lattices, for all methods of the thesis's tables;
+    without them held-out shots are predicted by the model of the options and the baselines. Raises CalibrationError
+    where a part of the shots holds too few samples for a fit.
     """
     seen = np.isin(data.shot, seen_shots)
-    fold, held_out = np.full(len(seen), -1), ~seen
+    fold = np.full(len(seen), -1)
+    held_out = ~seen
     fits: list[dict[str, Fit]] = []
     notes: list[str] = []
-    left_out = len(np.unique(data.shot[seen])) > 1
-    as_is = ~seen if left_out else np.ones_like(seen)
-    if seen.any() and not left_out:
+    has_folds = len(np.unique(data.shot[seen])) > 1
+    by_profile = ~seen if has_folds else np.ones_like(seen)
+    if seen.any() and not has_folds:
         notes.append(f"{name}: one shot only; its error is on the samples that it was fitted to")
-    inside = data if seen.all() else data.select(seen)
+    seen_data = data if seen.all() else data.select(seen)
     fitter = Fitter(name, options, notes, sizes)
-    if as_is.any():
-        others: dict[str, Fit] = {}
-        if left_out and seen.sum() >= LEAST_SAMPLES:
-            others = fitter.fit(inside) if sizes else fit_baselines(inside)
-        for rows, model in _by_model(style.models, data, as_is):
+
+    # Shots that the profile has not seen are predicted by the profile itself.
+    if by_profile.any():
+        fitted: dict[str, Fit] = {}
+        if has_folds and seen.sum() >= LEAST_SAMPLES:
+            fitted = fitter.fit(seen_data) if sizes else fit_baselines(seen_data)
+        for rows, model in _by_model(style.models, data, by_profile):
             fold[rows] = len(fits)
-            fits.append({**others, **fits_of_profile(style, model)})
-    if left_out:
-        masks, trains = zip(*inside.folds, strict=True)
+            fits.append({**fitted, **fits_of_profile(style, model)})
+
+    # Shots that it has seen are predicted by refits without them.
+    if has_folds:
+        masks, trains = zip(*seen_data.folds, strict=True)
         if any(len(train.shot) < LEAST_SAMPLES for train in trains):
             raise CalibrationError("too few samples to leave a shot out: add shots")
         progress(0.0)
-
         for number, (mask, refitted) in enumerate(zip(masks, each(fitter.fit, trains), strict=True), 1):
-            places = np.flatnonzero(seen)[mask]
-            fold[places], held_out[places] = len(fits), True
+            rows = np.flatnonzero(seen)[mask]
+            fold[rows] = len(fits)
+            held_out[rows] = True
             fits.append(refitted)
             progress(number / len(trains))
+
     methods = tuple(dict.fromkeys(method for fitted in fits for method in fitted))
     predicted = ByDirection[Mapping[str, Array]](
         {method: _by_fold(fits, fold, method, "render", data.balanced) for method in methods},
@@ -117,31 +124,33 @@ def predict(
 def with_compared(predictions: Predictions, shot: str, seen_shots: tuple[str, ...], options: Options) -> Predictions:
     """Add the methods that a report compares to the fits that predict a shot, fitted to the same samples.
 
-    They are for `render` and `linearize`: what is predicted of samples stays as it is. Where the samples are too few,
-    nothing is added.
+    They are for `render` and `linearize`; the predictions of samples do not change. With too few samples nothing is
+    added.
     """
     data = predictions.data
     of_shot = data.shot == shot
-    index, train = int(predictions.fold[of_shot][0]), np.isin(data.shot, seen_shots)
+    index = int(predictions.fold[of_shot][0])
+    train = np.isin(data.shot, seen_shots)
     if shot in seen_shots and predictions.held_out[of_shot].all():
         train &= predictions.fold != index
     if train.sum() < LEAST_SAMPLES:
         return predictions
-    more = compared_fits(data.select(train), options)
-    fits = tuple({**more, **fits} if place == index else fits for place, fits in enumerate(predictions.fits))
+    compared = compared_fits(data.select(train), options)
+    fits = tuple({**compared, **fits} if place == index else fits for place, fits in enumerate(predictions.fits))
     return replace(predictions, fits=fits)
 
 
 def _by_model(
     models: tuple[CameraModel, ...], data: StyleData, rows: Mask
 ) -> Iterator[tuple[Mask, CameraModel | None]]:
-    """Parts of `rows` and the camera model of their white balance: the one that names it, else the first."""
+    """Parts of `rows`, and the camera model for each: the one of their white balance, else the first."""
     if len(models) < 2:
         yield rows, models[0] if models else None
         return
-    rest = rows.copy()
+    remaining = rows.copy()
     for model in (*models[1:], models[0]):
-        part = rest if model is models[0] else rest & np.isin(data.samples.white_balance, model.white_balances)
-        rest = rest & ~part
+        of_model = np.isin(data.samples.white_balance, model.white_balances)
+        part = remaining if model is models[0] else remaining & of_model
+        remaining = remaining & ~part
         if part.any():
             yield part, model

@@ -12,7 +12,9 @@ from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.provenance import require_same_provenance
 from lutforge.pipeline.sampling import SampledShots, gather_samples
 from lutforge.progress import Progress, part, silent, with_compilation
-from lutforge.reports.report import Report, build_comparison, build_report, write_page
+from lutforge.reports.comparison import build_comparison
+from lutforge.reports.page import Report, write_page
+from lutforge.reports.report import build_report
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
 

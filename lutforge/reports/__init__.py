@@ -1,6 +1,6 @@
-"""Plots and tables of what was calibrated."""
+"""Reports on calibrated cameras: figures, tables and pages."""
 
 import logging
 
-# Where there is no home to keep its caches in, matplotlib says so in lines of its own.
+# Without a home folder for its caches, matplotlib would log warnings.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)

@@ -1,6 +1,6 @@
-"""Tables of a profile, its errors and its shots, each made once: the command line prints them, pages show them."""
+"""The tables of a profile, its errors and its shots, for the command line, reports and the studio."""
 
-from __future__ import annotations  # the records are named only: what prints a table should not wait for what fits
+from __future__ import annotations  # the types of records are not imported, so that commands start fast
 
 import re
 from collections.abc import Iterator, Sequence
@@ -21,23 +21,23 @@ METHOD_NAMES = {
     "matrix and response": "matrix and response, fitted alone",
     "lattice": "LutForge's lattice",
 }
-"""What people read in place of the short names of the methods; other names are words already."""
+"""Names of methods for tables, in place of their short names, where these are not words."""
 
-YES = {True: "yes", False: "no"}
+YES_OR_NO = {True: "yes", False: "no"}
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells as long as the header; own: the rows that are set bold."""
+    """Rows of cells as long as the header. bold: the indices of rows that are set bold."""
 
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
-    own: frozenset[int] = frozenset()
+    bold: frozenset[int] = frozenset()
 
     @property
     def numeric(self) -> tuple[bool, ...]:
-        """Per column: whether it holds numbers only, which are set right."""
+        """For each column whether it holds numbers only; such columns are aligned right."""
         number = re.compile(r"[-−+±]?[\d.]+(e[-+]?\d+)?( K| %| EV)?|–|")
         columns = zip(*self.rows, strict=True) if self.rows else ["text" for _ in self.header]
         return tuple(all(map(number.fullmatch, column)) for column in columns)
@@ -56,7 +56,7 @@ def exposure_time(seconds: float) -> str:
 
 
 def held_out_table(profile: CameraProfile) -> Table:
-    """Tabulate the errors on held-out shots that a profile holds; no rows where it holds none."""
+    """The errors on held-out shots that a profile holds; no rows where it holds none."""
     rows = []
     for name, style in profile.styles.items():
         for direction in ("render", "linearize"):
@@ -68,7 +68,7 @@ def held_out_table(profile: CameraProfile) -> Table:
 
 
 def balance_table(profile: CameraProfile) -> Table:
-    """Tabulate the white balances of a profile."""
+    """The white balances of a profile."""
     rows = []
     for name, balance in profile.white_balances.items():
         kelvin = "–" if balance.kelvin is None else f"{balance.kelvin:.0f} K"
@@ -79,7 +79,7 @@ def balance_table(profile: CameraProfile) -> Table:
 
 
 def matrix_table(profile: CameraProfile) -> Table:
-    """Tabulate the matrix of a profile."""
+    """The matrix of a profile."""
     numbers = [[f"{value:.4f}".replace("-", "−") for value in row] for row in profile.matrix]
     rows = [(f"linear {channel}", *row) for channel, row in zip("RGB", numbers, strict=True)]
     header = ("", "camera R", "camera G", "camera B")
@@ -87,13 +87,13 @@ def matrix_table(profile: CameraProfile) -> Table:
 
 
 def response_table(fit: BracketFit) -> Table:
-    """Tabulate how well the response of a bracket, and other curves, predict the next exposure."""
+    """The errors by which the response of a bracket, and other curves, predict the next exposure."""
     rows = [(curve.name, f"{curve.median:.1f}", f"{curve.rms:.1f}") for curve in fit.curves]
     return Table("Error of the next exposure in codes, exposures as stated", ("curve", "median", "RMS"), rows)
 
 
-def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> Table:
-    """Tabulate errors of one direction, with times where these were measured; own: the method that is set bold."""
+def error_table(caption: str, rows: Sequence[EvaluationRow], bold_method: str = "") -> Table:
+    """The errors of one direction, with times where these were measured. bold_method: set bold."""
     from lutforge.evaluation.figures import FIGURES
 
     timed = any(row.fit_seconds is not None for row in rows)
@@ -101,13 +101,15 @@ def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> T
     for row in rows:
         seconds = (row.fit_seconds, row.seconds_per_megapixel) if timed else ()
         times = ("–" if value is None else f"{value:.3g}" for value in seconds)
-        cells.append((row.style, row.shot, method_name(row.method), YES[row.held_out], *row.figures.cells, *times))
+        cells.append(
+            (row.style, row.shot, method_name(row.method), YES_OR_NO[row.held_out], *row.figures.cells, *times)
+        )
     header = ("style", "shot", "method", "held out", *FIGURES, *(("fit, s", "s/Mpixel") if timed else ()))
-    return Table(caption, header, cells, _rows_of(own, rows))
+    return Table(caption, header, cells, _rows_of(bold_method, rows))
 
 
-def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
-    """Tabulate an evaluation's errors of RAW, over exposure pairs and of refinishing, where there are such."""
+def more_tables(evaluation: Evaluation, bold_method: str = "") -> Iterator[Table]:
+    """The errors of RAW, after edits, over exposure pairs and of refinishing in an evaluation, where it has them."""
     from lutforge.evaluation.figures import FIGURES
 
     tables = (
@@ -123,23 +125,32 @@ def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
     )  # fmt: skip
     for caption, counted, errors, digits in tables:
         cells = []
-        for each in errors:
-            numbers = (f"{value:.{digits}f}" for value in each.values.values())
-            cells.append((each.style, method_name(each.method), YES[each.held_out], str(each.count), *numbers))
+        for error in errors:
+            numbers = (f"{value:.{digits}f}" for value in error.values.values())
+            held_out = YES_OR_NO[error.held_out]
+            cells.append((error.style, method_name(error.method), held_out, str(error.count), *numbers))
         if errors:
             header = ("style", "method", "held out", counted, *errors[0].values)
-            yield Table(caption, header, cells, _rows_of(own, errors))
+            yield Table(caption, header, cells, _rows_of(bold_method, errors))
     if pairs := evaluation.refinish:
         yield Table(
             "JPEGs changed to another setting, against the camera's own JPEG of the same scene (1 = full scale)",
             ("from", "to", "method", "held out", "pairs", *FIGURES),
             [
-                (row.source, row.target, method_name(row.method), YES[row.held_out], str(row.shots), *row.figures.cells)
+                (
+                    row.source,
+                    row.target,
+                    method_name(row.method),
+                    YES_OR_NO[row.held_out],
+                    str(row.shots),
+                    *row.figures.cells,
+                )
                 for row in pairs
             ],
-            _rows_of(own, pairs),
+            _rows_of(bold_method, pairs),
         )
 
 
 def _rows_of(method: str, rows: Sequence[Any]) -> frozenset[int]:
+    """The indices of the rows of a method."""
     return frozenset(index for index, row in enumerate(rows) if row.method == method)

@@ -16,16 +16,8 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode
-from lutforge.reports.figures import (
-    GREY,
-    Dots,
-    Drawing,
-    Panel,
-    Raster,
-    chromaticity_outlines,
-    cube_edges,
-    thinned,
-)
+from lutforge.reports.drawing import GREY, Dots, Drawing, Panel, Raster, thinned
+from lutforge.reports.figures import chromaticity_outlines, cube_edges
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
 from lutforge.studio.session import Session

@@ -13,7 +13,7 @@ from bokeh.plotting import figure
 from panel.models.plotly import PlotlyPlot
 
 from lutforge.arrays import Array
-from lutforge.reports.figures import GREY, Bars, Dots, Drawing, Line, Lines, Mark, Panel, Raster
+from lutforge.reports.drawing import GREY, Bars, Dots, Drawing, Line, Lines, Mark, Panel, Raster
 from lutforge.reports.tables import Table
 
 HERE = Path(__file__).parent

@@ -14,8 +14,8 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import unclipped
 from lutforge.evaluation import evaluation as evaluation_module
 from lutforge.evaluation.evaluation import Evaluation, evaluate
-from lutforge.evaluation.further_errors import delta
-from lutforge.evaluation.measured_profile import HeldOut
+from lutforge.evaluation.expected_error import HeldOut
+from lutforge.evaluation.linearization_errors import delta
 from lutforge.evaluation.polynomials import channel_polynomials
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import linearizing_error

@@ -23,16 +23,11 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.pipeline.reports import compare
-from lutforge.reports.figures import LUMINANCE, Arrows, Dots, gamut_figure, slice_grid
-from lutforge.reports.report import (
-    Picture,
-    Report,
-    build_comparison,
-    build_report,
-    error_tables,
-    exposure_blocks,
-    write_page,
-)
+from lutforge.reports.comparison import build_comparison
+from lutforge.reports.drawing import Arrows, Dots
+from lutforge.reports.figures import LUMINANCE, gamut_figure, slice_grid
+from lutforge.reports.page import Picture, Report, write_page
+from lutforge.reports.report import build_report, error_tables, exposure_blocks
 from lutforge.reports.tables import Table, balance_table, method_name
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
