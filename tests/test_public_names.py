@@ -18,7 +18,7 @@ from lutforge.pipeline.sampling import gather_samples, sample_shots
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import SCENES
+from lutforge.simulate.scenes import SCENES
 from tests.cases.profiles import small_profile
 from tests.cases.samples import chart_140, made_samples, photograph_patches
 from tests.conftest import CommandLine

@@ -7,7 +7,8 @@ from pathlib import Path
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import Photograph, develop_again, photograph
-from lutforge.simulate.scene import SCENES, Scene
+from lutforge.simulate.scene import Scene
+from lutforge.simulate.scenes import SCENES
 
 
 @dataclass(frozen=True)

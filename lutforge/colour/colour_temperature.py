@@ -1,9 +1,9 @@
 """White-balance multipliers along the locus of natural light, by colour temperature and tint.
 
-A white balance makes the light of one chromaticity neutral, so multipliers (r, 1, b) and the chromaticity of a white
-are the same thing, seen through the camera's matrix. Tint is what photographers know from raw converters: 3000 times
-the distance from the locus in CIE 1960 (u, v); positive makes the picture more magenta, as it presumes a greener light
-(Adobe, DNG SDK 1.4, dng_temperature.cpp, kTintScale).
+A white balance makes the light of one chromaticity neutral. The camera's matrix converts multipliers (r, 1, b) to the
+chromaticity of that light, and back. Tint is that of raw converters: 3000 times the distance from the locus in CIE 1960
+(u, v). A positive tint presumes a greener light, and makes the picture more magenta (Adobe, DNG SDK 1.4,
+dng_temperature.cpp, kTintScale).
 """
 
 import numpy as np
@@ -14,7 +14,9 @@ from lutforge.colour.srgb import D65, SRGB_TO_XYZ
 from lutforge.settings import KELVIN_RANGE
 
 TINT_PER_UV = 3000.0
+"""Units of tint per unit of distance in CIE 1960 (u, v)."""
 D65_KELVIN = 6504.0
+"""The correlated colour temperature of CIE illuminant D65."""
 
 COOLEST, HOTTEST = KELVIN_RANGE
 
@@ -25,7 +27,8 @@ def locus(kelvin: float) -> Array:
     It is Planck's up to 3500 K, daylight from 4000 K where its locus begins, mixed in between. Closed forms: M. Krystek
     (1985) and CIE 15:2018, equations 4.6 and 4.7.
     """
-    t, share = kelvin, float(np.clip((kelvin - 3500.0) / 500.0, 0.0, 1.0))
+    t = kelvin
+    share = float(np.clip((kelvin - 3500.0) / 500.0, 0.0, 1.0))  # of daylight
     planck = daylight = np.zeros(2)
     if share < 1:
         u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (1 + 8.42420235e-4 * t + 7.08145163e-7 * t**2)
@@ -53,12 +56,17 @@ def white(kelvin: float, tint: float = 0.0) -> Array:
 
 def temperature_and_tint(uv: Array) -> tuple[float, float]:
     """The temperature and tint of a white: its nearest point of the locus, between 1500 K and 25000 K."""
-    low, high = 1e6 / HOTTEST, 1e6 / COOLEST
+    # In mireds, 1e6 / K, in which the locus is followed at an even pace; each turn searches 1/32 of the range before.
+    low = 1e6 / HOTTEST
+    high = 1e6 / COOLEST
     for _ in range(4):
         mireds = np.linspace(low, high, 65)
         distances = [float(np.sum((locus(1e6 / mired) - uv) ** 2)) for mired in mireds]
-        best, step = mireds[int(np.argmin(distances))], mireds[1] - mireds[0]
-        low, high = max(1e6 / HOTTEST, best - step), min(1e6 / COOLEST, best + step)
+        best = mireds[int(np.argmin(distances))]
+        step = mireds[1] - mireds[0]
+        low = max(1e6 / HOTTEST, best - step)
+        high = min(1e6 / COOLEST, best + step)
+
     kelvin = float(1e6 / best)
     across = white(kelvin, TINT_PER_UV) - locus(kelvin)
     return kelvin, TINT_PER_UV * float((uv - locus(kelvin)) @ across)
@@ -91,5 +99,6 @@ def white_of(multipliers: Array, from_xyz: Array) -> Array:
 def _xyz(uv: Array) -> Array:
     """XYZ with Y = 1 of a CIE 1960 chromaticity."""
     u, v = uv
-    x, y = 3 * u / (2 * u - 8 * v + 4), 2 * v / (2 * u - 8 * v + 4)
+    x = 3 * u / (2 * u - 8 * v + 4)
+    y = 2 * v / (2 * u - 8 * v + 4)
     return np.array([x / y, 1.0, (1 - x - y) / y])

@@ -1,31 +1,30 @@
 """RGB colour spaces by their usual names: primaries with a transfer function or none.
 
 Matrices are derived from the chromaticities, as OpenColorIO's are, and adapt to the white by Bradford's transform
-(ICC.1:2022, annex E). Linear values are relative to the space's white: 1 is diffuse white, 0.18 mid grey. Of Adobe RGB
-(1998) there is an ICC profile, too: cameras tell it in EXIF tags alone, which programs that write files lose.
+(ICC.1:2022, annex E). Linear values are relative to the space's white: 1 is diffuse white, 0.18 mid grey.
 """
 
-import struct
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from math import exp, log
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
-from lutforge.colour.srgb import SRGB, Chromaticities, srgb_decode, srgb_encode, xyz_matrix
+from lutforge.colour.srgb import SRGB, Chromaticities, xyz_matrix
+from lutforge.colour.transfer_functions import TRANSFER_FUNCTIONS
 from lutforge.errors import SettingsError, alternatives
 
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 """XYZ → cone responses (ICC.1:2022, annex E)."""
 
-D50 = (0.9642, 1.0, 0.8249)
+D50_XYZ = (0.9642, 1.0, 0.8249)
 """XYZ of the white of ICC's profile connection space (ICC.1:2022, 7.2.16)."""
 
 
-_D65, _D50, _ACES = SRGB[3], (0.3457, 0.3585), (0.32168, 0.33767)
+_D65 = SRGB[3]
+_D50 = (0.3457, 0.3585)
+_ACES = (0.32168, 0.33767)
 
 CHROMATICITIES: dict[str, Chromaticities] = {
     "linear-srgb": SRGB,
@@ -143,11 +142,12 @@ def from_linear_srgb(name: str) -> Array:
 def rgb_space(name: str) -> RgbSpace:
     """A space by its name, in any case. Raises SettingsError, which lists the names, on an unknown one."""
     word = name.strip().lower()
-    found = SPACES.get(word)
-    if found is None:
-        known = sorted(SPACES, key=lambda each: word not in each)  # names that hold the word first: the list is long
-        raise SettingsError(f'no colour space "{name[:60]}"; {alternatives(word, known)}')
-    return found
+    space = SPACES.get(word)
+    if space is None:
+        # The list is long: names that contain the word come first.
+        names = sorted(SPACES, key=lambda space_name: word not in space_name)
+        raise SettingsError(f'no colour space "{name[:60]}"; {alternatives(word, names)}')
+    return space
 
 
 @cache
@@ -166,146 +166,5 @@ def to_xyz(name: str) -> Array:
 def to_xyz_d50(name: str) -> Array:
     """(3, 3): linear RGB of a space → CIE XYZ adapted to D50."""
     cones = BRADFORD @ to_xyz(name)
-    d50 = BRADFORD @ D50
+    d50 = BRADFORD @ D50_XYZ
     return np.asarray(np.linalg.solve(BRADFORD, cones * (d50 / cones.sum(axis=1))[:, None]))
-
-
-NAME = "Compatible with Adobe RGB (1998)"
-
-
-@cache
-def adobe_rgb_profile() -> bytes:
-    """A matrix profile of version 2 (ICC.1:2001-04)."""
-    curve = struct.pack(">4s4xIHxx", b"curv", 1, round(256 * 2.19921875))
-    # XYZ of red, green and blue, adapted to D50 (Adobe RGB (1998) Color Image Encoding, 4.3).
-    primaries = ((0.60974, 0.31111, 0.01947), (0.20528, 0.62567, 0.06087), (0.14919, 0.06322, 0.74457))
-    tags = {
-        b"wtpt": icc_xyz((0.95045, 1.0, 1.08905)),
-        **{name: icc_xyz(colour) for name, colour in zip((b"rXYZ", b"gXYZ", b"bXYZ"), primaries, strict=True)},
-        **dict.fromkeys((b"rTRC", b"gTRC", b"bTRC"), curve),
-    }
-    return icc_file(b"mntr", b"XYZ ", NAME, "No copyright, use freely", tags)
-
-
-def icc_file(kind: bytes, connection: bytes, name: str, copyright_: str, more: Mapping[bytes, bytes]) -> bytes:
-    """An ICC profile of RGB, version 2.4 (ICC.1:2001-04): class, connection space, tags beside name and copyright."""
-    text = name.encode("ascii", "replace") + b"\0"
-    tags = {
-        b"desc": struct.pack(">4s4xI", b"desc", len(text)) + text + bytes(78),
-        b"cprt": struct.pack(">4s4x", b"text") + copyright_.encode() + b"\0",
-        **more,
-    }
-    start, places, body = 132 + 12 * len(tags), b"", b""
-    for tag, data in tags.items():
-        places += struct.pack(">4sII", tag, start + len(body), len(data))
-        body += data + bytes(-len(data) % 4)
-    date = (2026, 1, 1, 0, 0, 0)  # of no meaning: the same numbers give the same file
-    head = struct.pack(">I4xI4s4s4s6H4s", start + len(body), 0x02400000, kind, b"RGB ", connection, *date, b"acsp")
-    return head + bytes(28) + icc_xyz(D50)[8:] + bytes(48) + struct.pack(">I", len(tags)) + places + body
-
-
-def icc_xyz(values: tuple[float, float, float]) -> bytes:
-    """XYZ as a tag's data (XYZType)."""
-    return struct.pack(">4s4x3i", b"XYZ ", *(round(65536 * value) for value in values))
-
-
-# --- Transfer functions of encoded spaces, by name: linear light → code value, and back ------------------------------
-# The log curves of cameras and of ACES come from colour-science, which follows their makers' publications. Linear
-# values are relative to diffuse white. All curves continue below 0, so that noise around black keeps its mean.
-
-
-TransferFunction = tuple[Callable[[Array], Array], Callable[[Array], Array]]
-"""A function of arrays (…,), linear → encoded, and its inverse."""
-
-
-def _mirrored(encode: Callable[[Array], Array], decode: Callable[[Array], Array]) -> TransferFunction:
-    """A curve from 0 that continues below 0 by point symmetry."""
-    return (
-        lambda x: np.sign(x) * encode(np.abs(x)),
-        lambda y: np.sign(y) * decode(np.abs(y)),
-    )
-
-
-def _of_colour_science(name: str) -> TransferFunction:
-    """The curve that colour-science has under a name."""
-
-    def curve(encodes: bool) -> Callable[[Array], Array]:
-        def evaluate(values: Array) -> Array:
-            import colour  # imported here: it takes most of a second, and most commands never need it
-
-            function = colour.cctf_encoding if encodes else colour.cctf_decoding
-            with np.errstate(all="ignore"):  # it evaluates each piece of a curve everywhere, and then chooses
-                return np.asarray(function(values, function=name))
-
-        return evaluate
-
-    return curve(encodes=True), curve(encodes=False)
-
-
-_ROMM_TOE = 16.0 ** (1.8 / (1.0 - 1.8))
-"""Linear value up to which ROMM RGB is a straight line (ANSI/I3A IT10.7666, ISO 22028-2)."""
-
-
-def _hlg() -> TransferFunction:
-    """HLG as cameras encode the scene (ITU-R BT.2100-2, table 5); diffuse white is 75 % (BT.2408-7, table 1)."""
-    a = 0.17883277
-    b, c = 1 - 4 * a, 0.5 - a * log(4 * a)
-    white = (exp((0.75 - c) / a) + b) / 12
-
-    def encode(x: Array) -> Array:
-        light = x * white
-        return np.where(light <= 1 / 12, np.sqrt(3 * light), a * np.log(np.maximum(12 * light, 1.0) - b) + c)
-
-    def decode(y: Array) -> Array:
-        return np.where(y <= 0.5, y**2 / 3, (np.exp((y - c) / a) + b) / 12) / white
-
-    return _mirrored(encode, decode)
-
-
-def _pq() -> TransferFunction:
-    """PQ (ITU-R BT.2100-2, table 4; SMPTE ST 2084) with diffuse white at 203 cd/m² (BT.2408-7, table 1)."""
-    m1, m2, c1, c2, c3 = 2610 / 16384, 2523 / 32, 3424 / 4096, 2413 / 128, 2392 / 128
-    white = 203 / 10000
-
-    def encode(x: Array) -> Array:
-        power = (x * white) ** m1
-        return np.asarray(((c1 + c2 * power) / (1 + c3 * power)) ** m2 - c1**m2)
-
-    def decode(y: Array) -> Array:
-        root = (y + c1**m2) ** (1 / m2)
-        return np.asarray((np.maximum(root - c1, 0.0) / (c2 - c3 * root)) ** (1 / m1) / white)
-
-    return _mirrored(encode, decode)
-
-
-TRANSFER_FUNCTIONS: dict[str, TransferFunction] = {
-    "": (lambda x: x, lambda y: y),
-    "sRGB": _mirrored(srgb_encode, srgb_decode),
-    # Adobe RGB (1998) Color Image Encoding, section 4.3.4.2
-    "Adobe RGB (1998)": _mirrored(lambda x: x ** (256.0 / 563.0), lambda y: y ** (563.0 / 256.0)),
-    "ROMM RGB": _mirrored(
-        lambda x: np.where(x < _ROMM_TOE, 16.0 * x, x ** (1 / 1.8)),
-        lambda y: np.where(y < 16.0 * _ROMM_TOE, y / 16.0, y**1.8),
-    ),
-    "PQ": _pq(),
-    "HLG": _hlg(),
-    **{
-        name: _of_colour_science(name)
-        for name in (
-            *(
-                "ACEScc",
-                "ACEScct",
-                "ARRI LogC3",
-                "ARRI LogC4",
-                "S-Log2",
-                "S-Log3",
-                "V-Log",
-                "Canon Log 2",
-                "Canon Log 3",
-            ),
-            *("F-Log", "F-Log2", "N-Log", "L-Log", "D-Log", "DaVinci Intermediate", "Blackmagic Film Generation 5"),
-            *("Log3G10", "Apple Log Profile"),
-        )
-    },
-}
-"""The transfer functions, by the names that colour-science has or would have."""

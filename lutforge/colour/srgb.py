@@ -72,12 +72,18 @@ def lab_delta_e_2000(first: Array, second: Array) -> Array:
     a1, a2 = a1 * stretch, a2 * stretch
     c1, c2 = np.hypot(a1, b1), np.hypot(a2, b2)
     h1, h2 = np.arctan2(b1, a1) % (2 * np.pi), np.arctan2(b2, a2) % (2 * np.pi)
+
+    # The differences of lightness, chroma and hue (equations 8 to 11).
     grey = c1 * c2 == 0
     turn = np.where(grey, 0.0, (h2 - h1 + np.pi) % (2 * np.pi) - np.pi)
     turn = np.where((turn == -np.pi) & (h2 > h1), np.pi, turn)
-    lightness, chroma = l2 - l1, c2 - c1
+    lightness = l2 - l1
+    chroma = c2 - c1
     hue = 2.0 * np.sqrt(c1 * c2) * np.sin(turn / 2)
-    mean, c = (l1 + l2) / 2, (c1 + c2) / 2
+
+    # Their weights and the rotation at the mean of the two colours (equations 12 to 21).
+    mean = (l1 + l2) / 2
+    c = (c1 + c2) / 2
     h = np.where(grey, h1 + h2, h1 + turn / 2)
     t = (
         1.0 - 0.17 * np.cos(h - np.pi / 6) + 0.24 * np.cos(2 * h)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.colour.rgb_spaces import adobe_rgb_profile
+from lutforge.colour.icc_profile import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.grading.grade import Grade
 from lutforge.images.heif import is_heif

@@ -17,7 +17,8 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
-from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz, to_xyz_d50
+from lutforge.colour.icc_profile import icc_file, icc_xyz
+from lutforge.colour.rgb_spaces import D50_XYZ, rgb_space, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
 from lutforge.images.icc import profile_name
 from lutforge.kits.kit import BALANCED_RAW, Look
@@ -69,7 +70,7 @@ class IccProfile:
         y = (lightness + 16) / 116
         root = np.stack([y + a / 500, y, y - b / 200], axis=-1)
         ratio = np.where(root > 6 / 29, root**3, (116 * root - 16) * 27 / 24389)
-        linear = ratio @ np.linalg.inv(_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
+        linear = ratio @ np.linalg.inv(_XYZ_FROM_SRGB / np.array(D50_XYZ)[:, None]).T
         return _SRGB.encode(np.clip(linear, 0.0, 1.0))
 
 
@@ -79,7 +80,7 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
 
     def codes(root: Array) -> Array:
         # CIE 1976 L*a*b* (CIE 15:2018, 8.2.1)
-        ratio = linear(root**GAMMA) @ (_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
+        ratio = linear(root**GAMMA) @ (_XYZ_FROM_SRGB / np.array(D50_XYZ)[:, None]).T
         x, y, z = np.moveaxis(np.where(ratio > 216 / 24389, np.cbrt(ratio), (24389 / 27 * ratio + 16) / 116), -1, 0)
         lab = np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
         return np.asarray((lab + _LAB_ZERO) * _LAB_CODES / 65535)
@@ -160,7 +161,7 @@ def write_icc(profile: IccProfile, path: Path) -> None:
     for values in (profile.curve.outputs.T, profile.cube.values, np.tile([0.0, 1.0], (3, 1))):
         table += np.rint(values * 65535).astype(">u2").tobytes()
     text = "; ".join(plain(line) for line in profile.description)
-    content = icc_file(b"scnr", b"Lab ", profile.name, text, {b"wtpt": icc_xyz(D50), b"A2B0": table})
+    content = icc_file(b"scnr", b"Lab ", profile.name, text, {b"wtpt": icc_xyz(D50_XYZ), b"A2B0": table})
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 

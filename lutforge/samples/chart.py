@@ -1,4 +1,4 @@
-"""Colour charts: their kinds, and how one is found in a camera's JPEG, verified, and sampled in JPEG and RAW.
+"""Kinds of colour charts: the places of their patches and their published colours.
 
 Layouts and sources are in data/charts.json; colours of ColorCheckers come with colour-science.
 """
@@ -14,15 +14,17 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.errors import CalibrationError, alternatives
 
-D50 = "D50"
+CIE_D50 = "D50"
+"""The light of published colours, by its name in colour-science."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChartKind:
     """A kind of chart, upright. columns, rows: centres of its patches, in pitches from the outer edge of the first.
 
-    detector: OpenCV's name of its detector, "" where it has none; source: of the colours. One of these says them, row
-    by row: lab (n, 3) under D50; colours: name in colour-science, under D50; spectra: the same, reflectances.
+    detector: OpenCV's name of its detector, "" where it has none; source: of the colours. The colours are given row by
+    row, by one of these: lab (n, 3) under D50; colours: name in colour-science, under D50; spectra: name in
+    colour-science, of reflectances.
     """
 
     name: str
@@ -50,11 +52,11 @@ class ChartKind:
         """The centres (n, 2) of the patches, row by row, −1 … 1 from edge to edge of the upright chart."""
         return np.asarray(self.centres / (self.outline[2] / 2) - 1.0)
 
-    def linear_srgb(self, light: str = D50) -> Array:
+    def linear_srgb(self, light: str = CIE_D50) -> Array:
         """Colours (n, 3) of the patches under a light, adapted to it: a perfect diffuser is 1, 1, 1.
 
-        light: such as "5500K", "D55", "A" or "LED-B3". What is only known under D50 keeps those colours. Raises
-        CalibrationError on an unknown light.
+        light: such as "5500K", "D55", "A" or "LED-B3". Charts without published reflectances have their colours under
+        D50 for any light. Raises CalibrationError on an unknown light.
         """
         import colour  # a second to import
 
@@ -63,7 +65,7 @@ class ChartKind:
         spectrum = spectrum_of(light)
         if self.spectra:
             return linear_srgb_under(reflectances(self.spectra), spectrum)
-        white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"][D50]
+        white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"][CIE_D50]
         xyz: Any
         if self.lab is not None:
             xyz = colour.Lab_to_XYZ(self.lab, white)
@@ -76,20 +78,21 @@ class ChartKind:
 
 def chart_names() -> tuple[str, ...]:
     """The charts in data/charts.json."""
-    return tuple(_known())
+    return tuple(_chart_entries())
 
 
-def _known() -> dict[str, Any]:
+def _chart_entries() -> dict[str, Any]:
+    """The entries of data/charts.json by name."""
     return dict(json.loads(files(__package__).joinpath("data", "charts.json").read_text(encoding="utf-8")))
 
 
 def chart_kind(word: str) -> ChartKind:
     """A chart by its name in data/charts.json. Raises CalibrationError."""
-    known = _known()
-    entry = known.get(word.lower())
+    entries = _chart_entries()
+    entry = entries.get(word.lower())
     if entry is None:
         raise CalibrationError(
-            f'no chart "{word[:60]}"; {alternatives(word, known)}; '
+            f'no chart "{word[:60]}"; {alternatives(word, entries)}; '
             "a Passport, Nano or Mega shows a classic, or a classic2014 if made after November 2014"
         )
     arrays = {key: np.array(entry[key], dtype=np.float64) for key in ("columns", "rows", "lab") if key in entry}

@@ -43,7 +43,7 @@ class Chart:
 
 
 def detector_note() -> str | None:
-    """Why charts are not searched for, in one line; None where they are."""
+    """A line on why charts are not searched for; None where they are."""
     try:
         cv2 = importlib.import_module("cv2")
     except ImportError as error:
@@ -70,13 +70,13 @@ def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference
     if reference is None:
         reference = 255.0 * srgb_encode(np.clip(kind.linear_srgb(), 0.0, 1.0))
     statistics = [patch_codes(jpeg, chart) for chart in turned]
-    scores = [likeness(seen.mean, seen.std, reference) for seen in statistics]
+    scores = [likeness(patches.mean, patches.std, reference) for patches in statistics]
     best = int(np.argmax(scores))
     return turned[best] if scores[best] >= RESEMBLANCE else None
 
 
 def likeness(codes: Array, deviation: Array, reference: Array) -> float:
-    """How like a chart patches are, at most 1, and 0 where they are not plain or hardly have colours.
+    """The likeness of patches to a chart, at most 1, and 0 where they are not plain or hardly have colours.
 
     codes, deviation: (n, 3) mean and standard deviation of JPEG codes; their median deviation is 12 codes at most.
     reference: (n, 3) the chart's codes.
@@ -99,7 +99,8 @@ def resemblance(codes: Array, reference: Array) -> float:
 
 def sample_chart(shot: Shot, chart: Chart) -> tuple[CellStatistics, CellStatistics]:
     """Return the statistics of the same squares in JPEG and RAW, as of `patch_codes`."""
-    registration, size = shot.registration, shot.raw.pixel_size
+    registration = shot.registration
+    size = shot.raw.pixel_size
     offset = np.array([registration.offset_x, registration.offset_y])
     in_array = Chart((registration.scale * chart.corners + offset - (size - 1) / 2) / size, chart.kind)
     return patch_codes(shot.jpeg, chart), patch_codes(shot.raw.pixels, in_array)
@@ -122,7 +123,8 @@ def _detect(jpeg: NDArray[np.uint8], kind: ChartKind) -> list[Array]:
         patches = np.asarray(checker.getColorCharts(), dtype=np.float64).reshape(-1, 4, 2)
         matrix, _ = cv2.findHomography(kind.centres, patches.mean(axis=1))
         corners = np.zeros((4, 2)) if matrix is None else _project(matrix, kind.outline)
-        across, down = corners[1] - corners[0], corners[3] - corners[0]
+        across = corners[1] - corners[0]
+        down = corners[3] - corners[0]
         area = across[0] * down[1] - across[1] * down[0]
         if np.abs(area) > 400.0 * 0.01 * len(kind.centres):  # OpenCV gives points, too
             # OpenCV counts the rows of some charts from below.
@@ -152,7 +154,8 @@ def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> CellStatis
     """The statistics (n, 3) of the pixels whose centres lie in each patch; NaN where it leaves the picture."""
     statistics = np.full((4, len(chart.kind.centres), 3), np.nan)
     for index, corners in enumerate(chart.patches()):
-        low, high = np.floor(corners.min(axis=0)).astype(int), np.ceil(corners.max(axis=0)).astype(int) + 1
+        low = np.floor(corners.min(axis=0)).astype(int)
+        high = np.ceil(corners.max(axis=0)).astype(int) + 1
         if low.min() < 0 or high[0] > picture.shape[1] or high[1] > picture.shape[0]:
             continue
         y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
@@ -175,6 +178,7 @@ def _homography(outline: Array, corners: Array) -> Array:
 
 
 def _project(matrix: Array, points: Array) -> Array:
+    """Points (…, 2) after a homography (3, 3)."""
     homogeneous = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1) @ matrix.T
     projected: Array = homogeneous[..., :2] / homogeneous[..., 2:]
     return projected

@@ -1,6 +1,6 @@
-"""Clipping: the limits beyond which a JPEG or RAW value does not determine what the scene was.
+"""Clipping: the limits beyond which a JPEG or RAW value does not determine the light of the scene.
 
-All limits of clipping stand here, those of single values and those of the pixels of an area.
+All limits of clipping are in this file, those of single values and those of the pixels of an area.
 """
 
 import numpy as np
@@ -13,17 +13,17 @@ HALF_CODE = 0.5 / 255
 JPEG_LIMITS = 1, 254
 """Codes at which a pixel of a JPEG may be clipped: compression moves clipped ones by a code."""
 SATURATED = 0.999
-"""RAW from here on is saturated: 1, less what scaling and rounding take."""
-BENT = 0.98
-"""RAW of a pixel from here on takes no part in a mean: sensors bend below their ceiling."""
+"""The RAW value from which on it is saturated: 1, less what scaling and rounding take."""
+NONLINEAR = 0.98
+"""The RAW value from which on a pixel takes no part in a mean: just below saturation sensors are not linear."""
 
 
 def clipping(jpeg: CellStatistics, raw: CellStatistics) -> dict[str, Mask]:
-    """Masks (…) of areas with clipped channels, each under its first reason."""
+    """Masks (…) of areas with clipped channels, by reason; an area is in the first mask that holds for it."""
     clips = {
         "JPEG white": jpeg.maximum >= JPEG_LIMITS[1],
         "JPEG black": jpeg.minimum <= JPEG_LIMITS[0],
-        "RAW saturated": raw.maximum >= BENT,
+        "RAW saturated": raw.maximum >= NONLINEAR,
         "RAW black": raw.minimum <= 0,  # decoders cut noise below black at 0, so that a mean is too bright there
     }
     masks: dict[str, Mask] = {}
@@ -35,16 +35,18 @@ def clipping(jpeg: CellStatistics, raw: CellStatistics) -> dict[str, Mask]:
 def censored(jpeg: CellStatistics, raw: CellStatistics) -> tuple[Mask, Mask]:
     """Masks (…, 3) of channels that are all black, or all white, in the JPEG, in areas where that is all that clips.
 
-    Their RAW is whole, and at least one channel of the JPEG is: such an area is a censored observation, whose rendering
-    lies at that end or beyond.
+    Their RAW is not clipped, and at least one channel of the JPEG is not: such an area is a censored observation, whose
+    rendering lies at that end or beyond.
     """
     low, high = JPEG_LIMITS
-    black, white = jpeg.maximum <= low, jpeg.minimum >= high
-    whole = (jpeg.minimum > low) & (jpeg.maximum < high)
-    whole_raw = (raw.minimum > 0) & (raw.maximum < BENT)
-    either = np.all((black | white | whole) & whole_raw, axis=-1)
-    either &= np.any(black | white, axis=-1) & np.any(whole, axis=-1)
-    return black & either[..., None], white & either[..., None]
+    black = jpeg.maximum <= low
+    white = jpeg.minimum >= high
+    unclipped = (jpeg.minimum > low) & (jpeg.maximum < high)
+    unclipped_raw = (raw.minimum > 0) & (raw.maximum < NONLINEAR)
+
+    is_censored = np.all((black | white | unclipped) & unclipped_raw, axis=-1)
+    is_censored &= np.any(black | white, axis=-1) & np.any(unclipped, axis=-1)
+    return black & is_censored[..., None], white & is_censored[..., None]
 
 
 def unclipped_colours(encoded: Array, raw: Array) -> Mask:

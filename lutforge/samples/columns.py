@@ -30,13 +30,13 @@ COLUMNS_OF = {
 }  # fmt: skip
 """The columns of a table that one array of a SampleSet holds; the others are arrays of their own."""
 
-ROUNDING = 1e-6
+COLOUR_ROUNDING = 1e-6
 """How far a colour may lie outside its range through rounding; it is set to the end of the range."""
 RAW_RANGE = (-0.05, 1.0)
 """RAW after black subtraction: noise of dark surfaces falls a little below 0 and is kept."""
 MULTIPLIER_RANGE = (1e-3, 1e3)
 """White-balance multipliers relative to green that any camera could have."""
-LARGEST_OF_MATRIX = 1e5
+LARGEST_MATRIX_ENTRY = 1e5
 """Entries of a matrix from XYZ to RAW are below this: LibRaw's and those of DNG files are of the order of 1 or 1e4."""
 MAX_ROWS = 50_000_000
 MAX_TEXT = 200
@@ -97,19 +97,20 @@ def problem_in(
 
 
 def _limits(name: str) -> tuple[float, float]:
+    """The lowest and the highest number of a column."""
     if name in RAW_COLUMNS:
-        return RAW_RANGE[0] - ROUNDING, RAW_RANGE[1] + ROUNDING
+        return RAW_RANGE[0] - COLOUR_ROUNDING, RAW_RANGE[1] + COLOUR_ROUNDING
     if name in SRGB_COLUMNS:
-        return -ROUNDING, 1 + ROUNDING
+        return -COLOUR_ROUNDING, 1 + COLOUR_ROUNDING
     if name in POSITION_COLUMNS:
         return -1.0, 1.0
     if name in XYZ_COLUMNS:
-        return -LARGEST_OF_MATRIX, LARGEST_OF_MATRIX
+        return -LARGEST_MATRIX_ENTRY, LARGEST_MATRIX_ENTRY
     return math.ulp(0.0), math.nextafter(math.inf, 0.0)
 
 
 def _cell_problem(name: str, cell: str) -> str:
-    """What is wrong with a cell that is none of its column's, in words."""
+    """What is wrong with a cell that its column may not hold, in words."""
     if not cell:
         missing = "a number" if name in NUMBER_COLUMNS else f"the {name.replace('_', ' ')} of the sample"
         return f"{name} is empty; write {missing}"
@@ -123,6 +124,6 @@ def _cell_problem(name: str, cell: str) -> str:
     if name in POSITION_COLUMNS:
         return f"{shown}; positions lie in [-1, 1]: half the picture's diagonal is 1"
     if name in XYZ_COLUMNS:
-        return f"{shown}; the matrix from XYZ to RAW has numbers within ±{LARGEST_OF_MATRIX:g}, or empty cells"
+        return f"{shown}; the matrix from XYZ to RAW has numbers within ±{LARGEST_MATRIX_ENTRY:g}, or empty cells"
     meaning = {"exposure_s": "exposure time in seconds", "focal_mm": "focal length in mm", "aperture": "f-number"}
     return f"{shown}; the {meaning.get(name, 'multiplier')} is positive, or the cell empty where it is unknown"

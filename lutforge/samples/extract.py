@@ -13,7 +13,7 @@ from lutforge.samples.chart import ChartKind
 from lutforge.samples.chart_search import detector_note, find_chart, sample_chart
 from lutforge.samples.clipping import censored, clipping
 from lutforge.samples.sample_set import SampleSet, concatenate
-from lutforge.samples.tiles import LEVELS, agreement, cell_size, choose_evenly, flatness
+from lutforge.samples.tiles import FLATNESS_LIMITS, agreement, cell_size, choose_evenly, flatness
 from lutforge.shots.read import Shot
 
 FEW_TILES = 100
@@ -32,8 +32,8 @@ ADVICE = {
 
 
 @dataclass(frozen=True, eq=False)
-class ShotCells:
-    """A shot in small, upright, (h, w, 3) of 8 bits: the means of its RAW cells, encoded, and the JPEG, reduced."""
+class Thumbnails:
+    """Small pictures of a shot, upright, (h, w, 3) of 8 bits: the means of its RAW cells, encoded, and the JPEG."""
 
     raw: NDArray[np.uint8]
     picture: NDArray[np.uint8]
@@ -43,9 +43,9 @@ class ShotCells:
 class ShotSamples:
     """The samples of one shot and the account of its areas.
 
-    tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a line each;
-    file_notes: of its files, which many shots share. cells: the shot's means over a coarse grid; places: (n, 2) of the
-    samples in the upright JPEG, x and y as shares of its width and height. tile_cells: (tiles, 2) row and column of
+    tiles, patches: how many are kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a
+    line each; file_notes: of its files, which many shots share. cells: small pictures of the shot; places: (n, 2) of
+    the samples in the upright JPEG, x and y as shares of its width and height. tile_cells: (tiles, 2) row and column of
     each tile in the grid of cells; tiles are the last of the samples.
     """
 
@@ -56,7 +56,7 @@ class ShotSamples:
     clipped: dict[str, int]
     rejected: dict[str, int]
     notes: tuple[str, ...]
-    cells: ShotCells | None = None
+    cells: Thumbnails | None = None
     places: Array = field(default_factory=lambda: np.zeros((0, 2)))
     file_notes: tuple[str, ...] = ()
     tile_cells: NDArray[np.intp] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.intp))
@@ -115,12 +115,13 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
 
 
 def _tiles(shot: Shot) -> ShotSamples:
-    """The flat tiles of a shot, and why its other cells are none."""
+    """The flat tiles of a shot, and the number of its other cells by the reason for which they are left out."""
     cell = cell_size(shot.registration)
     raw = shot.raw_cells(cell)
     jpeg = shot.jpeg_cells(cell)
 
-    # Usable cells lie on the RAW and clip nowhere; of others, whole channels at an end are censored observations.
+    # Usable cells lie on the RAW and are not clipped. In others, whole channels that are black or white are censored
+    # observations.
     inside: Mask = np.isfinite(raw.mean[..., 0])
     clips = clipping(jpeg, raw)
     is_clipped = np.any(list(clips.values()), axis=0)
@@ -131,18 +132,18 @@ def _tiles(shot: Shot) -> ShotSamples:
     # Flat cells whose RAW and JPEG vary together; limits are relaxed where few are.
     level, roughness = flatness(jpeg, raw, cell, shot.metadata.multipliers, usable, usable | at_an_end)
     agrees = agreement(jpeg, raw)
-    is_flat = usable & (level < len(LEVELS) - 1)
+    is_flat = usable & (level < len(FLATNESS_LIMITS) - 1)
     notes = []
     if np.count_nonzero(is_flat & agrees) < FEW_TILES:
-        relaxed = usable & (level < len(LEVELS)) & agrees
+        relaxed = usable & (level < len(FLATNESS_LIMITS)) & agrees
         if np.count_nonzero(relaxed) > np.count_nonzero(is_flat & agrees):
             notes.append("few flat tiles: limits relaxed")
-            is_flat = usable & (level < len(LEVELS))
+            is_flat = usable & (level < len(FLATNESS_LIMITS))
 
     # Tiles that cover the colours evenly, unclipped ones and censored ones each by themselves.
     codes = np.where(white, 255.0, np.where(black, 0.0, jpeg.mean))
     parts = []
-    for candidates in (is_flat & agrees, at_an_end & (level < len(LEVELS) - 1) & agrees):
+    for candidates in (is_flat & agrees, at_an_end & (level < len(FLATNESS_LIMITS) - 1) & agrees):
         rows, columns = np.nonzero(candidates)
         places = places_in_picture(shot, cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5))
         chosen = choose_evenly(codes[rows, columns], places, level[rows, columns], roughness[rows, columns])
@@ -162,29 +163,33 @@ def _tiles(shot: Shot) -> ShotSamples:
     centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
     samples, places = _sample_set(shot, names, raw.mean[rows, columns], codes[rows, columns], centres)
 
-    # The shot in small
-    multipliers = np.ones(3) if shot.metadata.multipliers is None else shot.metadata.multipliers
-    balanced = np.clip(np.nan_to_num(raw.mean) * multipliers, 0.0, 1.0)
-    raw8 = np.rint(255 * srgb_encode(balanced)).astype(np.uint8)
-    height, width = shot.jpeg.shape[:2]
-    step = max(1, round(max(height, width) / 500))
-    whole = shot.jpeg[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
-    picture = np.rint(whole.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
-
     clipped = {reason: int(np.count_nonzero(mask & counted)) for reason, mask in clips.items()}
     return ShotSamples(
-        shot.name, samples, len(samples), 0, clipped, rejected, tuple(notes),
-        ShotCells(upright(raw8, shot.raw.orientation), upright(picture, shot.raw.orientation)), places,
+        shot.name, samples, len(samples), 0, clipped, rejected, tuple(notes), _thumbnails(shot, raw.mean), places,
         shot.metadata.notes, np.column_stack([rows, columns]),
     )  # fmt: skip
 
 
+def _thumbnails(shot: Shot, raw_means: Array) -> Thumbnails:
+    """Small pictures of a shot, from the means (h, w, 3) of its RAW cells and from its JPEG."""
+    multipliers = np.ones(3) if shot.metadata.multipliers is None else shot.metadata.multipliers
+    balanced = np.clip(np.nan_to_num(raw_means) * multipliers, 0.0, 1.0)
+    raw8 = np.rint(255 * srgb_encode(balanced)).astype(np.uint8)
+
+    height, width = shot.jpeg.shape[:2]
+    step = max(1, round(max(height, width) / 500))
+    blocks = shot.jpeg[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
+    picture = np.rint(blocks.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
+    return Thumbnails(upright(raw8, shot.raw.orientation), upright(picture, shot.raw.orientation))
+
+
 def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres: Array) -> tuple[SampleSet, Array]:
     """Samples of RAW (n, 3) and codes (n, 3) at places (n, 2) of the JPEG, and these as shares of it, upright."""
-    metadata, count = shot.metadata, len(names)
+    metadata = shot.metadata
+    count = len(names)
     multipliers = np.full(3, math.nan) if metadata.multipliers is None else metadata.multipliers
     d65 = np.full(3, math.nan) if metadata.d65 is None else metadata.d65
-    once = {
+    of_shot = {
         "camera": metadata.camera,
         "style": metadata.style,
         "white_balance": metadata.white_balance,
@@ -201,7 +206,7 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres:
         "d65_b": d65[2],
     }
     samples = SampleSet(
-        **{name: np.full(count, value) for name, value in once.items()},
+        **{name: np.full(count, value) for name, value in of_shot.items()},
         patch=np.array(names, dtype=np.str_),
         raw=np.array(raw, dtype=np.float64),
         srgb=codes / 255,

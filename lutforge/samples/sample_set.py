@@ -113,7 +113,7 @@ class SampleSet:
             if any(value is None for value in np.ravel(np.asarray(values, dtype=object))):
                 raise SampleError(f"samples: column {name} is None; give a text")
         words = {name: column(name, values, dtype=str) for name, values in texts.items()}
-        made = cls(
+        samples = cls(
             **words,
             raw=linear,
             srgb=encoded,
@@ -121,10 +121,14 @@ class SampleSet:
             wb=column("wb", wb, 3),
             raw_camera=words["camera"],
         )
-        columns = {name: getattr(made, group)[:, i] for group in COLUMNS_OF for i, name in enumerate(COLUMNS_OF[group])}
-        if (problem := problem_in({"exposure_s": made.exposure_s, **columns})) is not None:
+        columns = {
+            name: getattr(samples, group)[:, channel]
+            for group, names in COLUMNS_OF.items()
+            for channel, name in enumerate(names)
+        }
+        if (problem := problem_in({"exposure_s": samples.exposure_s, **columns})) is not None:
             raise SampleError(f"samples: row {problem[0]}: {problem[1]}")
-        return made
+        return samples
 
     def __repr__(self) -> str:
         cameras = ", ".join(np.unique(self.camera))

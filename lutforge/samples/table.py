@@ -40,7 +40,8 @@ def read_samples(path: str | Path) -> SampleSet:
         for name, group in COLUMNS_OF.items():
             if group[0] in columns:
                 arrays[name] = np.stack([columns[column] for column in group], axis=1)
-        arrays["raw"], arrays["srgb"] = np.clip(arrays["raw"], *RAW_RANGE), np.clip(arrays["srgb"], 0.0, 1.0)
+        arrays["raw"] = np.clip(arrays["raw"], *RAW_RANGE)
+        arrays["srgb"] = np.clip(arrays["srgb"], 0.0, 1.0)
         arrays["wb"] = arrays["wb"] / arrays["wb"][:, 1:2]
         arrays["raw_camera"] = np.where(arrays["raw_camera"] == "", arrays["camera"], arrays["raw_camera"])
         return SampleSet(**arrays)

@@ -94,10 +94,9 @@ def _read_npz(path: Path) -> Columns:
         if "profile.json" in entries:
             raise SampleError(f"{path}: a camera profile; name sample tables (.csv, .npz) or RAW files instead")
         names = [entry.removesuffix(".npy").strip().lower() for entry in entries]
-        known = known_columns(path, names)
         columns: Columns = {}
         rows = None
-        for name in known:
+        for name in known_columns(path, names):
             columns[name] = _read_column(archive, entries[names.index(name)], name, rows)
             rows = len(columns[name])
     if (problem := problem_in(columns)) is not None:
@@ -154,15 +153,17 @@ def _columns_of(path: Path, part: list[tuple[int, list[str]]], width: int, place
     cells = list(zip(*(record for _, record in part), strict=True))
     columns: Columns = {}
     for name, place in places.items():
-        texts, problem = cells[place], ""
-        if max(map(len, texts)) > MAX_TEXT or "\0" in (whole := "\n".join(texts)):
+        texts = cells[place]
+        column_text = "\n".join(texts)
+        problem = ""
+        if max(map(len, texts)) > MAX_TEXT or "\0" in column_text:
             row = next(row for row, text in enumerate(texts) if len(text) > MAX_TEXT or "\0" in text)
             problem = f"holds {len(texts[row])} characters; a cell has at most {MAX_TEXT}, none of them zero"
         elif name not in NUMBER_COLUMNS:
             columns[name] = np.array([text.strip() for text in texts], dtype=np.str_)
         else:
             try:
-                if "_" in whole or not whole.isascii():
+                if "_" in column_text or not column_text.isascii():
                     raise ValueError
                 columns[name] = np.array([float(text) if text and not text.isspace() else math.nan for text in texts])
             except ValueError:

@@ -15,12 +15,12 @@ from lutforge.arrays import Array, Mask
 from lutforge.shots.cells import CellStatistics, greatest
 from lutforge.shots.geometry import Registration
 
-LEVELS = ((3, 0.06, 12), (6, 0.12, 24), (9, 0.2, 40))
-"""How much structure a tile may have, from strict to the hard bound: beyond the last a cell is never a tile.
+FLATNESS_LIMITS = ((3, 0.06, 12), (6, 0.12, 24), (9, 0.2, 40))
+"""The limits of a tile's structure, from the strictest to the widest: a cell beyond the last is never a tile.
 
-First the standard deviation of the JPEG in the cell, in codes. Then that of RAW, relative to the mean: the bias of the
-mean through the curvature of a 1/2.2 power is 0.12 times its square. Last the difference to a cell around, in codes, of
-which sharpening and chroma bleeding bring some 5 % into the cell.
+Each has three numbers. The first is the standard deviation of the JPEG in the cell, in codes. The second is that of
+RAW, relative to the mean: the curvature of a 1/2.2 power biases the mean by 0.12 times its square. The third is the
+difference to a cell around, in codes, of which sharpening and chroma bleeding bring some 5 % into the cell.
 """
 
 
@@ -41,14 +41,15 @@ def flatness(
     usable: Mask,
     judged: Mask | None = None,
 ) -> tuple[NDArray[np.intp], Array]:
-    """How flat each cell is: the index of the first of LEVELS that it meets (len(LEVELS): none), and its roughness.
+    """The flatness of each cell: the index of the first of FLATNESS_LIMITS that it meets, and its roughness.
 
-    Both (hc, wc); roughness is the structure as a share of the strict limits. cell: its side in JPEG pixels. judged:
-    cells to judge, all usable ones by default; those not usable (clipped) do not show the noise. multipliers: (3,)
-    white balance, so that steps in RAW count like steps in a JPEG; None: grey world.
+    Both are (hc, wc). The index is len(FLATNESS_LIMITS) where a cell meets none; roughness is the structure as a share
+    of the strictest limits. cell: its side in JPEG pixels. judged: cells to judge, all usable ones by default; those
+    that are not usable (clipped) do not show the noise. multipliers: (3,) white balance, so that steps in RAW have the
+    weight of steps in a JPEG; None: grey world.
     """
     judged = usable if judged is None else judged
-    level = np.full(usable.shape, len(LEVELS), dtype=np.intp)
+    level = np.full(usable.shape, len(FLATNESS_LIMITS), dtype=np.intp)
     if not usable.any():
         return level, np.full(usable.shape, np.inf)
 
@@ -73,16 +74,16 @@ def flatness(
 
     # Neighbours' means differ by their noise, too: four standard deviations of a difference, where those of the means
     # are twice what they were if pixels were independent.
-    unsure = 4 * math.sqrt(2) * 2 * np.sqrt(_SPREAD * greatest(jpeg_noise) / cell**2)
-    step = np.sqrt(np.maximum(0, np.maximum(_step(jpeg.mean), _step(encoded)) ** 2 - unsure**2))
+    by_chance = 4 * math.sqrt(2) * 2 * np.sqrt(_NOISE_SPREAD * greatest(jpeg_noise) / cell**2)
+    step = np.sqrt(np.maximum(0, np.maximum(_step(jpeg.mean), _step(encoded)) ** 2 - by_chance**2))
 
-    # The strictest of LEVELS that all three meet, with a cell around that is nearly as flat.
+    # The strictest of FLATNESS_LIMITS that all three meet, with a cell around that is nearly as flat.
     around = _over_neighbours(np.maximum, jpeg_structure)
     structure = np.stack([jpeg_structure, raw_structure, step], axis=-1)
-    for index in reversed(range(len(LEVELS))):
-        flat = np.all(structure <= LEVELS[index], axis=-1) & (around <= 2.5 * LEVELS[index][0])
+    for index in reversed(range(len(FLATNESS_LIMITS))):
+        flat = np.all(structure <= FLATNESS_LIMITS[index], axis=-1) & (around <= 2.5 * FLATNESS_LIMITS[index][0])
         level[judged & flat] = index
-    return level, np.where(judged, (structure / LEVELS[0]).max(axis=-1), np.inf)
+    return level, np.where(judged, (structure / FLATNESS_LIMITS[0]).max(axis=-1), np.inf)
 
 
 def agreement(jpeg: CellStatistics, raw: CellStatistics) -> Mask:
@@ -91,31 +92,30 @@ def agreement(jpeg: CellStatistics, raw: CellStatistics) -> Mask:
     Judged in the channel that varies most in the JPEG, where it varies by more than noise does (3 codes); where they do
     not correlate by 0.3, the JPEG shows something else: corrected distortion, a retouched or printed-in mark.
     """
-    ours, theirs = jpeg.mean, np.nan_to_num(raw.mean)
-    our_mean, their_mean = (_over_neighbours(np.add, values) / 9 for values in (ours, theirs))
-    norm, their_norm, product = (
-        _over_neighbours(np.add, first * second) - 9 * mean * second_mean
-        for first, second, mean, second_mean in (
-            (ours, ours, our_mean, our_mean),
-            (theirs, theirs, their_mean, their_mean),
-            (ours, theirs, our_mean, their_mean),
-        )
-    )
+    codes = jpeg.mean
+    linear = np.nan_to_num(raw.mean)
+    mean_code = _over_neighbours(np.add, codes) / 9
+    mean_linear = _over_neighbours(np.add, linear) / 9
 
-    correlation = product / np.sqrt(np.maximum(norm * their_norm, 1e-24))
+    # Sums of squares and products about the means of the nine cells.
+    norm = _over_neighbours(np.add, codes * codes) - 9 * mean_code * mean_code
+    raw_norm = _over_neighbours(np.add, linear * linear) - 9 * mean_linear * mean_linear
+    product = _over_neighbours(np.add, codes * linear) - 9 * mean_code * mean_linear
+
+    correlation = product / np.sqrt(np.maximum(norm * raw_norm, 1e-24))
     strongest = norm.argmax(axis=-1)[..., None]
     varies = np.take_along_axis(norm, strongest, axis=-1)[..., 0] > (3 * 3) ** 2
     agree = np.take_along_axis(correlation, strongest, axis=-1)[..., 0] > 0.3
     return ~varies | agree
 
 
-_SPREAD = 2.0
+_NOISE_SPREAD = 2.0
 """Ratio of the largest variance of 64 correlated pixels of noise to the 10th percentile."""
 
 
 def _structure(std: Array, noise: Array) -> Array:
     """Standard deviation less that of noise, whose variance is given."""
-    return np.sqrt(np.maximum(0.0, std**2 - _SPREAD * noise))
+    return np.sqrt(np.maximum(0.0, std**2 - _NOISE_SPREAD * noise))
 
 
 def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
@@ -154,15 +154,19 @@ def _over_neighbours(combine: np.ufunc, values: Array) -> Array:
     return values
 
 
-PER_SHOT, PER_BIN, PER_BIN_RELAXED = 3000, 12, 3
-"""Tiles that `choose_evenly` keeps at most: of a shot, of a colour, and of a colour of which few are flat."""
+PER_SHOT = 3000
+"""Tiles of a shot that `choose_evenly` keeps at most."""
+PER_BIN = 12
+"""Tiles of a colour that it keeps at most."""
+PER_BIN_RELAXED = 3
+"""Tiles of a colour that it keeps at most, of which few are flat."""
 
 
 def choose_evenly(codes: Array, places: Array, level: NDArray[np.intp], roughness: Array) -> NDArray[np.intp]:
-    """Indices, ascending, of the tiles to keep: so many a colour, flat ones from all parts of the picture.
+    """Indices, ascending, of the tiles to keep: at most so many of each colour, from all parts of the picture.
 
-    So a sky does not outweigh a flower, nor the middle the corners, where a lens gives less light. codes: (n, 3) JPEG
-    0–255; places: (n, 2) in the picture, −1 … 1; level: (n,) 0 = strictly flat, higher = relaxed; roughness: (n,).
+    A sky does therefore not outweigh a flower, nor the middle the corners, where a lens gives less light. codes: (n, 3)
+    JPEG 0–255; places: (n, 2) in the picture, −1 … 1; level: (n,) 0 = strictly flat, higher = relaxed; roughness: (n,).
 
     In each colour bin of 16 codes a side, in which encoded values are roughly perceptually uniform, PER_BIN are kept:
     enough to average their noise away. They are the flattest of each part of the picture in turn, of six by six parts.
@@ -170,14 +174,14 @@ def choose_evenly(codes: Array, places: Array, level: NDArray[np.intp], roughnes
     most PER_SHOT. Deterministic: ties go by position.
     """
     cells = np.clip(codes // 16, 0, 15).astype(np.intp)
-    keys = (cells[:, 0] * 256 + cells[:, 1]) * 256 + cells[:, 2]
+    colour_bins = (cells[:, 0] * 256 + cells[:, 1]) * 256 + cells[:, 2]
     parts = np.clip(3.0 * (places + 1.0), 0, 5).astype(np.intp)
-    here = 36 * keys + 6 * parts[:, 0] + parts[:, 1]
+    bin_and_part = 36 * colour_bins + 6 * parts[:, 0] + parts[:, 1]
 
     # The flattest of each part in turn, in each bin.
-    turn = _ranks(np.lexsort((roughness, level, here)), here)
-    order = np.lexsort((roughness, turn, level, keys))
-    rank = _ranks(order, keys)[order]
+    turn = _ranks(np.lexsort((roughness, level, bin_and_part)), bin_and_part)
+    order = np.lexsort((roughness, turn, level, colour_bins))
+    rank = _ranks(order, colour_bins)[order]
     candidates = (level[order] == 0) | (rank < PER_BIN_RELAXED)
 
     cap = PER_BIN
@@ -190,7 +194,8 @@ def choose_evenly(codes: Array, places: Array, level: NDArray[np.intp], roughnes
 
 
 def _ranks(order: NDArray[np.intp], keys: NDArray[np.intp]) -> NDArray[np.intp]:
-    """(n,): the place of each in its group of equal keys (n,), of which `order` has one after the other."""
-    ranked, rank = keys[order], np.empty_like(order)
+    """(n,): the rank of each tile in its group of equal keys (n,), whose tiles are one after the other in `order`."""
+    ranked = keys[order]
+    rank = np.empty_like(order)
     rank[order] = np.arange(len(order)) - np.searchsorted(ranked, ranked, side="left")
     return rank

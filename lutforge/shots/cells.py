@@ -11,8 +11,10 @@ from lutforge.compiled import REASSOCIATED, compiled
 
 Number = TypeVar("Number", Array, Single)
 NOISE_REACH = 2.4
-"""How far, in standard deviations, noise is taken to reach: 64 pixels of it do on average. Where no more than these
-0.8 % are clipped, the mean moves by less than 0.003 standard deviations."""
+"""The largest deviation of noise among 64 pixels, on average, in standard deviations.
+
+Where no more pixels are clipped than lie beyond it, 0.8 %, the mean changes by less than 0.003 standard deviations.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,10 @@ class CellStatistics:
         if image.dtype == np.uint16:
             statistics /= 257.0
         mean, std, low, high = statistics
-        low[:], high[:] = np.maximum(low, mean - NOISE_REACH * std), np.minimum(high, mean + NOISE_REACH * std)
+        low[:] = np.maximum(low, mean - NOISE_REACH * std)
+        high[:] = np.minimum(high, mean + NOISE_REACH * std)
+
+        # NaN where the picture has no pixels.
         sides = zip((rows, columns), image.shape[:2], strict=True)
         covered = [(edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9) for edges, size in sides]
         statistics[:, ~np.outer(*covered)] = np.nan
@@ -133,12 +138,15 @@ def _without_outliers(
 ) -> None:
     """Fill the statistics (4,) of one channel of a cell, (h, w), between these borders, without its outliers."""
     values, areas, marks = np.empty(cell.size), np.empty(cell.size), np.zeros(cell.size, np.uint8)
-    replaced, outlier, at, whole = np.uint8(1), np.uint8(2), 0, 0.0
+    replaced = np.uint8(1)
+    outlier = np.uint8(2)
+    at = 0
+    area = 0.0
     for y in range(cell.shape[0]):
         tall = min(bottom, y + 1.0) - max(top, float(y))
         for x in range(cell.shape[1]):
             values[at], areas[at] = cell[y, x], tall * (min(right, x + 1.0) - max(left, float(x)))
-            whole += areas[at]
+            area += areas[at]
             at += 1
 
     for _ in range(3):
@@ -149,7 +157,7 @@ def _without_outliers(
                 marks[at] |= outlier
                 far = True
             doubtful += areas[at] if marks[at] else 0.0
-        if not far or doubtful > whole / 16:
+        if not far or doubtful > area / 16:
             break
         mean = squares = 0.0
         for at in range(len(values)):
@@ -158,6 +166,8 @@ def _without_outliers(
             mean += areas[at] * values[at]
             squares += areas[at] * values[at] * values[at]
 
-        mean /= whole
-        statistics[0], statistics[1] = mean, np.sqrt(max(0.0, squares / whole - mean * mean))
-        statistics[2], statistics[3] = values.min(), values.max()
+        mean /= area
+        statistics[0] = mean
+        statistics[1] = np.sqrt(max(0.0, squares / area - mean * mean))
+        statistics[2] = values.min()
+        statistics[3] = values.max()

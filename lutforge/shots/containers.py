@@ -1,4 +1,4 @@
-"""Containers of metadata: JPEG, RAF, MRW and CR3, which hold TIFF structures, and CIFF.
+"""Files that contain metadata: JPEG, RAF, MRW and CR3, which hold TIFF structures, and CIFF.
 
 CIFF is the heap that Canon's .CRW files are (Canon, "CIFF Specification on Image Data File", version 1.0 revision 4,
 1997). Damaged directories are left out, and nothing outside the file is touched.
@@ -77,6 +77,7 @@ def tiff_blocks(data: Buffer) -> Iterator[tuple[Buffer, str]]:
 
 
 def _boxes(data: Buffer, start: int, end: int, depth: int, budget: list[int]) -> Iterator[tuple[bytes, bytes]]:
+    """The bodies of a CR3 file's metadata boxes by name, boxes inside of boxes included (ISO/IEC 14496-12)."""
     while start + 8 <= end and budget[0] > 0:
         budget[0] -= 1
         size, name = struct.unpack_from(">I4s", data, start)

@@ -1,4 +1,4 @@
-"""Which of the given files and folders are shots."""
+"""The shots among given files and folders, and the JPEG or RAW file that belongs to another file."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -22,13 +22,14 @@ RAW_SUFFIXES = frozenset(
 JPEG_SUFFIXES = (".jpg", ".jpeg", ".jpe")
 
 MAX_FILES = 100_000
+"""RAW files that a folder may hold."""
 
 
 def discover(paths: Iterable[Path | str]) -> list[Path]:
     """RAW files among files and folders, in the order given (inside a folder: by name, subfolders included), once each.
 
-    A JPEG that belongs to a RAW file beside it is left out; any other file named is kept, whatever its
-    suffix: reading it decides. Raises ShotError: no such file or folder, or a folder without RAW files.
+    A JPEG that belongs to a RAW file in its folder is left out. Any other named file is kept, whatever its suffix:
+    reading it shows whether it is a shot. Raises ShotError: no such file or folder, or a folder without RAW files.
     """
     by_place: dict[Path, Path] = {}
     for path in map(Path, paths):
@@ -62,7 +63,7 @@ def jpegs_of(path: Path) -> list[Path]:
 
 
 def jpeg_beside(raw: Path) -> Path | None:
-    """The JPEG, else the HEIF, of the RAW file's stem in its folder, whatever the case of its name; None without."""
+    """The JPEG, else the HEIF, of a RAW file's stem in its folder, in upper or lower case; None where there is none."""
     try:
         kinds = (*JPEG_SUFFIXES, *HEIF_SUFFIXES)
         names = [entry for entry in sorted(raw.parent.iterdir()) if entry.suffix.lower() in kinds]
@@ -75,7 +76,7 @@ def jpeg_beside(raw: Path) -> Path | None:
 
 
 def raw_beside(jpeg: Path) -> Path | None:
-    """The RAW file of the same stem in a JPEG's folder, whatever the case of its name; None where there is none."""
+    """The RAW file of a JPEG's stem in its folder, in upper or lower case; None where there is none."""
     try:
         changed = jpeg.parent.stat().st_mtime_ns
         # A change within the last tick of the file system's clock may not show in that time yet.

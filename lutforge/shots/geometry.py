@@ -83,11 +83,12 @@ class Registration:
 
     def shifts(self, places: Array, count: int) -> Array:
         """How far places (n, 2) of the JPEG move by a unit of each parameter of `moved`, (n, 2, count)."""
-        here, small = self.on_raw(places), 1e-3
-        (a, c), (b, d) = ((self.on_raw(places + small * unit) - here).T / small for unit in np.eye(2))
+        on_raw = self.on_raw(places)
+        small = 1e-3
+        (a, c), (b, d) = ((self.on_raw(places + small * unit) - on_raw).T / small for unit in np.eye(2))
         inverse = np.stack([d, -b, -c, a], axis=-1).reshape(-1, 2, 2) / (a * d - b * c)[:, None, None]
         steps = small * np.array([1e-3, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])[:count]
-        changes = [(self.moved(step).on_raw(places) - here) / step.sum() for step in np.diag(steps)]
+        changes = [(self.moved(step).on_raw(places) - on_raw) / step.sum() for step in np.diag(steps)]
         return np.asarray(inverse @ np.stack(changes, axis=-1))
 
     def straightened(self, pixels: Pixels, pixel_size: float, shape: tuple[int, ...]) -> tuple[Pixels, "Registration"]:

@@ -81,8 +81,9 @@ def notes_of(tags: Tags) -> Iterator[str]:
 
 
 def edited_notes(tags: Tags) -> tuple[str, ...]:
-    """What to say of a file that a program wrote, and not the camera's firmware: one line, or none."""
-    by_exif, by_xmp = str(tags.get(SOFTWARE, "")).strip(), str(tags.get(TOOLS, "")).strip()
+    """A note on a file that a program wrote, and not the camera's firmware; else none."""
+    by_exif = str(tags.get(SOFTWARE, "")).strip()
+    by_xmp = str(tags.get(TOOLS, "")).strip()
     software = by_exif if _EDITORS.search(by_exif) else by_xmp[:80]
     wrote = f"{software} wrote this file: its colours may not be those that the camera made"
     return (wrote,) if _EDITORS.search(by_exif) or _EDITORS.search(by_xmp) else ()
@@ -93,6 +94,7 @@ def _table(name: str) -> Any:
 
 
 def _named_style(tags: Tags) -> str | None:
+    """The picture style that a tag names, in lower-case words; None where none does."""
     for text in _table("style_texts"):
         stated_text = tags.get(key_of(text))
         if isinstance(stated_text, str):
@@ -134,11 +136,14 @@ def _adjustments(tags: Tags, style_is_named: bool) -> Iterator[tuple[str, float]
 
 
 def _white_balance_word(tags: Tags) -> str | None:
+    """The white-balance setting without its shift; None where no tag states it."""
     stated_text = tags.get(("Nikon", 0x0005), tags.get(("Sigma", 0x0007)))
     if isinstance(stated_text, str) and stated_text.strip():
-        known = maker_table("settings")["white_balance_words"]["words"]
         words = stated_text.lower()
-        return next((name for part, name in known.items() if part in words), re.sub(r"[^a-z0-9]+", " ", words).strip())
+        for part, name in maker_table("settings")["white_balance_words"]["words"].items():
+            if part in words:
+                return str(name)
+        return re.sub(r"[^a-z0-9]+", " ", words).strip()
     automatic = element(tags.get(("Photo", 0xA403)), 0) == 0
     for text, names in _table("white_balances").items():
         if automatic and key_of(text) == ("Photo", 0x9208):

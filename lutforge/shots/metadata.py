@@ -1,4 +1,4 @@
-"""What files say of the settings that a picture was made with: camera, picture style, white balance, exposure."""
+"""The settings that a picture was made with, from the tags of its files: camera, style, white balance, exposure."""
 
 import contextlib
 import math
@@ -20,7 +20,8 @@ from lutforge.shots.maker_multipliers import multipliers_of
 from lutforge.shots.maker_settings import edited_notes, notes_of, style_of, white_balance_of
 from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Tags, tags, tags_of
 
-UNKNOWN, LUTFORGE = "unknown", "LutForge"
+UNKNOWN = "unknown"
+LUTFORGE = "LutForge"
 
 _LENS = ("Photo", 0xA434)
 _UNIQUE_CAMERA_MODEL = ("Image", 0xC614)
@@ -68,8 +69,8 @@ class ShotMetadata:
         """A note on each number of `exposure` that is unknown, and on what replaces it."""
         absent = (("aperture", "f/1", self.aperture), ("ISO", "ISO 100", self.iso))
         return tuple(
-            f"the file states no {name}, {usual} is taken: exposures agree only among pictures of one {name}"
-            for name, usual, number in absent
+            f"the file states no {name}, {default} is taken: exposures agree only among pictures of one {name}"
+            for name, default, number in absent
             if not number > 0
         )
 
@@ -81,8 +82,8 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     if str(preview.get(SOFTWARE, "")).lower().startswith(("dcraw", "libraw")):
         # LibRaw made this header for a preview that had none: it names the camera, nothing else that is new.
         preview = {key: value for key, value in preview.items() if key in (MAKE, MODEL)}
-    for other in (tags(jpeg) if jpeg else {}, preview):
-        shot_tags = {**other, **shot_tags}
+    for further_tags in (tags(jpeg) if jpeg else {}, preview):
+        shot_tags = {**further_tags, **shot_tags}
     make, model = (str(shot_tags.get(key, "")).strip() for key in (MAKE, MODEL))
     time_s, _, iso = _exposure_of(shot_tags)
     style = style_of(shot_tags)
@@ -104,11 +105,11 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
 
 
 def raw_attributes(path: Path, raw: RawImage) -> dict[str, object]:
-    """What a picture rendered from a RAW file has to say of the shot, by OpenImageIO's names; unknown ones left out."""
-    named = tags(path)
+    """Attributes of the shot for a picture rendered from a RAW file, by OpenImageIO's names; no unknown ones."""
+    shot_tags = tags(path)
     attributes: dict[str, object] = {
-        "Make": str(named.get(MAKE, "")).strip(),
-        "Model": str(named.get(MODEL, "")).strip(),
+        "Make": str(shot_tags.get(MAKE, "")).strip(),
+        "Model": str(shot_tags.get(MODEL, "")).strip(),
         "DateTime": raw.taken,
         "Exif:DateTimeOriginal": raw.taken,
         "ExposureTime": raw.exposure_s,
@@ -133,8 +134,8 @@ def tidy_camera(make: str, model: str) -> str:
     brand = brand or next((name for name in _BRANDS if name.lower() in words), None)
     if brand is None:
         return re.sub(r"\s+", " ", model if model.lower().startswith(make.lower()) else f"{make} {model}").strip()
-    rest = re.sub(rf"^{brand}\b", "", model.strip(), flags=re.IGNORECASE).strip()
-    return re.sub(r"\s+", " ", f"{brand} {rest}").strip()
+    model_alone = re.sub(rf"^{brand}\b", "", model.strip(), flags=re.IGNORECASE).strip()
+    return re.sub(r"\s+", " ", f"{brand} {model_alone}").strip()
 
 
 def read_picture_settings(path: Path) -> ShotMetadata:
@@ -152,11 +153,11 @@ def read_picture_settings(path: Path) -> ShotMetadata:
     if camera_of(raw_tags) != camera:
         raw, raw_tags = None, {}
 
-    stated = zip(_exposure_of(shot_tags), _exposure_of(raw_tags), strict=True)
-    time_s, aperture, iso = (one or other or math.nan for one, other in stated)
-    made = None if is_raw else _made_by_lutforge(shot_tags)
-    if made is not None:
-        return replace(made, exposure_s=time_s, iso=iso, aperture=aperture)
+    exposures = zip(_exposure_of(shot_tags), _exposure_of(raw_tags), strict=True)
+    time_s, aperture, iso = (of_picture or of_raw or math.nan for of_picture, of_raw in exposures)
+    settings = None if is_raw else _made_by_lutforge(shot_tags)
+    if settings is not None:
+        return replace(settings, exposure_s=time_s, iso=iso, aperture=aperture)
 
     shot_tags = {**raw_tags, **shot_tags}
     multipliers = multipliers_of(shot_tags)
@@ -174,7 +175,8 @@ def read_picture_settings(path: Path) -> ShotMetadata:
 
 def _exposure_of(shot_tags: Tags) -> list[float]:
     """Time, f-number and ISO by the tags of Exif 2.32, 4.6.5; 0 where there is none."""
-    time_s, aperture = _ratio(shot_tags, 0x829A), _ratio(shot_tags, 0x829D)
+    time_s = _ratio(shot_tags, 0x829A)
+    aperture = _ratio(shot_tags, 0x829D)
     if not time_s > 0:  # ShutterSpeedValue, of APEX: −log2 of the time
         shutter = _ratio(shot_tags, 0x9201)
         time_s = 2.0**-shutter if math.isfinite(shutter) and abs(shutter) < 30 else 0.0
@@ -221,12 +223,12 @@ def camera_of(shot_tags: Tags) -> str:
 
 
 def software_tag(camera: str, selector: str) -> str:
-    """What the Software tag says of a picture: its settings now, as `read_picture_settings` reads them back."""
+    """The Software tag of a graded picture: its settings now, as `read_picture_settings` reads them back."""
     return f"{LUTFORGE} ({camera}: {selector})"
 
 
 def _made_by_lutforge(shot_tags: Tags) -> ShotMetadata | None:
-    """Settings of a picture that LutForge wrote: unknown ones, where it was not a profile that made it."""
+    """The settings of a picture that LutForge wrote, None of another; "unknown" where no profile rendered it."""
     software = str(shot_tags.get(SOFTWARE, ""))
     if software != LUTFORGE and not software.startswith(f"{LUTFORGE} ("):
         return None

@@ -50,9 +50,9 @@ def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
     height, width = jpeg.shape[:2]
     size = float(np.clip(np.sqrt(np.linalg.det(_local(matrix, raw.pixels.shape)[0])), 0.25, 8.0))
     centre = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])  # OpenCV counts from the centre of the first pixel
-    whole = np.linalg.inv(centre) @ np.diag([1 / size, 1 / size, 1.0]) @ centre @ matrix
+    to_array = np.linalg.inv(centre) @ np.diag([1 / size, 1 / size, 1.0]) @ centre @ matrix
     pixels = cv2.warpPerspective(
-        raw.pixels, whole, (int(width / size), int(height / size)), flags=cv2.INTER_NEAREST, borderValue=0.0
+        raw.pixels, to_array, (int(width / size), int(height / size)), flags=cv2.INTER_NEAREST, borderValue=0.0
     )
     warped = replace(raw, pixels=pixels, pixel_size=size, flip=0, preview=None)
 
@@ -75,16 +75,18 @@ def _homography(cv2: Any, grey: Codes, jpeg: Codes) -> tuple[Array, float]:
         small.append(cv2.createCLAHE(4.0, (8, 8)).apply(resized))
         scales.append(scale)
     finder = cv2.SIFT_create(nfeatures=6000)
-    (keys_a, found_a), (keys_b, found_b) = (finder.detectAndCompute(picture, None) for picture in small)
-    if found_a is None or found_b is None or min(len(keys_a), len(keys_b)) < 8:
+    (keys_a, features_a), (keys_b, features_b) = (finder.detectAndCompute(picture, None) for picture in small)
+    if features_a is None or features_b is None or min(len(keys_a), len(keys_b)) < 8:
         raise ShotError("too little structure to register")
+
     # A feature whose second nearest is nearly as near may be either (Lowe 2004, 7.1).
-    pairs = [pair for pair in cv2.BFMatcher().knnMatch(found_a, found_b, k=2) if len(pair) == 2]
+    pairs = [pair for pair in cv2.BFMatcher().knnMatch(features_a, features_b, k=2) if len(pair) == 2]
     good = [first for first, second in pairs if first.distance < 0.8 * second.distance]
     points = [
         (np.array([keys[getattr(match, name)].pt for match in good]).reshape(-1, 2) + 0.5) / scale - 0.5
         for keys, name, scale in ((keys_a, "queryIdx", scales[0]), (keys_b, "trainIdx", scales[1]))
     ]
+
     matrix = inside = None
     if len(good) >= 8:
         matrix, inside = cv2.findHomography(

@@ -173,7 +173,7 @@ def read_pair(picture: Path, development: Development) -> Shot:
 def _registered(
     raw: RawImage, path: Path, source: str, expected: Placement | None
 ) -> tuple[Codes, NDArray[np.uint16] | None, Registration, tuple[str, ...]]:
-    """The picture in 8 and, where it has more, in 16 bits, as the sensor lies; its registration; notes."""
+    """The picture in 8 bits, and in 16 where it has more, in the sensor's orientation; its registration; notes."""
     if source == EMBEDDED and raw.preview is None:
         raise ShotError(raw.preview_note)
     heif = read_heif(Path(source)) if source != EMBEDDED and is_heif(Path(source)) else None
@@ -193,8 +193,8 @@ def _registered(
         raise ShotError(f"{source}: encoded for HDR ({heif.hdr}), unlike a JPEG; set the camera to SDR")
     if profile and not is_srgb(profile):
         jpeg, fine = to_srgb(jpeg, profile), None
-        so = "converted to sRGB, so grade pictures that are converted"
-        notes.append(f"the picture is in {profile_name(profile)}: {so}")
+        advice = "converted to sRGB, so grade pictures that are converted"
+        notes.append(f"the picture is in {profile_name(profile)}: {advice}")
 
     try:
         turned, registration, mirrored = _in_any_orientation(raw, jpeg, expected)
@@ -210,7 +210,7 @@ def _registered(
 def _in_any_orientation(
     raw: RawImage, jpeg: Codes, expected: Placement | None = None
 ) -> tuple[Codes, Registration, bool]:
-    """Register a picture turned, or mirrored and turned: as the sensor has it, where it lies, if it was mirrored."""
+    """Register a picture that may be turned or mirrored; return it as the sensor lies, its place, if mirrored."""
     # Previews lie like the sensor or upright; a JPEG file may have been turned by any program. A camera that mirrors
     # its pictures, for those who photograph themselves, leaves the RAW as it is.
     turns = tuple(dict.fromkeys((0, QUARTER_TURNS[inverse(raw.orientation)], 1, 2, 3)))

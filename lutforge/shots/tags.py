@@ -1,7 +1,7 @@
-"""What a RAW file or a picture says of itself: (group, tag) → integers or text. Groups are named as exiv2 names them.
+"""The metadata tags of a RAW file or a picture: (group, tag) → integers or text. Groups have the names of exiv2.
 
-Tags are read of TIFF structures; where the makers' notes lie in them says data/maker_notes.json. Damaged metadata raise
-nothing: what cannot be read is not there.
+Tags are read from TIFF structures; data/maker_notes.json describes the notes of the makers in them. Damaged metadata
+raise no error: tags that cannot be read are absent.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ TOOLS = ("Xmp", 0)
 """The programs that XMP names: its CreatorTool, and those of its history."""
 
 _TOOLS = re.compile(rb"""(?:xmp:CreatorTool|stEvt:softwareAgent)(?:\s*=\s*["']|\s*>)\s*([^"'<]{1,200})""")
-_LARGEST = 8192
+_MOST_BYTES = 8192
 """Bytes of a value that are kept: longer ones are pictures and tables."""
 _TIFF_MAGIC = (42, 0x55, 0x4F52, 0x5352)  # TIFF, RW2, ORF, ORF
 
@@ -63,7 +63,7 @@ def tags_of(data: Buffer) -> Tags:
         if tools := " ".join(text.decode("utf-8", "replace") for text in _TOOLS.findall(packets_of(data).xmp)[:200]):
             result[TOOLS] = tools
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
-            # A JPEG that LutForge graded has its source's EXIF, and states in a comment what it is now.
+            # A JPEG that LutForge graded has its source's EXIF, and its settings now in a comment.
             for comment in header.comments:
                 if comment.startswith("LutForge"):
                     result[SOFTWARE] = comment.partition("\n")[0]
@@ -72,7 +72,7 @@ def tags_of(data: Buffer) -> Tags:
 
 @cache
 def maker_table(name: str) -> Any:
-    """One of the JSON files of this package: what the makers' tags mean."""
+    """One of the JSON files of this package, with the meaning of the makers' tags."""
     return json.loads(resources.files(__package__).joinpath("data", f"{name}.json").read_text(encoding="utf-8"))
 
 
@@ -146,7 +146,7 @@ class _Structure:
         return entries
 
     def raw(self, entry: Entry) -> bytes:
-        return bytes(self.data[entry.place][:_LARGEST])
+        return bytes(self.data[entry.place][:_MOST_BYTES])
 
     def maker_note(self, order: str, start: int, base: int) -> None:
         """Read a maker's note at `start` as data/maker_notes.json says, with offsets from `base` where it says none."""

@@ -27,7 +27,7 @@ def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Came
         raw *= settings.vignetting.gain(*mosaic.shape).astype(np.float32)
     raw = raw[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
     if settings.distortion is not None:
-        # What the lens drew, as large as it fills the picture when it is straight
+        # The distorted picture, straightened, and magnified by as little as fills the frame.
         lens = replace(settings.distortion, x=settings.distortion.x - BORDER, y=settings.distortion.y - BORDER // 2)
         size = np.array(raw.shape[1::-1])
         grid = np.stack(np.meshgrid(*(np.arange(side) + 0.5 for side in size)), axis=-1)

@@ -40,7 +40,7 @@ def photograph(
     light: str | None = None,
     seed: int = 0,
 ) -> Photograph:
-    """Write `name`.dng, with an embedded preview, and `name`.JPG beside it unless it is not wanted.
+    """Write `name`.dng, with an embedded preview, and `name`.JPG in the same folder unless jpeg_beside is False.
 
     light: the white-balance name whose light falls on the scene, if not the camera's. The noise is of seed and name.
     """
@@ -59,7 +59,9 @@ def photograph(
     with TemporaryDirectory() as scratch:
         write_jpeg(Path(scratch) / "preview.jpg", shrink(picture, settings.preview_scale), camera, settings)
         preview = (Path(scratch) / "preview.jpg").read_bytes()
-    dng, jpeg = Path(folder) / f"{name}.dng", Path(folder) / f"{name}.JPG"
+
+    dng = Path(folder) / f"{name}.dng"
+    jpeg = Path(folder) / f"{name}.JPG"
     write_dng(
         dng, mosaic, black=camera.black, white=camera.white, cfa=camera.cfa,
         as_shot_neutral=1 / camera.multipliers(settings.white_balance), color_matrix=camera.color_matrix(),

@@ -51,13 +51,13 @@ def demosaic(mosaic: Pixels, cfa: str) -> Pixels:
     for place, color in enumerate(cfa):
         area = (slice(place // 2, None, 2), slice(place % 2, None, 2))
         if color == "G":
-            row_color = "RGB".index(cfa[place ^ 1])  # the filter beside this one
+            row_color = "RGB".index(cfa[place ^ 1])  # of the other filter in this row
             image[..., 1][area] = mosaic[area]
             image[..., row_color][area] = along_row[area]
             image[..., 2 - row_color][area] = along_column[area]
         else:
-            own = "RGB".index(color)
-            image[..., own][area] = mosaic[area]
+            channel = "RGB".index(color)
+            image[..., channel][area] = mosaic[area]
             image[..., 1][area] = green[area]
-            image[..., 2 - own][area] = diagonal[area]
+            image[..., 2 - channel][area] = diagonal[area]
     return image

@@ -117,7 +117,8 @@ def fit_lattices(data: StyleData, options: ThesisOptions) -> ByDirection[Lattice
 
     A black-and-white style is linearized by the inverse of the greys of its rendering.
     """
-    balanced, encoded = data.balanced, data.encoded
+    balanced = data.balanced
+    encoded = data.encoded
     if data.monochrome:
         render = fit_thesis(balanced, encoded, options, clips=True)
         return ByDirection(render, inverse_of_greys(render, options))
@@ -128,11 +129,13 @@ def fit_lattices(data: StyleData, options: ThesisOptions) -> ByDirection[Lattice
 def fit_camera_model(data: StyleData, options: ThesisOptions) -> CameraModel:
     """Fit the camera model of one style to its samples alone. Raises CalibrationError."""
     if data.given is not None:
-        matrix, response = data.given.matrix, data.given.response
+        matrix = data.given.matrix
+        response = data.given.response
     else:
         known = np.ones(len(data.shot), dtype=np.bool_)
         stages = fit_stages(data.samples, data.balanced / data.samples.raw, known, options)
-        matrix, response = stages.matrix, next(iter(stages.responses.values()))
+        matrix = stages.matrix
+        response = next(iter(stages.responses.values()))
     balances = tuple(str(name) for name in np.unique(data.samples.white_balance))
     return fit_gamut_maps(data.balanced, data.encoded, data.shot, matrix, response, balances, options)
 
@@ -142,12 +145,13 @@ def fit_camera_stages(state: State, options: ThesisOptions) -> tuple[CameraStage
 
     Returns the stages for all samples, and which (n,) a gamut map can be fitted to. Raises CalibrationError.
     """
-    samples, multipliers = state.samples, state.multipliers
-    without = [name for name, style in style_data(samples, multipliers)[0].items() if style.monochrome]
-    usable = state.unclipped & ~np.isin(samples.style, without)
+    samples = state.samples
+    multipliers = state.multipliers
+    monochrome = [name for name, style in style_data(samples, multipliers)[0].items() if style.monochrome]
+    usable = state.unclipped & ~np.isin(samples.style, monochrome)
     if not usable.any():
         raise CalibrationError(
-            f'style "{without[0]}" is black and white: its JPEGs hold no colour to fit a camera model to: '
+            f'style "{monochrome[0]}" is black and white: its JPEGs hold no colour to fit a camera model to: '
             "add shots in another style"
         )
     known = np.all(np.isfinite(samples.wb), axis=1)
@@ -177,7 +181,8 @@ def stages_of(profile: CameraProfile, state: State) -> tuple[CameraStages, Mask]
 
 def camera_models(stages: CameraStages, state: State, usable: Mask, options: ThesisOptions) -> dict[str, CameraModel]:
     """Fit h and h⁻¹ of each style that has usable samples (n,). Raises CalibrationError."""
-    samples, models = state.samples, {}
+    samples = state.samples
+    models = {}
     balances = tuple(str(name) for name in np.unique(samples.white_balance))
     for name, response in stages.responses.items():
         rows = usable & (samples.style == name)

@@ -29,6 +29,7 @@ from lutforge.thesis.options import ThesisOptions
 KNOWN = "\t"
 """The setting of colours whose multipliers are known: no setting's name."""
 LEAST_COLOURS = 8
+"""Unsaturated colours that the matrix needs at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,8 @@ def fit_stages(
         if settled or turn == most_turns - 1:
             break
 
-        before, multipliers = multipliers, multipliers.copy()
+        before = multipliers
+        multipliers = multipliers.copy()
         for key in np.unique(setting[~known]):
             rows = setting == key
             multipliers[rows] = fitted[str(key)] * multipliers[rows, 1:2]
@@ -87,11 +89,12 @@ def fit_matrix(
     """Solve (4.5): Ts (3, 3), for multipliers with green = 1, and the multipliers (3,) of the settings not known.
 
     linear: X = f⁻¹(I) (n, 3); raw: E (n, 3); setting: (n,) white-balance name, KNOWN where E is balanced already;
-    plain: (n,) the colours that the gamut map leaves alone; neutral: (3,) f⁻¹ of neutral JPEG values, up to a factor,
-    None where its curves are alike.
+    plain: (n,) the colours that the gamut map does not change; neutral: (3,) f⁻¹ of neutral JPEG values, up to a
+    factor, None where the curves of the channels are equal.
 
-    Without any known multipliers, what Ts and Tw share is settled by neutrals: what the camera renders neutral is equal
-    RAW values after its white balance. Raises CalibrationError where the colours do not determine Ts.
+    Without any known multipliers, a factor per channel may belong to Ts or to Tw. Neutral colours decide: what the
+    camera renders neutral has equal RAW values after its white balance. Raises CalibrationError where the colours do
+    not determine Ts.
     """
     names = [str(name) for name in np.unique(setting)]
     fixed = KNOWN if KNOWN in names else names[0]
@@ -101,19 +104,20 @@ def fit_matrix(
 
     solved[fixed] = np.ones(3)
     if fixed != KNOWN:  # R of (4.6): neutral stays neutral
-        neutral = inverse @ (np.ones(3) if neutral is None else neutral)
-        if np.min(neutral) <= 0:
+        white = inverse @ (np.ones(3) if neutral is None else neutral)
+        if np.min(white) <= 0:
             raise CalibrationError(
                 "the unsaturated colours give no white balance: add a shot of a grey or colour chart"
             )
-        inverse = inverse / neutral[:, None]
-        solved = {name: value / neutral for name, value in solved.items()}
+        inverse = inverse / white[:, None]
+        solved = {name: value / white for name, value in solved.items()}
     middle = float(np.median([value[1] for value in solved.values()]))
     matrix = np.asarray(np.linalg.inv(inverse / middle), dtype=np.float64)
     return matrix, {name: value / value[1] for name, value in solved.items()}
 
 
 def _check(linear: Array, plain: Mask) -> None:
+    """Raise CalibrationError where the colours are too few, or of too few hues, to determine Ts."""
     count = int(plain.sum())
     if count < LEAST_COLOURS:
         raise CalibrationError(
@@ -128,7 +132,7 @@ def _check(linear: Array, plain: Mask) -> None:
 def _solve(
     linear: Array, raw: Array, setting: NDArray[np.str_], free: list[str], plain: Mask
 ) -> tuple[Array, dict[str, Array]]:
-    """Solve a channel at a time: row · X − tw_i E = known part. Unknown: 3, and one a free setting."""
+    """Solve a channel at a time: row · X − tw_i E = E of fixed settings. Unknown: 3, and one for each free setting."""
     is_free = setting[:, None] == np.array(free, dtype=np.str_)
     answers = []
     for channel in range(3):
@@ -164,7 +168,7 @@ def _fit_style(samples: SampleSet, multipliers: Array, name: str, options: Thesi
     balanced = samples.raw * multipliers
     try:
         response = response_of_exposures(samples, options)
-        for limit in (options.beta, 0.4, 0.5):  # where those below β are all alike, as on a small chart
+        for limit in (options.beta, 0.4, 0.5):  # where those below β are of one hue, as on a small chart
             plain = plainly_unsaturated(samples.srgb, limit)
             if hue_spread(response.linearize(samples.srgb[plain])) >= LEAST_HUE_SPREAD:
                 break
@@ -206,10 +210,11 @@ def fit_gamut_maps(
 ) -> CameraModel:
     """Fit h and h⁻¹ of one style to all its unclipped samples, saturated ones included; all white balances together.
 
-    balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,). Both are on linear values, and all residuals count alike, as
-    (4.8) has it.
+    balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,). Both maps are fitted to linear values, and all residuals have
+    equal weight, as in (4.8).
     """
-    linear, mapped = balanced @ matrix.T, response.linearize(encoded)
+    linear = balanced @ matrix.T
+    mapped = response.linearize(encoded)
     maps = (
         fit_gamut_map(*pair, groups=shot, most=options.centres, rho=options.rho)
         for pair in ((linear, mapped), (mapped, linear))

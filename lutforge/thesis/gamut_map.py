@@ -1,7 +1,8 @@
 """The gamut map h, or h⁻¹, fitted to measured pairs by radial basis functions (thesis 4.2.3, equations 4.7, 4.8).
 
 Centres are chosen greedily (Carr et al., "Reconstruction and representation of 3D objects with radial basis functions",
-SIGGRAPH 2001): fit few, look at the residual of all pairs, add the worst, until the tolerance or the cap is met.
+SIGGRAPH 2001): a map is fitted to few pairs; those of the largest residuals are added, until all residuals are below
+the tolerance or the number of centres is at its limit.
 """
 
 import numpy as np
@@ -15,16 +16,17 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.solvers.farthest_points import farthest_points
 
 TOLERANCE = 0.1 / 255
-"""Residual, in linear values, below which a pair is met."""
+"""Residual, in linear values, below which a pair needs no centre."""
 NUGGETS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
-"""Candidates of 8Nπρ of (4.8), the weight of smoothness against fidelity; FOLDS: parts in which shots are left out."""
+"""Candidates of 8Nπρ of (4.8), the weight of smoothness against fidelity."""
 FOLDS = 5
+"""Parts in which shots are left out to choose 8Nπρ."""
 AS_GOOD = 1.005
 """Maps whose errors are within this ratio count as equally good; the smoothest of them is taken."""
 COINCIDENT = 0.5 / 255
 """Pairs whose colours lie in one cell of this size are one pair, their median."""
 GROWTH = 0.6
-"""Centres that a round adds, beside those there are."""
+"""Centres that a round adds, as a share of those before it."""
 
 
 def fit_gamut_map(
@@ -39,9 +41,9 @@ def fit_gamut_map(
     """Fit target = h(source), both (n, 3) linear.
 
     groups: (n,) shot names, whole shots are left out to choose ρ; most: of centres, 8 or more; rho: ρ of (4.8),
-    None chooses 8Nπρ; tolerance: residual, in linear values, below which a pair is met. Time O(centres³ + n · centres);
-    memory 8 · centres² bytes and twice that while solving. Raises CalibrationError below 8 distinct colours, or where
-    they all lie in one plane.
+    None chooses 8Nπρ; tolerance: residual, in linear values, below which a pair needs no centre. Time O(centres³ + n ·
+    centres); memory 8 · centres² bytes and twice that while solving. Raises CalibrationError below 8 distinct colours,
+    or where they all lie in one plane.
     """
     names = np.arange(len(source)).astype(str) if groups is None else groups
     source, target, names = merge_coincident(source, target, names, COINCIDENT)
@@ -60,8 +62,8 @@ def fit_gamut_map(
         room = min(most, len(source)) - count
         if room <= 0 or not open_pairs.any():
             return gamut_map
-        wanted = min(room, max(int(count * GROWTH), 8))
-        chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, wanted)])
+        added = min(room, max(int(count * GROWTH), 8))
+        chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, added)])
 
 
 def solve(centres: Array, values: Array, nugget: float) -> GamutMap:
@@ -72,6 +74,8 @@ def solve(centres: Array, values: Array, nugget: float) -> GamutMap:
     """
     count = len(centres)
     system = np.zeros((count + 4, count + 4), order="F")
+
+    # D in place: |a − b|² = |a|² − 2 a·b + |b|².
     squares = np.sum(centres**2, axis=1)
     distances = system[:count, :count]
     np.matmul(centres, centres.T, out=distances)
@@ -80,8 +84,10 @@ def solve(centres: Array, values: Array, nugget: float) -> GamutMap:
     distances += squares[None, :]
     np.sqrt(np.maximum(distances, 0.0, out=distances), out=distances)
     np.fill_diagonal(distances, -nugget)
+
     polynomial = np.column_stack([np.ones(count), centres])
-    system[:count, count:], system[count:, :count] = polynomial, polynomial.T
+    system[:count, count:] = polynomial
+    system[count:, :count] = polynomial.T
     right = np.zeros((count + 4, 3), order="F")
     right[:count] = values
     _, _, solution, status = lapack.dgesv(system, right, overwrite_a=True, overwrite_b=True)
@@ -93,7 +99,7 @@ def solve(centres: Array, values: Array, nugget: float) -> GamutMap:
 def merge_coincident(
     source: Array, target: Array, names: NDArray[np.str_], size: float
 ) -> tuple[Array, Array, NDArray[np.str_]]:
-    """One pair a cell of this size: the medians of what coincides in the source (about 0.2 % of the thesis's points).
+    """Merge the pairs of each cell of this size to one, their median; about 0.2 % of the thesis's points coincide.
 
     The name is that of the first.
     """
@@ -102,23 +108,25 @@ def merge_coincident(
     place = place.reshape(-1)
     order = np.argsort(place, kind="stable")
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    merged_source, merged_target = source[first].copy(), target[first].copy()
+    merged_source = source[first].copy()
+    merged_target = target[first].copy()
     for cell in np.flatnonzero(counts > 1):
         rows = order[starts[cell] : starts[cell] + counts[cell]]
-        merged_source[cell], merged_target[cell] = np.median(source[rows], axis=0), np.median(target[rows], axis=0)
+        merged_source[cell] = np.median(source[rows], axis=0)
+        merged_target[cell] = np.median(target[rows], axis=0)
     return merged_source, merged_target, names[first]
 
 
-def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) -> NDArray[np.intp]:
-    """Return up to `wanted` of the worst pairs, one per cell; the cells are as large as that number allows."""
+def _worst_apart(source: Array, residual: Array, candidates: Mask, most: int) -> NDArray[np.intp]:
+    """Up to `most` pairs of the largest residuals, one per cell; the cells are as large as that number allows."""
     rows = np.flatnonzero(candidates)
     rows = rows[np.argsort(-residual[rows], kind="stable")]
     best = rows[:0]
     for power in range(2, 12):
         cells = np.floor(source[rows] * 2**power).astype(np.int64)
         _, first = np.unique(cells, axis=0, return_index=True)
-        best = rows[np.sort(first)[:wanted]]
-        if len(best) >= wanted:
+        best = rows[np.sort(first)[:most]]
+        if len(best) >= most:
             break
     return best
 
@@ -126,17 +134,18 @@ def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) 
 def _choose_nugget(source: Array, target: Array, names: NDArray[np.str_]) -> float:
     """The smoothest candidate of least error on shots left out, a fold at a time, on a subset of the pairs."""
     rng = np.random.default_rng(0)
-    # a subset is enough, and quick
     rows = rng.permutation(len(source))[:800]
-    source, target = source[rows], target[rows]
+    source = source[rows]
+    target = target[rows]
     shots, shot = np.unique(names[rows], return_inverse=True)
     # Of fewer shots one may be the only one of its exposure: then single pairs are left out, not whole shots.
     fold = rng.permutation(len(shots))[shot] % FOLDS if len(shots) >= FOLDS else np.arange(len(rows)) % FOLDS
     scores = []
     for nugget in NUGGETS:
         score = 0.0
-        for held in range(FOLDS):
-            train, test = fold != held, fold == held
+        for left_out in range(FOLDS):
+            train = fold != left_out
+            test = fold == left_out
             if train.sum() < 8:
                 continue
             gamut_map = solve(source[train], target[train], nugget)

@@ -48,7 +48,7 @@ def fit_thesis(x: Array, y: Array, options: LatticeOptions, *, clips: bool) -> L
 
     def fitting_error(alpha: float) -> float:
         levels = snapped(blended_levels(histograms, alpha, options.size), options.shaper_size)
-        start = fits[min(fits, key=lambda other: abs(other - alpha))][2] if fits else first.values
+        start = fits[min(fits, key=lambda fitted_alpha: abs(fitted_alpha - alpha))][2] if fits else first.values
         nodes = fit_lattice(x, y, levels, regularization, method=method, start=start, tolerance=1e-4).value
         error = float(np.sum((interpolate(x, levels, nodes, method) - y) ** 2))
         fits[alpha] = (error, levels, nodes)
@@ -70,5 +70,6 @@ def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: i
 
 
 def _uniform(x: Array, y: Array, options: LatticeOptions, regularization: Regularization) -> Lattice:
-    levels, method = snapped(uniform_levels(options.size), options.shaper_size), options.interpolation
+    levels = snapped(uniform_levels(options.size), options.shaper_size)
+    method = options.interpolation
     return Lattice(levels, fit_lattice(x, y, levels, regularization, method=method).value, method)

@@ -1,4 +1,4 @@
-"""Cameras without RAW by the thesis (4.2.4): f from exposure pairs, then (4.10) over colours that all count alike."""
+"""Cameras without RAW by the thesis (4.2.4): f from exposure pairs, then (4.10) over colours of equal weight."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,7 @@ from lutforge.thesis.options import ThesisOptions
 def own_raw(samples: SampleSet, options: ThesisOptions) -> tuple[SampleSet, Array]:
     """Transform a reference camera's RAW to that of the camera that was sampled with it: the samples, and Tc (3, 3).
 
-    Shots have no gains of their own. Arguments and errors are else those of
-    `lutforge.calibration.reference_camera.own_raw`.
+    It is as `lutforge.calibration.reference_camera.own_raw`, but shots have no gains.
     """
     inside = unclipped_pairs(samples)
     setting = inside.settings
@@ -55,7 +54,8 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[
 
     Raises CalibrationError where the colours do not determine it, or contradict every matrix.
     """
-    x, y = linear[rows], samples.raw[rows]
+    x = linear[rows]
+    y = samples.raw[rows]
     plain, _ = unsaturated_of_several_hues(x, saturation(samples.srgb[rows]), name)
     inverse = np.asarray(np.linalg.lstsq(x[plain], y[plain])[0].T, dtype=np.float64)
     error = np.linalg.norm(y - x @ inverse.T, axis=1) / level_of(y)

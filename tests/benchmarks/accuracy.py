@@ -51,7 +51,8 @@ from lutforge.model.transform import through_stages
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import Photograph, develop_again, photograph
-from lutforge.simulate.scene import SCENES, palette
+from lutforge.simulate.scene import palette
+from lutforge.simulate.scenes import SCENES
 from lutforge.thesis.options import Options, ThesisOptions
 from tests.benchmarks import common, lattices
 from tests.benchmarks.common import ROOT, Figure, Figures, Parts

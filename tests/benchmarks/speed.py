@@ -37,7 +37,7 @@ from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import SCENES
+from lutforge.simulate.scenes import SCENES
 from lutforge.thesis.gamut_map import fit_gamut_map
 from tests.benchmarks import common
 from tests.benchmarks.common import ROOT, Figure, Figures, Parts

@@ -29,7 +29,7 @@ from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.develop import BORDER
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import Photograph, photograph
-from lutforge.simulate.scene import chart_scene
+from lutforge.simulate.scenes import chart_scene
 from tests.cases.samples import (
     chart_140,
     lost_stops,

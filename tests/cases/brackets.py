@@ -8,7 +8,7 @@ from PIL import Image
 
 from lutforge.calibration.bracket import BracketFit
 from lutforge.colour.srgb import srgb_encode
-from lutforge.simulate.camera import ToneResponse
+from lutforge.simulate.tone_response import ToneResponse
 
 
 def bracket(

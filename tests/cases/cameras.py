@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.samples.sample_set import SampleSet
-from lutforge.simulate.camera import SimulatedGamutMap, ToneResponse, _build, _fit_matrix, invert_increasing
+from lutforge.simulate.camera import _build, _fit_matrix
+from lutforge.simulate.gamut_map import SimulatedGamutMap
+from lutforge.simulate.tone_response import ToneResponse, invert_increasing
 from tests.cases.samples import chart_140, photograph_patches, surfaces
 
 

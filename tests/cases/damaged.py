@@ -38,7 +38,7 @@ from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import SCENES
+from lutforge.simulate.scenes import SCENES
 from tests.cases.lut_texts import SOUND
 from tests.cases.pictures import lut_of_nodes
 from tests.cases.profiles import small_profile

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image as Pillow
 from PIL import ImageCms
 
-from lutforge.colour.rgb_spaces import adobe_rgb_profile
+from lutforge.colour.icc_profile import adobe_rgb_profile
 from lutforge.grading.batch import apply_batch
 from lutforge.grading.grade import Grade, LutRecipe
 from lutforge.grading.image import apply_image

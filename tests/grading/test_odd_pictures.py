@@ -17,7 +17,7 @@ import pytest
 from PIL import Image as Picture
 from PIL import ImageCms
 
-from lutforge.colour.rgb_spaces import NAME, adobe_rgb_profile
+from lutforge.colour.icc_profile import ADOBE_RGB_NAME, adobe_rgb_profile
 from lutforge.errors import ConfigError, ImageError
 from lutforge.grading.batch import apply_batch
 from lutforge.grading.grade import ConfigRecipe, LutRecipe
@@ -186,9 +186,9 @@ def test_pictures_in_adobe_rgb_stay_so(tmp_path: Path, cube: LutRecipe) -> None:
     assert told_space(done.target) == (0xFFFF, "")
     assert tags(done.target)["Iop", 1] == "R03"
     (other,) = apply_batch(cube, [source], tmp_path / "other", suffix=".tif").done
-    assert told_space(other.target) == (0xFFFF, NAME)
+    assert told_space(other.target) == (0xFFFF, ADOBE_RGB_NAME)
     (again,) = apply_batch(cube, [other.target], tmp_path / "again").done
-    assert told_space(again.target) == (0xFFFF, NAME)
+    assert told_space(again.target) == (0xFFFF, ADOBE_RGB_NAME)
     write_picture(tmp_path / "plain.jpg", Exif_ColorSpace=1)
     (plain,) = apply_batch(cube, [tmp_path / "plain.jpg"], tmp_path / "out").done
     assert told_space(plain.target) == (1, "")
@@ -198,9 +198,9 @@ def test_pictures_in_adobe_rgb_stay_so(tmp_path: Path, cube: LutRecipe) -> None:
 def test_a_picture_in_another_space_is_told(tmp_path: Path, cube: LutRecipe, name: str | None) -> None:
     """What a profile does to colours tells whether it is sRGB; programs name it as they like, or not at all."""
     adobe, srgb = adobe_rgb_profile(), ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
-    assert NAME.encode() in adobe and "sRGB built-in".encode("utf-16-be") in srgb
+    assert ADOBE_RGB_NAME.encode() in adobe and "sRGB built-in".encode("utf-16-be") in srgb
     if name is not None:
-        adobe = adobe.replace(NAME.encode(), name.encode().ljust(len(NAME), b"\0"))
+        adobe = adobe.replace(ADOBE_RGB_NAME.encode(), name.encode().ljust(len(ADOBE_RGB_NAME), b"\0"))
         srgb = srgb.replace("sRGB built-in".encode("utf-16-be"), name.ljust(13).encode("utf-16-be"))
     profiles = {"adobe": adobe, "srgb": srgb, "broken": b"not a profile" * 20}
     for space, profile in profiles.items():

@@ -36,7 +36,8 @@ from lutforge.shots.metadata import ShotMetadata, read_picture_settings
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import Photograph, develop_again, photograph
-from lutforge.simulate.scene import SCENES, palette, still_life
+from lutforge.simulate.scene import palette
+from lutforge.simulate.scenes import SCENES, still_life
 from tests.cases.profiles import small_profile
 from tests.cases.samples import SETTINGS, STYLES, samples_of_settings
 

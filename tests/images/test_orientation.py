@@ -24,7 +24,7 @@ from lutforge.shots.read import MIRROR_IMAGE, read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import still_life
+from lutforge.simulate.scenes import still_life
 from tests.cases.pictures import write_cube
 from tests.cases.profiles import plain_profile
 

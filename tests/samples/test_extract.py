@@ -189,7 +189,7 @@ def test_texture_in_either_picture_rejects() -> None:
     for raw, jpeg in ((half, encoded(flat)), (flat, encoded(half)), (half, encoded(half))):
         found = levels(raw, jpeg)
         assert (found[:, :9] == 0).all()
-        assert (found[:, 11:] == len(tiles.LEVELS)).all()
+        assert (found[:, 11:] == len(tiles.FLATNESS_LIMITS)).all()
 
 
 def test_clipping_counts_each_area_once() -> None:

@@ -24,7 +24,8 @@ from lutforge.shots.read import EMBEDDED, Shot, read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import SCENES, Scene
+from lutforge.simulate.scene import Scene
+from lutforge.simulate.scenes import SCENES
 
 SHAPE = (404, 608)
 MIDDLE, RADIUS = (304.0, 202.0), math.hypot(*SHAPE) / 2

@@ -10,7 +10,7 @@ import rawpy
 from PIL import Image
 
 import lutforge as lf
-from lutforge.colour.rgb_spaces import adobe_rgb_profile
+from lutforge.colour.icc_profile import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.grading.batch import plan_jobs
 from lutforge.grading.grade import LutRecipe
@@ -28,7 +28,7 @@ from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.develop import rendered
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import SCENES
+from lutforge.simulate.scenes import SCENES
 from tests.cases.pictures import apply_to_pixels, write_cube
 
 heif = pytest.importorskip("pillow_heif", reason="needs the optional package pillow-heif")

@@ -29,7 +29,7 @@ from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import SCENES
+from lutforge.simulate.scenes import SCENES
 from tests.cases.damaged import damaged
 from tests.cases.profiles import small_profile
 from tests.cases.samples import made_samples

@@ -13,7 +13,8 @@ from lutforge.shots.other_view import read_other_view
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import SCENES, Scene
+from lutforge.simulate.scene import Scene
+from lutforge.simulate.scenes import SCENES
 from tests.conftest import CommandLine
 
 cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
-from lutforge.colour.rgb_spaces import adobe_rgb_profile
+from lutforge.colour.icc_profile import adobe_rgb_profile
 from lutforge.errors import ImageError, ShotError
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
@@ -18,7 +18,7 @@ from lutforge.shots.read import EMBEDDED, read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import paint_wall, still_life
+from lutforge.simulate.scenes import paint_wall, still_life
 from tests.conftest import CommandLine
 
 

@@ -16,7 +16,8 @@ from lutforge.simulate.develop import BORDER, develop
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import develop_again, photograph, write_jpeg
-from lutforge.simulate.scene import SCENES, Scene, chart_scene
+from lutforge.simulate.scene import Scene
+from lutforge.simulate.scenes import SCENES, chart_scene
 
 HEIGHT, WIDTH = 248, 376
 

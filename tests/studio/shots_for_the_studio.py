@@ -8,7 +8,7 @@ from PIL import Image
 from lutforge.colour.spectra import surface_reflectances
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.scene import still_life
+from lutforge.simulate.scenes import still_life
 
 STYLES = ("standard", "vivid")
 WHITE_BALANCES = ("daylight", "tungsten", "cloudy")

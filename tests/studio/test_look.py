@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lutforge.arrays import Array
-from lutforge.colour.rgb_spaces import adobe_rgb_profile
+from lutforge.colour.icc_profile import adobe_rgb_profile
 from lutforge.errors import LutError
 from lutforge.images.icc import to_srgb
 from lutforge.luts.ops import Cube, Curve, Matrix, Range

@@ -16,7 +16,7 @@ from lutforge.samples.chart import chart_kind
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
-from lutforge.simulate.scene import SCENES
+from lutforge.simulate.scenes import SCENES
 from tests.cases.charts import photograph_chart
 from tests.test_documentation import README, ROOT, commands
 

@@ -12,7 +12,7 @@ import PIL.Image
 import pytest
 
 import lutforge as lf
-from lutforge.colour.rgb_spaces import adobe_rgb_profile
+from lutforge.colour.icc_profile import adobe_rgb_profile
 from lutforge.errors import ImageError, LutError, LutForgeError, SampleError
 from lutforge.grading.inputs import find_inputs
 from lutforge.images.icc import to_srgb

@@ -14,9 +14,9 @@ from lutforge.compiled import compiled
 from lutforge.shots.geometry import Registration
 from lutforge.shots.registration.reduced_copies import RawLevel, ReducedJpeg, cells_of_jpeg
 
-ENOUGH = 4_000
+FITTED_PIXELS = 4_000
 """Pixels, about, that determine the ten weights of the quadratic."""
-FEWEST = 200
+LEAST_PIXELS = 200
 """Pixels below which nothing is explained: ten weights of three channels fit them by chance."""
 
 
@@ -25,7 +25,7 @@ def explained(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> float:
     # At a wrong place the layout may agree by chance or symmetry; the colours hardly do.
     roots, use = _roots_at(raw, jpeg, place)
     codes = jpeg.codes.reshape(-1, 3)[use].astype(np.float64)
-    if len(codes) < FEWEST:
+    if len(codes) < LEAST_PIXELS:
         return 0.0
     terms = quadratic_terms(roots)
     residual = codes - terms @ least_squares(terms, codes)
@@ -56,10 +56,10 @@ def channel_roots(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> list
 
 
 def _roots_at(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[Array, Index]:
-    """The roots (n, 3) of the RAW under about ENOUGH of the JPEG's pixels, and which these are (n,)."""
+    """The roots (n, 3) of the RAW under about FITTED_PIXELS of the JPEG's pixels, and which these are (n,)."""
     borders, covers = cells_of_jpeg(place, jpeg.weight.shape, raw.pixels.shape, raw.pixel_size)
     use = np.flatnonzero((jpeg.weight * covers).ravel() > 0.5)
-    use = use[:: max(1, len(use) // ENOUGH)]
+    use = use[:: max(1, len(use) // FITTED_PIXELS)]
     means = np.zeros((len(use), 3))
     _means_of_roots(raw.pixels, raw.gains, *borders, use, means)
     return means, use

@@ -10,7 +10,7 @@ from lutforge.compiled import compiled
 
 DEVIATION = 6.0
 """Standard deviation, in pixels, of what is taken for shading and tone: structure much coarser does not count."""
-ROUNDING = 0.3 / 255
+CODE_ROUNDING = 0.3 / 255
 """Standard deviation of the rounding to 8 bits, 1/√12 of a code: detail below it is noise."""
 
 
@@ -24,7 +24,7 @@ def structure(luma: Single, weight: Single, around: Single) -> Single:
 
     # Half the mean energy is a floor: flat areas would else count as much as edges.
     floor = 0.5 * float(np.vdot(energy, weight)) / (float(weight.sum()) + 1e-12)
-    energy += np.float32(floor + ROUNDING**2)
+    energy += np.float32(floor + CODE_ROUNDING**2)
     return np.asarray(detail / np.sqrt(energy) * weight)
 
 

@@ -15,7 +15,7 @@ from lutforge.shots.registration.local_structure import DEVIATION, local_weight,
 from lutforge.shots.registration.reduced_copies import RawLevel, ReducedJpeg, on_jpeg_pixels
 
 HOPELESS = 0.3
-"""A place that correlates less after three steps is not near the true one: there two steps suffice."""
+"""The correlation below which a place after three steps is not near the true one, and is left."""
 MOST_STEPS = 8
 """Gauss–Newton steps on one copy; two to four suffice near the place."""
 MOST_SHIFT = 12.0

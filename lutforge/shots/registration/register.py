@@ -19,8 +19,9 @@ MIN_CORRELATION = 0.5
 """Below this, structure does not agree: another scene, or a picture too blurred or noisy to register."""
 MIN_EXPLAINED = 0.5
 """Share of the JPEG's colours that the RAW must explain."""
-CLEAR_CORRELATION, CLEAR_EXPLAINED = 0.55, 0.9
-"""Beyond both, a place is beyond doubt, and no other turn is tried."""
+CLEAR_CORRELATION = 0.55
+CLEAR_EXPLAINED = 0.9
+"""A place above both is certain, and no other turn is tried."""
 AMBIGUOUS = 1.5
 """Ratio of the unexplained shares of two places, the better one below, under which either may be the true one."""
 NON_RIGID_MESSAGE = (
@@ -92,7 +93,7 @@ def _candidates(raw: RawImage, pyramid: RawLevel, jpeg: Codes, turns: Sequence[i
         if not of_turn or not of_turn[0].is_clear:
             continue
 
-        # A scene may look alike upside down; the same scale serves there.
+        # A scene may look the same upside down; its scale is the same there.
         opposite = turn + 2
         if all(candidate.turn % 4 != opposite % 4 for candidate in candidates):
             over = ReducedJpeg.of(raw, np.rot90(jpeg, opposite))
