@@ -1,18 +1,13 @@
 """Compiled kernels are kept in the user's cache folder; without such a folder all works."""
 
 import os
-import signal
 import subprocess
 import sys
-import threading
 from pathlib import Path
-from threading import Event, get_ident
 
 import pytest
 
-from lutforge import __version__, threads
-from lutforge.child_processes import OverrunError, guarded
-from lutforge.errors import LutForgeError
+from lutforge import __version__
 from tests.cases.real_data import S40
 
 KERNEL = '''"""A kernel in a module of its own."""
@@ -78,68 +73,6 @@ def test_commands_run_without_a_folder_that_can_be_written() -> None:
     ran = run(NOWHERE, "-B", "-m", "lutforge", "--version")
     assert (ran.returncode, ran.stderr) == (0, "")
     assert __version__ in ran.stdout
-
-
-# --- Work on all cores: parts of kernels, and tasks beside each other ------------------------------------------------
-
-
-def test_tasks_keep_their_parts_to_themselves_but_the_last_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(threads, "cores", lambda: 2)
-    first_is_done, others = Event(), {}
-
-    def task(name: str) -> str:
-        if name == "last":
-            assert first_is_done.wait(120)
-        ran_by: list[int] = []
-        threads.run(lambda start, stop: ran_by.append(get_ident()), [(0, 1), (1, 2)])
-        others[name] = [thread for thread in ran_by if thread != get_ident()]
-        return name
-
-    for name in threads.each(task, ["first", "last"]):
-        if name == "first":
-            first_is_done.set()
-    assert not others["first"]
-    assert len(others["last"]) == 2
-
-
-# --- Calls in a process of their own: their values and errors come back, and none outlasts its limits or Ctrl-C ------
-
-
-ENDLESS = range(10**15)
-"""Its sum is a loop in C that holds Python's lock."""
-
-
-def test_values_and_errors_come_back() -> None:
-    assert guarded(divmod, 7, 2) == (3, 1)
-    with pytest.raises(LutForgeError, match="ZeroDivisionError"):
-        guarded(divmod, 7, 0)
-
-
-def test_a_crash_is_an_error_and_the_next_call_has_a_process() -> None:
-    with pytest.raises(OverrunError, match="it takes more than"):
-        guarded(os.abort)
-    assert guarded(abs, -1) == 1
-
-
-@pytest.mark.slow
-def test_an_endless_call_is_ended() -> None:
-    with pytest.raises(OverrunError, match="10 seconds"):
-        guarded(sum, ENDLESS)
-
-
-@pytest.mark.skipif(os.name != "posix", reason="other systems send no such signal to one process")
-def test_ctrl_c_ends_an_endless_call() -> None:
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background ignore it
-    try:
-        threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
-        with pytest.raises(KeyboardInterrupt):
-            guarded(sum, ENDLESS)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert guarded(abs, -1) == 1
-
-
-# --- Where an operating system has less than Linux has, and from a wheel alone ----------------------------------------
 
 
 ROOT = Path(__file__).parents[1]

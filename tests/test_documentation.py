@@ -168,9 +168,6 @@ def test_the_python_of_getting_started_runs(tmp_path: Path, monkeypatch: pytest.
     assert lf.load_profile("camera.npz").camera == "My camera"
 
 
-# --- The guide as a site: it builds without a warning, no link is dead, and it fetches nothing from elsewhere ---------
-
-
 class Links(HTMLParser):
     """What a page leads to (`a`), what it loads (all else), and its anchors."""
 

@@ -145,9 +145,6 @@ def test_a_representation_is_short(tmp_path: Path) -> None:
         assert len(repr(value)) < 200, type(value)
 
 
-# --- The steps of the journey, where they join ------------------------------------------------------------------------
-
-
 def test_names_of_settings_become_those_of_selectors() -> None:
     profile = lf.calibrate(made_samples(style="Standard", balance=" Day/Light "), lf.CalibrationOptions(size=9))
     assert list(profile.styles) == ["standard"]

@@ -47,9 +47,6 @@ TINTS = ((254, 254, 254), (254, 250, 245), (245, 250, 254), (250, 254, 250), (25
 WORKERS = 2
 
 
-# --- Universal kriging around a matrix and polynomial curves ----------------------------------------------------------
-
-
 def kriging(balanced: Array, encoded: Array, most: int = 2000) -> tuple[Callable[[Array], Array], ...]:
     """RAW → JPEG and back, fitted to unclipped samples Tw E → I, each (n, 3), at most so many of them."""
     order = np.random.default_rng(0).permutation(len(balanced))[:most]
@@ -90,9 +87,6 @@ def kriging(balanced: Array, encoded: Array, most: int = 2000) -> tuple[Callable
         return np.clip(curve + forward(at), 0.0, 1.0)
 
     return render, lambda codes: uneven(backward(codes)) @ np.linalg.inv(matrix).T
-
-
-# --- What is measured of one camera -----------------------------------------------------------------------------------
 
 
 def whole(encoded: Array) -> Mask:
@@ -320,8 +314,6 @@ def matched(camera: FleetCamera, other: FleetCamera, folder: Path) -> dict[str, 
         errors.append(delta_e_2000(np.clip(made, 0.0, 1.0), wanted[both]))
     return quantiles("match with the next camera", np.concatenate(errors))
 
-
-# --- All cameras, and the tables --------------------------------------------------------------------------------------
 
 COLUMNS: Mapping[str, str] = {
     "render: ΔE00 mean": "render", "render: ΔE00 95 %": "95 %", "render: ΔE00 99.9 %": "99.9 %",

@@ -42,8 +42,6 @@ NEAR = 0.03
 """Farthest distance, in linear sRGB, from a colour that the published model was measured at."""
 
 
-# --- Renderings: white-balanced RAW in linear sRGB (n, 3) → encoded (n, 3) in [0, 1] ----------------------------------
-
 LUMA = np.array([0.2126, 0.7152, 0.0722])
 AXES = np.array([[2.0, -1.0, -1.0], [0.0, np.sqrt(3.0), -np.sqrt(3.0)]]) / np.sqrt(6.0)
 """Two orthonormal axes across grey: hue is the angle in their plane, 0 at red."""
@@ -145,9 +143,6 @@ class MadeUpRendering:
             mapped = soft / ((1 + np.sqrt(1 + 4 * self.softness**2)) / 2)
         mapped *= 1 + self.tint * (lightness if self.tints_highlights else 1 - lightness) ** 3
         return np.asarray(np.interp(mapped, np.linspace(0, 1, 1024), self.curve))
-
-
-# --- A camera of the fleet --------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

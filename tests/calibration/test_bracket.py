@@ -1,21 +1,18 @@
 """The response from JPEGs alone: real brackets, without RAW."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lutforge.calibration.bracket import BracketFit, fit_bracket
-from lutforge.calibration.brightness_transfer import TransferFunction, judge, transfer_functions
-from lutforge.calibration.exposure_pairs import pairs_of_bracket, pairs_of_samples
+from lutforge.calibration.brightness_transfer import judge
+from lutforge.calibration.exposure_pairs import pairs_of_bracket
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.pipeline.response import response
-from lutforge.simulate.camera import nikon_d5100
 from tests.cases.brackets import CURVES, adapted, bracket, compressed, errors_of
 from tests.cases.pictures import write_picture
-from tests.cases.samples import chart_140, photograph_patches
 
 
 @pytest.fixture(scope="module")
@@ -134,52 +131,3 @@ def test_a_grey_image_is_refused(tmp_path: Path) -> None:
     write_picture(grey, (64, 64), channels=1)
     with pytest.raises(CalibrationError, match="grey image"):
         response([grey, grey], exposure_s=[1.0, 2.0])
-
-
-# --- Brightness transfer functions of the simulated camera: outliers where the gamut map works ------------------------
-
-
-CAMERA = nikon_d5100()
-SAMPLES, VIVID_SAMPLES = (
-    photograph_patches(CAMERA, chart_140(), styles=(style,), balances=balances, stops=(-3, -2, -1, 0))
-    for style, balances in (("standard", ("daylight", "tungsten")), ("vivid", ("daylight",)))
-)
-PAIRS, VIVID = pairs_of_samples(SAMPLES), pairs_of_samples(VIVID_SAMPLES)
-
-
-def off(one: TransferFunction, curve: np.ndarray, style: str) -> np.ndarray:
-    """How far a curve of a function is from the camera's, in the middle tones (100, 3)."""
-    codes, true = np.linspace(0.1, 0.7, 100), CAMERA.styles[style][1]
-    expected = true(2.0**one.stops * true.inverse(np.stack([codes] * 3, axis=1)))
-    at = np.stack([np.interp(codes, np.linspace(0, 1, 256), curve[:, c]) for c in range(3)], axis=1)
-    return np.asarray(np.abs(at - expected))
-
-
-def test_one_function_a_ratio_and_it_is_the_cameras() -> None:
-    functions = transfer_functions(PAIRS)
-    assert [round(function.stops) for function in functions] == sorted(round(f.stops) for f in functions)
-    one = min(functions, key=lambda function: abs(function.stops - 1.0))
-    assert off(one, one.curve, "standard").max() < 0.006
-    assert len(one.first) == len(one.outlier)
-    assert np.nanmedian(one.raw_second / one.raw_first) == pytest.approx(2.0**one.stops, rel=0.05)
-
-
-def test_removing_outliers_brings_the_function_nearer_to_the_cameras() -> None:
-    """The thesis's Fig. 4.2, where the gamut map moves much."""
-    one = min(transfer_functions(VIVID), key=lambda function: abs(function.stops - 1.0))
-    assert off(one, one.curve, "vivid").mean() < 0.7 * off(one, one.of_all, "vivid").mean()
-
-
-def test_outliers_are_the_saturated_colours_and_the_response_is_fixed() -> None:
-    assert judge(PAIRS).fixed
-    verdict = judge(VIVID)
-    assert verdict.fixed
-    assert verdict.outlier_saturation > verdict.inlier_saturation + 0.1
-    assert 0.0 < verdict.outliers < 0.3
-    assert verdict.raw_spread < 0.02
-
-
-def test_a_camera_that_renders_each_light_differently_is_found_out() -> None:
-    second = SAMPLES.shot == "standard tungsten -1"
-    changed = replace(SAMPLES, srgb=np.where(second[:, None], SAMPLES.srgb**0.8, SAMPLES.srgb))
-    assert not judge(pairs_of_samples(changed)).fixed

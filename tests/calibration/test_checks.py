@@ -142,9 +142,6 @@ def test_a_black_and_white_style_is_no_fault(sets: dict[str, SampleSet]) -> None
     assert diagnosed(samples) == ()
 
 
-# --- Shots that the camera rendered otherwise than the rest are named and left out; none of a fixed camera is ---------
-
-
 CAMERA = nikon_d5100()
 
 
@@ -289,9 +286,6 @@ def test_a_shot_that_deviates_is_left_out_named_and_found_again(s40_samples: Sam
     assert name in note and "±" in note and "manual mode" in note
     again = replace(changed, shot=np.char.add(changed.shot, " again"))
     assert [each.shot for each in evaluate(profile, again).deviations] == [f"{name} again"]
-
-
-# --- Samples that cannot tell a camera: one line that says what to shoot, never a silently wrong profile --------------
 
 
 OPTIONS: dict[str, Options] = {

@@ -2,25 +2,17 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # it has no type information
 
 from lutforge import threads as shared
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.fit import node_coverage
-from lutforge.calibration.lattice.node_levels import BINS, EVEN, equidistributed_levels
-from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
 from lutforge.colour.srgb import delta_e_2000
-from lutforge.errors import LutError
-from lutforge.interpolation import apply_curve
-from lutforge.model.lattice import Lattice, equidistribute, snap_levels, uniform_levels
-from lutforge.model.response import Response
+from lutforge.model.lattice import Lattice
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.solvers import normal_equations
-from lutforge.thesis.lattice import blended_levels, error_histogram
 from tests.cases.samples import style_of
 
 CAMERA = nikon_d5100()
@@ -155,140 +147,3 @@ def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
         np.testing.assert_array_equal(one.values, other.values)
         for levels, others in zip(one.levels, other.levels, strict=True):
             np.testing.assert_array_equal(levels, others)
-
-
-# --- The curve behind a cube: a bijection of [0, 1] that runs on straight outside -------------------------------------
-
-
-CODES = np.linspace(0.0, 1.0, 33)
-SRGB = np.where(CODES <= 0.04045, CODES / 12.92, ((CODES + 0.055) / 1.055) ** 2.4)
-STEEP = CODES**8
-
-
-@pytest.fixture(params=[SRGB, CODES, STEEP, 0.01 + 0.7 * SRGB], ids=["sRGB", "line", "steep foot", "offset and gain"])
-def curve(request: pytest.FixtureRequest) -> OutputCurve:
-    return output_curve(Response(np.repeat(request.param[:, None], 3, axis=1)))
-
-
-def test_a_curve_there_and_back(curve: OutputCurve) -> None:
-    encoded = np.random.default_rng(0).random((1000, 3))
-    np.testing.assert_allclose(apply_curve(curve.table, curve.to_values(encoded)), encoded, atol=1e-12)
-    ends = np.array([[0.0] * 3, [1.0] * 3])
-    np.testing.assert_array_equal(curve.to_values(ends), ends)
-    np.testing.assert_array_equal(apply_curve(curve.table, np.array([[-0.5] * 3, [1.7] * 3])), ends)
-
-
-def test_slope_is_the_derivative_and_bounded(curve: OutputCurve) -> None:
-    encoded = np.random.default_rng(1).random((200, 3))
-    low, high = np.clip(encoded - 1 / 255, 0, 1), np.clip(encoded + 1 / 255, 0, 1)
-    slope = curve.slope(encoded)
-    np.testing.assert_allclose(slope * (curve.to_values(high) - curve.to_values(low)), high - low, atol=1e-12)
-    assert np.all(slope <= 9)  # 1 + the bound of 8 on f'
-
-
-def test_linear_light_runs_on_across_the_clipping(curve: OutputCurve) -> None:
-    linear = np.linspace(-0.5, 1.5, 2001)[:, None].repeat(3, axis=1)
-    values = curve.continued(linear)
-    assert np.all(np.diff(values, axis=0) > 0)
-    below, above = linear[:, 0] < curve.linear[0, 0], linear[:, 0] > curve.linear[-1, 0]
-    assert np.all(values[below] < 0) and np.all(values[above] > 1)
-    for part in (values[below], values[above]):
-        np.testing.assert_allclose(np.diff(part, 2, axis=0), 0, atol=1e-9)
-
-
-def test_it_is_the_response_between_the_ends() -> None:
-    curve = output_curve(Response(np.repeat(SRGB[:, None], 3, axis=1)))
-    linear = np.random.default_rng(2).random((500, 3))
-    wanted = np.interp(linear, SRGB, CODES)
-    found = apply_curve(curve.table, curve.continued(linear))
-    np.testing.assert_allclose(found, wanted, atol=4e-3)  # PCHIP between 33 knots
-
-
-# --- Node levels: the histogram, equal shares of error, and the grid of a sampled shaper ------------------------------
-
-
-@st.composite
-def axes(draw: st.DrawFn) -> tuple[np.ndarray, int]:
-    """Levels from 0 to 1, often bunched, and a shaper that has room for them."""
-    count = draw(st.integers(2, 65))
-    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
-    gaps = rng.random(count - 1) ** draw(st.sampled_from([1, 4, 20])) + 1e-12
-    levels = np.concatenate([[0.0], np.cumsum(gaps) / gaps.sum()])
-    levels[-1] = 1.0
-    return levels, draw(st.integers(count, 5000))
-
-
-@given(axes())
-def test_snapping(case: tuple[np.ndarray, int]) -> None:
-    levels, shaper = case
-    snapped = snap_levels(levels, shaper)
-    steps = snapped * (shaper - 1)
-    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
-    assert np.all(np.diff(steps) > 0.5)  # a grid point each
-    assert snapped[0] == 0.0 and snapped[-1] == 1.0
-    np.testing.assert_array_equal(snap_levels(snapped, shaper), snapped)
-    if np.diff(levels).min() * (shaper - 1) > 1.0:  # with room between them, each to its nearest
-        np.testing.assert_array_equal(np.rint(steps), np.rint(levels * (shaper - 1)))
-
-
-def test_a_shaper_that_is_too_small_is_refused() -> None:
-    with pytest.raises(LutError, match="33 node levels"):
-        snap_levels(np.linspace(0, 1, 33), 32)
-
-
-def test_alpha_blends_from_uniform_to_the_histogram() -> None:
-    x = np.random.default_rng(0).random((1000, 3)) * 0.2
-    histograms = error_histogram(x, np.ones(1000))
-    for axis in blended_levels(histograms, 0.0, 17):
-        np.testing.assert_allclose(axis, np.linspace(0, 1, 17), atol=1e-12)
-    median = [blended_levels(histograms, alpha, 17)[0][8] for alpha in (0.0, 0.5, 0.9, 1.0)]
-    assert np.all(np.diff(median) < 0)
-    assert median[-1] == pytest.approx(0.1, abs=0.01)
-
-
-@given(st.integers(0, 2**32), st.integers(2, 65))
-def test_equidistribution_gives_equal_mass(seed: int, size: int) -> None:
-    density = np.random.default_rng(seed).random(200) + 1e-6
-    levels = equidistribute(density, size)
-    assert levels[0] == 0.0 and levels[-1] == 1.0 and np.all(np.diff(levels) > 0)
-    mass = np.interp(levels, np.linspace(0, 1, 201), np.concatenate([[0], np.cumsum(density)]))
-    np.testing.assert_allclose(np.diff(mass), density.sum() / (size - 1), rtol=1e-9)
-
-
-@settings(max_examples=5)
-@given(st.integers(0, 2**32))
-def test_rounds_find_the_best_levels_of_a_known_curve(seed: int) -> None:
-    """x^0.4 along r: its curvature asks for a spacing ∝ κ^(−2/5); rounds of piecewise-linear fits must find it."""
-    rng = np.random.default_rng(seed)
-    x = rng.random((20_000, 3))
-
-    def squared_error(levels: np.ndarray) -> np.ndarray:
-        return np.asarray((np.interp(x[:, 0], levels, levels**0.4) - x[:, 0] ** 0.4) ** 2)
-
-    levels = uniform_levels(17)
-    first = squared_error(levels[0]).mean()
-    for _ in range(6):
-        levels = equidistributed_levels(x, squared_error(levels[0]), levels)
-    assert squared_error(levels[0]).mean() < first / 30
-    assert np.diff(levels[0]).max() < 0.25  # and no stretch is left without nodes
-
-
-def test_a_share_of_the_levels_lies_where_it_is_wanted_whatever_the_errors() -> None:
-    """Errors of bright samples draw the levels away from the darks, but for those that stay there."""
-    x = np.random.default_rng(0).uniform(0.5, 1.0, (2000, 3))
-    wanted = EVEN + 0.2 * np.where(np.arange(BINS) < BINS // 10, 10.0 / BINS, 0.0)
-    drawn, kept = (equidistributed_levels(x, np.ones(len(x)), uniform_levels(33), floor=one) for one in (EVEN, wanted))
-    for few, more in zip(drawn, kept, strict=True):
-        assert np.count_nonzero(few < 0.1) <= 3
-        assert np.count_nonzero(more < 0.1) >= 7
-        assert more[0] == 0 and more[-1] == 1
-
-
-# --- The thesis's lattices: its uniform baseline without smoothness ---------------------------------------------------
-
-
-def test_errors_at_the_ends_are_not_lost() -> None:
-    """Errors that are even over the range stay so, up to 0 and 1."""
-    axis = (np.arange(BINS) + 0.5) / BINS
-    for histogram in error_histogram(np.repeat(axis[:, None], 3, axis=1), np.ones(BINS)):
-        assert histogram == pytest.approx(1.0 / BINS)

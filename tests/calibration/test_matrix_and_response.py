@@ -87,9 +87,6 @@ SAMPLES = photograph_patches(CAMERA, chart_140())
 SAMPLES = SAMPLES.select(unclipped(SAMPLES, SAMPLES.wb))
 
 
-# --- The response against the simulated camera's known one, and against plain curves ----------------------------------
-
-
 @cache
 def _samples(style: str) -> SampleSet:
     samples = photograph_patches(CAMERA, chart_140(), styles=(style,))
@@ -149,9 +146,6 @@ def test_other_scenes_under_the_same_patch_names_are_no_pairs() -> None:
     other = photograph_patches(CAMERA, chart_140(5)[24:], balances=("daylight",), stops=(-1,))
     with pytest.raises(CalibrationError, match="same surfaces"):
         pairs_of_samples(concatenate([first, other]))
-
-
-# --- Sets with many dark exposures and few bright ones, on unsaturated colours of all tones ---------------------------
 
 
 DARK_STOPS = (-5.5, -5.0, -4.6, -4.3, -4.0, -3.7, -3.4, -2.0, -1.0, -0.2)

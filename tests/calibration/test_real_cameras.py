@@ -117,9 +117,6 @@ def test_tetrahedral_is_as_good(d40_pairs: PublishedPairs) -> None:
     assert median_of_means(d40_pairs, options, (1, 2)) <= 0.0036
 
 
-# --- Ten cameras: trained under one light, tested under the other, both ways (the tables in examples/) ----------------
-
-
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 

@@ -150,9 +150,6 @@ def test_shots_that_do_not_belong_together_are_refused(samples: SampleSet) -> No
         calibrate(mixed, CalibrationOptions())
 
 
-# --- RAW to RAW between two cameras of known sensitivities ------------------------------------------------------------
-
-
 A, B = nikon_d5100(), sigma_sd_merrill()
 
 

@@ -155,9 +155,6 @@ def test_a_transfer_between_shots_of_different_things(refused: Refused, tmp_path
     assert "not of the same scenes" in refused(tmp_path, "transfer", "one.csv", "other.csv", "-o", "t.json")
 
 
-# --- What the commands write is refused before the work where it cannot be, and their words are forgiving ------------
-
-
 def test_a_cube_of_footage_tells_how_bright_its_worst_light_is(lutforge: CommandLine, profile: Path) -> None:
     words = ("bake", "camera.npz", "render", "--to", "standard/daylight", "--space")
     said = lutforge(*words, "vlog", "--size", "9", "-o", "a.cube", "-o", "a.clf", cwd=profile).stderr

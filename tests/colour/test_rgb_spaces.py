@@ -7,7 +7,6 @@ import pytest
 
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import CHROMATICITIES, SPACES, matrix_between, rgb_space
-from lutforge.colour.srgb import SRGB_TO_XYZ, lab_delta_e_2000, srgb_to_lab
 from lutforge.errors import SettingsError
 
 LIGHT = np.concatenate([[-0.01, -0.002, 0.0], np.geomspace(1e-4, 8.0, 40)])
@@ -102,21 +101,3 @@ def test_names_are_taken_in_any_case_and_unknown_ones_listed() -> None:
         rgb_space("ACES")
     with pytest.raises(SettingsError, match=r"did you mean acescg or acescc\?.*, linear-dgamut, .* and \d+ others$"):
         rgb_space("acesg")
-
-
-# --- ΔE00 and CIE Lab against colour-science --------------------------------------------------------------------------
-
-
-def test_it_is_that_of_colour_science() -> None:
-    rng = np.random.default_rng(0)
-    first: Array = rng.uniform([0, -128, -128], [100, 128, 128], (50_000, 3))
-    second: Array = rng.uniform([0, -128, -128], [100, 128, 128], (50_000, 3))
-    first[:100, 1:] = 0.0
-    second[50:150, 1:] = 0.0
-    wanted = colour.delta_E(first, second, method="CIE 2000")
-    np.testing.assert_allclose(lab_delta_e_2000(first, second), wanted, atol=1e-10)
-    encoded = rng.random((10_000, 3))
-    space = colour.RGB_COLOURSPACES["sRGB"]
-    linear = colour.models.eotf_sRGB(encoded)
-    lab = colour.XYZ_to_Lab(linear @ SRGB_TO_XYZ.T, space.whitepoint)
-    np.testing.assert_allclose(srgb_to_lab(encoded), lab, atol=1e-10)

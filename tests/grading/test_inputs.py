@@ -47,9 +47,6 @@ def test_links_of_files_and_folders_are_followed_where_an_output_would_replace_a
             plan_jobs([tmp_path / "in" / "a.png"], tmp_path / folder)
 
 
-# --- A batch that is stopped at any moment goes on where it was, and ends with the same files ------------------------
-
-
 MOMENTS = int(os.environ.get("LUTFORGE_KILL_MOMENTS", "3"))
 """How many runs are killed; the longer proof sets 20."""
 
@@ -142,9 +139,6 @@ def test_killed_runs_end_with_the_same_files(tmp_path: Path) -> None:
     last = subprocess.run(words, capture_output=True, text=True)
     assert last.returncode == 0, last.stderr
     assert contents(out) == contents(tmp_path / "undisturbed")
-
-
-# --- A Dask cluster, one of whose workers is killed, gives the files of a batch on one machine -----------------------
 
 
 @pytest.mark.slow

@@ -273,9 +273,6 @@ def test_photographs_of_two_cameras_come_to_one_look(
         replace(recipe).check()
 
 
-# --- Which settings a picture is taken for, and what is said where its file says otherwise ----------------------------
-
-
 @pytest.mark.parametrize(
     ("style", "balance", "asked", "told"),
     [
@@ -345,9 +342,6 @@ def test_options_that_would_do_nothing_or_do_not_go_together(
     with pytest.raises(SettingsError, match=why):
         Grading((folder / grade, picture), tmp_path / "out", **options).run()
     assert not (tmp_path / "out").exists()
-
-
-# --- Pictures to scene-linear light: one scene, photographed with many settings, comes out as one ---------------------
 
 
 BALANCES, EXPOSURES = ("tungsten", "daylight", "shade"), (-2, -1, 0, 1, 2)

@@ -169,9 +169,6 @@ def test_every_program_has_a_place_on_every_system(program: str, system: str, tm
         )
 
 
-# --- The programs themselves ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("used", [False, True])
 @pytest.mark.parametrize("program", ["darktable", "rawtherapee"])

@@ -167,9 +167,6 @@ def test_ffmpeg_runs_the_line_of_the_page(profile: CameraProfile, tmp_path: Path
     assert (folder / "OUT.mov").stat().st_size > 0
 
 
-# --- The command lines of the guide's pages on programs run as they stand there, where the program is installed -------
-
-
 GUIDE = Path(__file__).parents[2] / "examples" / "guide"
 PAGES = ["film_luts", "other_programs", *sorted(name for name in KITS if (GUIDE / f"{name}.md").exists())]
 RUNS = {

@@ -190,9 +190,6 @@ def test_blenders_spi3d_begins_in_lower_case(tmp_path: Path) -> None:
     np.testing.assert_array_equal(cube.values, np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1))
 
 
-# --- Files that LutForge writes ---------------------------------------------------------------------------------------
-
-
 SUFFIXES = (".cube", ".resolve.cube", ".clf", ".ctf", ".csp", ".3dl", ".spi1d", ".spi3d", ".png", ".vlt")
 
 
@@ -236,9 +233,6 @@ def test_a_half_of_a_pair_is_called_so_and_a_vlt_names_its_cameras(tmp_path: Pat
     assert "of a pair" not in " ".join(report_lines(check_lut(path)))
     said = " ".join(report_lines(check_lut(Lut((Cube(NODES),)).write(tmp_path / "a.vlt"))))
     assert "Lumix" in said and "VariCam" in said
-
-
-# --- What `check` says of LUT files is what their readers do, by trial -----------------------------------------------
 
 
 NODES = grid(uniform_levels(17))

@@ -64,9 +64,6 @@ def test_two_readers_agree(tmp_path: Path, name: str, highest: float, method: In
     np.testing.assert_allclose(second_reading(path, x, method), first, atol=1e-5 if highest == 1 else 5e-4)
 
 
-# --- The real programs show what the LUT file holds. Skipped where a program is not installed ------------------------
-
-
 def colours() -> NDArray[np.float32]:
     """Random colours, the grey axis and the corners of the cube, in 16 bits, as an image (64, 64, 3)."""
     grey = np.repeat(np.linspace(0, 1, 256)[:, None], 3, axis=1)
@@ -224,9 +221,6 @@ def test_the_program_renders_what_the_file_holds(tmp_path: Path, program: Progra
     error = delta_e_2000(shown, look(x))
     assert error.mean() < 0.4
     assert error.max() < 2.0
-
-
-# --- What programs do with files that they do not read is what the table of programs, and so `check`, says ------------
 
 
 def _melt(command: str, folder: Path, lut: Path) -> Path:

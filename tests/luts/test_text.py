@@ -131,9 +131,6 @@ def test_a_cube_of_zeros_and_ones_alone_is_a_problem(tmp_path: Path) -> None:
         assert "100 % of the nodes are at a limit" in message
 
 
-# --- Text as other programs write it ----------------------------------------------------------------------------------
-
-
 WRITTEN: dict[str, tuple[Callable[[str], bytes], str]] = {
     "a mark": (lambda text: b"\xef\xbb\xbf" + text.encode(), "byte order mark"),
     "UTF-16": (lambda text: text.encode("utf-16"), "UTF-16"),

@@ -304,9 +304,6 @@ def test_a_physical_model_is_judged_and_its_names_are_text(saved: Path) -> None:
     assert all(isinstance(name, str) for name in load_profile(saved).styles["standard"].models[0].white_balances)
 
 
-# --- The camera model that the thesis's authors published (Nikon D40, normal style): gold values and a refit ----------
-
-
 FOLDERS = ("fluorescent", "other_white_balances")
 
 
@@ -441,9 +438,6 @@ def write_small(folder: Path) -> None:
         (folder / f"{side}_coefs.txt").write_text(f"5\n0 0 0\n0 0 0\n{identity}")
         rows = "".join(f"{i / 255} {i / 255} {i / 255}\n" for i in range(256))
         (folder / f"{side}_respFcns.txt").write_text("256\n" + rows)
-
-
-# --- Limits, judged before anything is unpacked -----------------------------------------------------------------------
 
 
 def _document(path: Path) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """The transforms of a profile: chains against the formulas they stand for, round trips, refinishing and matching."""
 
 from itertools import permutations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from lutforge.model.camera_profile import CameraProfile, ModelName, match
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile import CameraModel, PictureStyle
 from lutforge.model.provenance import OwnRaw, ReferenceRaw
-from lutforge.model.raw_transfer import RawTransfer, load_transfer
 from lutforge.model.transform import Encode
 from lutforge.model.white_balance import WhiteBalance
 from tests.cases.profiles import GAMMA, MATRIX, gamma_response, identity_map, small_profile
@@ -154,57 +152,3 @@ def test_lists_of_black_and_white_and_rows_of_different_lengths() -> None:
     np.testing.assert_array_equal(checked_colours([[0, 1, 0]]), [[0.0, 1.0, 0.0]])
     with pytest.raises(ImageError, match="different lengths"):
         checked_colours([[0.1, 0.2], [0.3]])
-
-
-# --- RAW to RAW between cameras: evaluation, other lights, files ------------------------------------------------------
-
-
-SENSORS = np.array([[1.1, -0.1, 0.05], [0.1, 0.9, 0.0], [0.0, 0.2, 0.7]])
-NEUTRAL = np.array([0.5, 1.0, 0.7])
-
-
-def test_under_another_light_white_stays_white() -> None:
-    transfer = RawTransfer("A", "B", SENSORS, NEUTRAL)
-    multipliers_a, multipliers_b = np.array([1.3, 1.0, 2.5]), np.array([1.5, 1.0, 2.2])
-    under = transfer.under(multipliers_a, multipliers_b)
-    white = under(1 / multipliers_a) * multipliers_b
-    np.testing.assert_allclose(white, white[1], rtol=1e-12)
-    # Under the light of the fit it is the fit.
-    same = transfer.under(1 / NEUTRAL, transfer(NEUTRAL)[1] / transfer(NEUTRAL))
-    x = np.random.default_rng(2).uniform(0, 1, (50, 3))
-    np.testing.assert_allclose(same(x), transfer(x), rtol=1e-12)
-
-
-def test_pixels_that_are_no_colours_are_refused() -> None:
-    with pytest.raises(ImageError, match="scale them"):
-        RawTransfer("A", "B", SENSORS, NEUTRAL)(np.zeros((4, 3), np.uint8))
-    with pytest.raises(ImageError, match="alpha"):
-        RawTransfer("A", "B", SENSORS, NEUTRAL)(np.zeros((4, 4)))
-
-
-def test_a_file_reads_back(tmp_path: Path) -> None:
-    transfer = RawTransfer("Camera ü", "B", SENSORS, NEUTRAL, 0.012)
-    transfer.save(tmp_path / "t.json")
-    read = load_transfer(tmp_path / "t.json")
-    x = np.random.default_rng(3).uniform(0, 1, (50, 3))
-    np.testing.assert_array_equal(read(x), transfer(x))
-    assert (read.source, read.target, read.error) == ("Camera ü", "B", 0.012)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "", "{}", "[]", "nonsense", '{"format": "lutforge-raw-transfer", "version": 99}',
-        '{"format": "lutforge-raw-transfer", "version": 3, "source": "a", "target": "b", "matrix": [[1, 0], [0, 1]], '
-        '"neutral": [1, 1, 1], "error": null}',
-        '{"format": "lutforge-raw-transfer", "version": 2, "source": "a", "target": "b", "neutral": [1, 1, 1], '
-        '"matrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "roots": null, "error": null}',
-    ],
-)  # fmt: skip
-def test_anything_else_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "t.json"
-    path.write_text(text)
-    with pytest.raises(ProfileError) as caught:
-        load_transfer(path)
-    assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)

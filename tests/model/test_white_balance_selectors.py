@@ -278,9 +278,6 @@ def test_numbers_that_no_light_has_are_refused(values: tuple[Any, ...], says: st
         WhiteBalance((red, 1.0, blue), *others)
 
 
-# --- Temperature and tint of lights, against colour-science's spectra ------------------------------------------------
-
-
 def uv_of_spectrum(name: float | str) -> NDArray[np.float64]:
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(colour.SpectralShape(380, 780, 5))
     x, y, z = light(name) @ observer.values
@@ -314,9 +311,6 @@ def test_multipliers_and_whites_are_each_other_s_inverse() -> None:
             kelvin, tint = temperature_and_tint(uv)
             assert kelvin == pytest.approx(balance.kelvin, rel=0.03)
             assert abs(tint) < 8
-
-
-# --- Selectors as they are written ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

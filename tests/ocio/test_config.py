@@ -35,7 +35,7 @@ from lutforge.ocio.cameras import file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.spaces import DISPLAYS, base_config
 from tests.cases.profiles import MATRIX, plain_profile, small_profile
-from tests.conftest import CommandLine, Refused
+from tests.conftest import Refused
 
 GAINS = {"daylight": (2.0, 1.0, 1.4), "tungsten": (1.2, 1.0, 2.4)}
 KELVIN = {"daylight": 5200.0, "tungsten": 3200.0}
@@ -374,9 +374,6 @@ def test_spaces_of_a_camera_without_raw_are_of_the_light_of_its_jpegs() -> None:
     assert any("daylight" in name and "linear" not in name for name in names if own.camera in name)
 
 
-# --- In memory: the same config, which converts without a file --------------------------------------------------------
-
-
 def test_a_config_in_memory_converts_as_the_written_one(tmp_path: Path) -> None:
     """Also copies of it, once nothing else holds it, and beside another camera of the same name."""
     profile = made_profile()
@@ -400,9 +397,6 @@ def test_a_merged_config_in_memory_has_the_files_of_its_base(tmp_path: Path) -> 
         assert check_config(config) == []
         pair = ("Canon JPEG vivid daylight", "ACEScg")
         assert np.array_equal(convert(config, *pair), convert(load_config(base), *pair))
-
-
-# --- Looks: few, and those that were asked for ------------------------------------------------------------------------
 
 
 def many_settings(styles: int, balances: int) -> CameraProfile:
@@ -448,9 +442,6 @@ def test_unknown_white_balances_and_versions_are_one_line(tmp_path: Path, refuse
     assert "known: 2.1, 2.5" in refused(tmp_path, *command, "--profile-version", "3")
 
 
-# --- Profile version 2.5 ----------------------------------------------------------------------------------------------
-
-
 def test_version_2_5_has_interoperability_ids_and_rules_of_views() -> None:
     old, new = (build_config([made_profile()], profile_version=version) for version in ("2.1", "2.5"))
     assert (new.getMajorVersion(), new.getMinorVersion()) == (2, 5)
@@ -462,9 +453,6 @@ def test_version_2_5_has_interoperability_ids_and_rules_of_views() -> None:
     assert "Nikon D40 standard" not in finished and "Un-tone-mapped" in finished
     pair = ("Nikon D40 JPEG standard daylight", "ACEScg")
     assert np.array_equal(convert(new, *pair), convert(old, *pair))
-
-
-# --- Blender's names --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -486,28 +474,6 @@ def test_the_spaces_that_blender_files_name_are_there(written: Written, name: st
 def test_roles_are_as_blender_has_them(written: Written, role: str, name: str) -> None:
     config = written[1]
     assert config.getColorSpace(role).getName() == config.getColorSpace(name).getName()
-
-
-# --- `lutforge config` as users type it -------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_merging_and_folders_in_use(tmp_path: Path, lutforge: CommandLine, refused: Refused) -> None:
-    profile = tmp_path / "camera.npz"
-    plain_profile("Nikon D40").save(profile)
-    made = lutforge("config", profile, "-o", tmp_path / "ocio")
-    assert "profile version 2.1, checked: " in made.stdout and "input colour spaces" in made.stdout
-    assert len(made.stdout.splitlines()) == 1  # counts: names of a hundred spaces would hide the notes
-    lutforge("config", profile, "-o", tmp_path / "ocio", "--replace")
-    lutforge("config", profile, "-o", tmp_path / "all.ocioz", "--merge", tmp_path / "ocio" / "config.ocio")
-    spaces = load_config(tmp_path / "all.ocioz").getColorSpaceNames()
-    assert any("Nikon D40 2 JPEG standard daylight" in name for name in spaces)
-    for says, *wrong in (("--replace",), ("nothing.ocio", "--merge", "nothing.ocio"), ("given twice", profile)):
-        target = tmp_path / ("other" if wrong else "ocio")
-        assert says in refused(tmp_path, "config", profile, "-o", target, *wrong)
-
-
-# --- The check names what is broken in a config in one line, and is quiet about what is sound -------------------------
 
 
 @pytest.fixture(scope="module")
@@ -562,9 +528,6 @@ def test_pixels_that_are_not_numbers_are_an_error(path: Path) -> None:
 def test_the_built_in_studio_config_has_no_error() -> None:
     config = OCIO.Config.CreateFromBuiltinConfig("cg-config-v1.0.0_aces-v1.3_ocio-v2.1")
     assert check_config(config) == []
-
-
-# --- Names from strangers: every camera keeps colour spaces that can be told apart, written, and found again ----------
 
 
 ROLES = {role.lower() for role in base_config().getRoleNames()}

@@ -12,20 +12,13 @@ import pytest
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import style_data
-from lutforge.cli.profiles import compare as compare_command
-from lutforge.errors import SettingsError
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
 from lutforge.evaluation.figures import error_figures
 from lutforge.evaluation.methods import LATTICE
 from lutforge.evaluation.next_shots import colour_gaps
-from lutforge.model.camera_profile import CameraProfile, as_profile, load_profile
-from lutforge.model.gamut_map import GamutMap
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
-from lutforge.pipeline.reports import compare
-from lutforge.reports.comparison import build_comparison
-from lutforge.reports.drawing import Arrows, Dots
-from lutforge.reports.figures import LUMINANCE, gamut_figure, slice_grid
 from lutforge.reports.page import Picture, Report, write_page
 from lutforge.reports.report import build_report, error_tables, exposure_blocks
 from lutforge.reports.tables import Table, balance_table, method_name
@@ -326,71 +319,3 @@ def test_exposures_say_whether_the_response_is_fixed() -> None:
     assert isinstance(picture, Picture) and picture.name == "brightness_transfer_standard"
     single = data["standard"].select(data["standard"].shot == data["standard"].shot[0])
     assert list(exposure_blocks({"standard": single})) == []
-
-
-# --- Two settings of a camera on one page ----------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def profile_path(published_d40: CameraProfile, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("compare") / "d40.npz"
-    published_d40.save(path)
-    return path
-
-
-def test_a_page_shows_chart_and_differences(profile_path: Path, tmp_path: Path) -> None:
-    page = compare(profile_path, profile_path, tmp_path / "compare.html", "standard/daylight", "standard/shade")
-    text = (tmp_path / "compare.html").read_text()
-    assert "Nikon D40 standard/shade" in text and text.count("<svg") == 1
-    (table,) = (block for blocks in page.sections.values() for block in blocks if isinstance(block, Table))
-    assert len(table.rows) == 24
-    with pytest.raises(SettingsError, match="vivid"):
-        compare(profile_path, profile_path, tmp_path / "compare.html", "vivid/daylight")
-    compare_command(
-        profile_path, output=tmp_path / "one.html", first_setting="standard/daylight", second_setting="standard/shade"
-    )
-    assert "Nikon D40 standard/shade" in (tmp_path / "one.html").read_text()
-
-
-def test_the_same_setting_differs_by_nothing_and_an_exposure_is_levelled(profile_path: Path) -> None:
-    profile = as_profile(profile_path)
-    models = profile.styles["standard"].models
-    darker = tuple(replace(model, matrix=model.matrix * 0.7) for model in models)  # half a stop less sensitive
-    style = replace(profile.styles["standard"], models=darker)
-    page = build_comparison(profile, "standard/daylight", profile, "standard/daylight")
-    assert "ΔE00 0.0 in the mean" in page.lead[0]
-    other = replace(profile, styles={"standard": style})
-    page = build_comparison(profile, "standard/daylight", other, "standard/daylight")
-    stops = float(page.subtitle.split(" EV")[0].split()[-1])
-    assert stops == pytest.approx(-np.log2(0.7), abs=0.05)
-    assert float(page.lead[0].split("ΔE00 ")[1].split()[0]) < 0.2
-
-
-# --- The slices of the gamut map: their grid covers what the sRGB cube has of a luminance ----------------------------
-
-
-@pytest.mark.parametrize("luminance", [0.02, 0.0722, 0.25, 0.5, 0.7152, 0.9])
-def test_the_grid_covers_the_slice_of_the_cube(luminance: float) -> None:
-    grid = slice_grid(luminance)
-    assert np.allclose(grid @ LUMINANCE, luminance) and grid.min() > -1e-12 and grid.max() < 1 + 1e-12
-    assert np.allclose(grid[0], luminance)
-    assert np.allclose(np.minimum(grid[-1], 1 - grid[-1]).min(axis=1), 0, atol=1e-12)  # on a face of the cube
-    assert np.allclose(grid[-1, 0], grid[-1, -1])
-    # Its cells make up the area of all colours of this luminance, seen along G.
-    rng = np.random.default_rng(0).random((200_000, 2))
-    green = (luminance - rng @ LUMINANCE[[0, 2]]) / LUMINANCE[1]
-    red, blue = grid[-1, :, 0], grid[-1, :, 2]
-    area = 0.5 * abs(np.sum(red[:-1] * blue[1:] - red[1:] * blue[:-1]))
-    assert area == pytest.approx(((green >= 0) & (green <= 1)).mean(), abs=0.005)
-
-
-def test_arrows_lead_where_the_map_takes_colours() -> None:
-    polynomial = np.vstack([np.zeros(3), np.diag([0.5, 1.0, 1.0])])  # half of red; a control point at a grey of 0.25
-    halved = GamutMap(np.full((1, 3), 0.25), np.zeros((1, 3)), polynomial)
-    (panel,) = gamut_figure({"halved": halved}, [0.25]).panels
-    arrows = next(mark for mark in panel.marks if isinstance(mark, Arrows))
-    red = arrows.values / 0.5
-    moved = 0.5 * np.stack([red * (LUMINANCE[0] - 1), red * LUMINANCE[0]], 1)
-    assert np.allclose(arrows.end - arrows.start, moved)
-    centres = next(mark for mark in panel.marks if isinstance(mark, Dots))
-    assert np.allclose(centres.points, [[0.0, 0.0]])

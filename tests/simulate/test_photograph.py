@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import exifread
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 -- the name that its own documentation uses
 import pytest
@@ -10,12 +9,10 @@ import rawpy
 from numpy.typing import NDArray
 
 from lutforge.cli.demo_shots import SHOTS, demo_shots
-from lutforge.colour.spectra import WAVELENGTHS, chart_reflectances, light, linear_srgb_under, surface_reflectances
-from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.develop import BORDER, develop
 from lutforge.simulate.dials import CameraSettings
-from lutforge.simulate.dng import write_dng
-from lutforge.simulate.photograph import develop_again, photograph, write_jpeg
+from lutforge.simulate.photograph import develop_again, photograph
 from lutforge.simulate.scene import Scene
 from lutforge.simulate.scenes import SCENES, chart_scene
 
@@ -147,151 +144,3 @@ def test_demo_shots_cover_styles_lights_and_both_kinds_of_jpeg(tmp_path: Path) -
     assert np.median(np.abs(spoilt - wanted)[unclipped]) > 0.05
     assert {shot.style for shot in SHOTS} == {"standard", "vivid"}
     assert len({shot.white_balance for shot in SHOTS}) >= 4
-
-
-# --- The DNG writer, against two independent readers: libraw (rawpy) and ExifRead -------------------------------------
-
-
-@pytest.fixture(scope="module")
-def mosaic() -> NDArray[np.uint16]:
-    codes = np.random.default_rng(3).integers(600, 15521, (120, 182)).astype(np.uint16)
-    codes[:4] = 15520
-    return codes
-
-
-@pytest.fixture(scope="module")
-def preview(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    ramp = np.linspace(0, 255, 90 * 60 * 3).reshape(60, 90, 3).astype(np.uint8)
-    path = tmp_path_factory.mktemp("preview") / "a.jpg"
-    write_jpeg(path, ramp, nikon_d5100(), CameraSettings("vivid", subsampling="4:2:0"))
-    return path.read_bytes()
-
-
-@pytest.mark.parametrize("cfa", ["RGGB", "BGGR", "GRBG", "GBRG"])
-@pytest.mark.parametrize("embedded", [True, False])
-def test_libraw_reads_it(tmp_path: Path, mosaic: NDArray[np.uint16], preview: bytes, cfa: str, embedded: bool) -> None:
-    path = tmp_path / "a.dng"
-    jpeg = preview if embedded else None
-    write_dng(path, mosaic, black=600, white=15520, cfa=cfa, as_shot_neutral=(0.5, 1.0, 0.625), preview_jpeg=jpeg)
-    with rawpy.imread(str(path)) as raw:
-        np.testing.assert_array_equal(raw.raw_image_visible, mosaic)
-        assert raw.black_level_per_channel == [600] * 4
-        assert raw.white_level == 15520
-        np.testing.assert_allclose(raw.camera_whitebalance[:3], [2.0, 1.0, 1.6], rtol=1e-6)
-        letters = [chr(raw.color_desc[index]) for index in np.ravel(np.asarray(raw.raw_pattern))]
-        assert "".join(letters) == cfa
-        if embedded:
-            thumb = raw.extract_thumb()
-            assert thumb.format == rawpy.ThumbFormat.JPEG
-            # libraw may put its own Exif block in front; the picture data are ours, byte for byte.
-            data = bytes(thumb.data)
-            assert data[data.index(b"\xff\xdb") :] == preview[preview.index(b"\xff\xdb") :]
-        else:
-            with pytest.raises(rawpy.LibRawError):
-                raw.extract_thumb()
-
-
-@pytest.mark.parametrize(("orientation", "flip"), [(1, 0), (3, 3), (6, 6), (8, 5)])
-def test_orientation_is_libraws_flip(tmp_path: Path, mosaic: NDArray[np.uint16], orientation: int, flip: int) -> None:
-    write_dng(tmp_path / "a.dng", mosaic, orientation=orientation)
-    with rawpy.imread(str(tmp_path / "a.dng")) as raw:
-        assert raw.sizes.flip == flip
-
-
-def test_exif_says_the_settings(tmp_path: Path, mosaic: NDArray[np.uint16], preview: bytes) -> None:
-    path = tmp_path / "a.dng"
-    write_dng(
-        path, mosaic, make="LutForge", model="Simulated D5100", exposure_s=1 / 640, f_number=5.6, iso=200,
-        light_source=10, saturation=2, profile_name="vivid", preview_jpeg=preview,
-    )  # fmt: skip
-    with path.open("rb") as file:
-        tags = {key: str(value) for key, value in exifread.process_file(file, details=False).items()}
-    told = {
-        "Image Make": "LutForge", "Image Model": "Simulated D5100", "EXIF ExposureTime": "1/640",
-        "EXIF ISOSpeedRatings": "200", "EXIF FNumber": "28/5", "EXIF LightSource": "Cloudy weather",
-        "EXIF Saturation": "Hard",  # what ExifRead calls 2, "high saturation"
-        "Image Tag 0xC6F8": "vivid",
-    }  # fmt: skip
-    assert {name: tags[name] for name in told} == told
-
-
-# --- The camera's stages have the properties that the thesis assumes, and render inverts exactly ----------------------
-
-
-CAMERAS = [nikon_d5100(), sigma_sd_merrill()]
-CAMERA = pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: camera.model)
-STYLES = pytest.mark.parametrize("style", ["standard", "vivid", "landscape"])
-
-
-def balanced_colors(camera: SimulatedCamera, count: int = 30000) -> NDArray[np.float64]:
-    """All white-balanced RAW values, and Ts of them: the domain of h."""
-    return np.random.default_rng(5).random((count, 3)) @ camera.matrix.T
-
-
-@CAMERA
-def test_a_white_surface_is_neutral_under_every_white_balance(camera: SimulatedCamera) -> None:
-    for name, balance in camera.white_balances.items():
-        white = camera.expose(np.ones(len(WAVELENGTHS)), name)
-        assert white.max() == pytest.approx(0.9)
-        assert balance.multipliers[1] == 1.0
-        assert min(balance.multipliers) >= 1.0
-        for style in camera.styles:
-            for level in (0.05, 0.2, 0.9):
-                encoded = camera.render(level * white, style, name)
-                assert np.ptp(encoded) < 1e-12
-                assert 0 < encoded[0] < 1
-
-
-@CAMERA
-def test_the_matrix_keeps_white_and_sees_colours_nearly_as_people_do(camera: SimulatedCamera) -> None:
-    np.testing.assert_allclose(camera.matrix.sum(axis=1), 1.0, atol=1e-12)
-    surfaces = np.vstack([surface_reflectances(), chart_reflectances()])
-    white = camera.expose(np.ones(len(WAVELENGTHS)), "daylight")
-    estimated = camera.expose(surfaces, "daylight") / white @ camera.matrix.T
-    true = linear_srgb_under(surfaces, light(5200.0))
-    assert np.sqrt(np.mean((estimated - true) ** 2)) < 0.035
-    neutral = light(6504.0) @ camera.sensitivity
-    white = camera.color_matrix() @ [0.95047, 1.0, 1.08883]
-    np.testing.assert_allclose(white, neutral / neutral[1], rtol=1e-3)
-
-
-@CAMERA
-@STYLES
-def test_linearize_inverts_render(camera: SimulatedCamera, style: str) -> None:
-    raw = np.random.default_rng(1).random((40, 500, 3)) / camera.multipliers("tungsten") / 2**0.5
-    encoded = camera.render(raw, style, "tungsten", ev=0.5)
-    assert encoded.min() >= 0 and encoded.max() <= 1
-    unclipped = ((encoded > 0) & (encoded < 1)).all(axis=-1)
-    assert unclipped.mean() > 0.6
-    back = camera.linearize(encoded, style, "tungsten", ev=0.5)
-    np.testing.assert_allclose(back[unclipped], raw[unclipped], atol=1e-9)
-
-
-@CAMERA
-@STYLES
-def test_low_saturations_do_not_move(camera: SimulatedCamera, style: str) -> None:
-    rng = np.random.default_rng(2)
-    largest = rng.uniform(0.01, 1.0, (20000, 1))
-    colors = largest * (1 - 0.15 * rng.random((20000, 3)))
-    np.testing.assert_allclose(camera.styles[style][0](colors), colors, atol=1e-12)
-
-
-@CAMERA
-@STYLES
-def test_the_gamut_map_is_smooth_and_never_folds(camera: SimulatedCamera, style: str) -> None:
-    h, colors, step = camera.styles[style][0], balanced_colors(camera), 1e-6
-    shifts = step * np.eye(3)
-    jacobian = np.stack([(h(colors + d) - h(colors - d)) / (2 * step) for d in shifts], axis=-1)
-    assert np.linalg.det(jacobian).min() > 0
-    assert np.linalg.norm(jacobian, ord=2, axis=(1, 2)).max() < 6
-
-
-@CAMERA
-@STYLES
-def test_surfaces_fit_the_cube_and_vivid_moves_them(camera: SimulatedCamera, style: str) -> None:
-    surfaces = camera.expose(np.vstack([surface_reflectances(), chart_reflectances()]), "daylight")
-    linear = surfaces * camera.multipliers("daylight") @ camera.matrix.T
-    mapped = camera.styles[style][0](linear)
-    assert mapped.min() > 0 and mapped.max() < 1
-    if style == "vivid":
-        assert np.linalg.norm(mapped - linear, axis=-1).max() > 0.05

@@ -528,9 +528,6 @@ def test_ctrl_c_ends_the_studio_without_a_traceback(tmp_path: Path) -> None:
         assert "Traceback" not in (tmp_path / "log").read_text()
 
 
-# --- A bracket of a camera without RAW: what it says, and exports that equal the command line's -----------------------
-
-
 @pytest.fixture(scope="module")
 def bracket_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a bracket in it, whose files state their exposure times."""
@@ -630,9 +627,6 @@ def test_a_chart_gives_an_input_transform(tmp_path: Path, monkeypatch: pytest.Mo
     words = shlex.split(page.session.written["profile"].command)[1:]
     assert CliRunner().invoke(command_line(), [*words[:-1], "theirs.npz"]).exit_code == 0
     assert (tmp_path / "theirs.npz").read_bytes() == (tmp_path / "camera.npz").read_bytes()
-
-
-# --- Undo, and sessions that outlive their tabs -----------------------------------------------------------------------
 
 
 def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_path: Path) -> None:

@@ -248,9 +248,6 @@ def test_pairs_and_models_of_unknown_settings(samples: SampleSet) -> None:
     assert np.all(np.isnan(predict(profile, samples).rendered[samples.style == "vivid"]))
 
 
-# --- What the plots show is what the samples and the models say; what is drawn is thinned, what is picked is not ------
-
-
 HOSTILE = "<script>alert(1)</script>"
 
 

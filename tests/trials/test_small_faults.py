@@ -1,7 +1,6 @@
 """What strangers and farms ran into: exit statuses, words, and what a failed run leaves behind."""
 
 import os
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -13,18 +12,15 @@ import pytest
 
 import lutforge as lf
 from lutforge.colour.icc_profile import adobe_rgb_profile
-from lutforge.errors import ImageError, LutError, LutForgeError, SampleError
+from lutforge.errors import ImageError, LutForgeError, SampleError
 from lutforge.grading.inputs import find_inputs
 from lutforge.images.icc import to_srgb
 from lutforge.images.read import Image
 from lutforge.images.write import write_image
-from lutforge.kits.dcp import read_dcp
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.pipeline.inspection import inspect
 from lutforge.samples.sample_set import SampleSet
-from tests.cases.damaged import LUTS, READERS, damaged, fault, whole_files
 from tests.cases.pictures import write_picture
 from tests.cases.profiles import small_profile
 from tests.conftest import CommandLine, Refused
@@ -263,60 +259,3 @@ def test_arrays_of_other_units_are_refused_as_tables_are(raw: float, srgb: float
     linear, encoded = np.vstack([first, np.full((1, 3), raw)]), np.vstack([first, np.full((1, 3), srgb)])
     with pytest.raises(SampleError, match=f"row 2: .*{says}"):
         SampleSet.from_arrays(linear, encoded, camera="A", shot="a")
-
-
-# --- Files of every kind that are read from strangers, damaged: each is read, or is one line of our own error ---------
-
-
-COUNT = int(os.environ.get("LUTFORGE_DAMAGED_FILES", "60"))
-"""How many damaged files of a kind are read; a long search for faults sets thousands."""
-
-
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    return whole_files(tmp_path_factory.mktemp("sound"))
-
-
-@pytest.mark.parametrize("kind", [kind for kind in READERS if kind != ".ocio"])  # its LUTs are elsewhere
-def test_whole_files_are_read(sound: dict[str, bytes], kind: str, tmp_path: Path) -> None:
-    path = tmp_path / f"a{kind}"
-    path.write_bytes(sound[kind])
-    READERS[kind](path)  # raises nothing
-    assert path.read_bytes() == sound[kind]
-
-
-@pytest.mark.parametrize("kind", [end if end in LUTS else pytest.param(end, marks=pytest.mark.slow) for end in READERS])
-def test_damaged_files_are_one_line(sound: dict[str, bytes], kind: str, tmp_path: Path) -> None:
-    rng, path = np.random.default_rng(7), tmp_path / f"a{kind}"
-    faults = {}
-    for number in range(COUNT // 3 if kind == ".dng" else COUNT):
-        path.write_bytes(damaged(sound[kind], rng))
-        if problem := fault(path, READERS[kind]):
-            faults[number] = problem
-    assert not faults
-
-
-@pytest.mark.parametrize("kind", LUTS)
-def test_no_bytes_at_all_and_random_bytes(kind: str, tmp_path: Path) -> None:
-    path = tmp_path / f"a{kind}"
-    for count in (0, 1, 100, 4000):
-        path.write_bytes(np.random.default_rng(count).bytes(count))
-        with pytest.raises(LutError):
-            READERS[kind](path)
-        assert not fault(path, READERS[kind])
-
-
-@pytest.mark.parametrize("tag", [50778, 50940, 50964, 50982])  # a light, the tone curve, a matrix, the look table
-def test_a_camera_profile_with_an_empty_tag(sound: dict[str, bytes], tag: int, tmp_path: Path) -> None:
-    at, path = sound[".dcp"].index(struct.pack("<H", tag)), tmp_path / "a.dcp"
-    path.write_bytes(sound[".dcp"][: at + 4] + bytes(4) + sound[".dcp"][at + 8 :])
-    assert not fault(path, inspect)
-
-
-def test_a_camera_profile_that_names_a_huge_table_takes_no_memory(sound: dict[str, bytes], tmp_path: Path) -> None:
-    sizes, path = struct.pack("<III", 6, 4, 2), tmp_path / "a.dcp"
-    assert sound[".dcp"].count(sizes) == 1
-    path.write_bytes(sound[".dcp"].replace(sizes, struct.pack("<III", 313_125, 9, 278)))
-    with pytest.raises(LutError, match="camera profile"):
-        read_dcp(path)
-    assert not fault(path, inspect)
