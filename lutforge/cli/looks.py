@@ -206,7 +206,7 @@ def apply(
     output: Annotated[Path | None, option("The folder for the graded images.", "-o", "--output")] = None,
     source: Annotated[
         str | None,
-        option("STYLE/WB of the images, where they do not tell; with a config, their colour space.", "--from"),
+        option("STYLE/WB of the images, where they do not state it; with a config, their colour space.", "--from"),
     ] = None,
     target: Annotated[
         str | None, option("STYLE/WB wanted, as-shot to keep either; with a config, the colour space wanted.", "--to")

@@ -156,7 +156,7 @@ def response(
     bracket: Annotated[list[Path], argument("Pictures of one still scene, or a folder of them.")],
     output: ProfileOutput = None,
     times: Annotated[str | None, option("Exposure times in the order of the files, such as 1/60,1/30,1/15.")] = None,
-    camera: Annotated[str, option("The camera's name, where the files do not tell it.")] = "",
+    camera: Annotated[str, option("The camera's name, where the files do not state it.")] = "",
     all_colours: Annotated[
         bool, option("Count saturated colours, too: for a scene without neutral ones.", "--all-colours")
     ] = False,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
-from lutforge.colour.srgb import SRGB, Chromaticities, xyz_matrix
+from lutforge.colour.srgb import SRGB_CHROMATICITIES, Chromaticities, xyz_matrix
 from lutforge.colour.transfer_functions import TRANSFER_FUNCTIONS
 from lutforge.errors import SettingsError, alternatives
 
@@ -22,35 +22,35 @@ D50_XYZ = (0.9642, 1.0, 0.8249)
 """XYZ of the white of ICC's profile connection space (ICC.1:2022, 7.2.16)."""
 
 
-_D65 = SRGB[3]
-_D50 = (0.3457, 0.3585)
-_ACES = (0.32168, 0.33767)
+_D65_XY = SRGB_CHROMATICITIES[3]
+_D50_XY = (0.3457, 0.3585)
+_ACES_XY = (0.32168, 0.33767)
 
 CHROMATICITIES: dict[str, Chromaticities] = {
-    "linear-srgb": SRGB,
-    "linear-p3": ((0.68, 0.32), (0.265, 0.69), (0.15, 0.06), _D65),
-    "linear-rec2020": ((0.708, 0.292), (0.17, 0.797), (0.131, 0.046), _D65),
-    "linear-adobe-rgb": ((0.64, 0.33), (0.21, 0.71), (0.15, 0.06), _D65),
-    "linear-prophoto": ((0.7347, 0.2653), (0.1596, 0.8404), (0.0366, 0.0001), _D50),
-    "linear-awg3": ((0.684, 0.313), (0.221, 0.848), (0.0861, -0.102), _D65),
-    "linear-awg4": ((0.7347, 0.2653), (0.1424, 0.8576), (0.0991, -0.0308), _D65),
-    "linear-sgamut": ((0.73, 0.28), (0.14, 0.855), (0.1, -0.05), _D65),
-    "linear-sgamut3": ((0.73, 0.28), (0.14, 0.855), (0.1, -0.05), _D65),
-    "linear-sgamut3-cine": ((0.766, 0.275), (0.225, 0.8), (0.089, -0.087), _D65),
-    "linear-vgamut": ((0.73, 0.28), (0.165, 0.84), (0.1, -0.03), _D65),
-    "linear-cinema-gamut": ((0.74, 0.27), (0.17, 1.14), (0.08, -0.1), _D65),
-    "linear-fgamut": ((0.708, 0.292), (0.17, 0.797), (0.131, 0.046), _D65),
-    "linear-fgamut-c": ((0.7347, 0.2653), (0.0263, 0.9737), (0.1173, -0.0224), _D65),
-    "linear-ngamut": ((0.708, 0.292), (0.17, 0.797), (0.131, 0.046), _D65),
-    "linear-dgamut": ((0.71, 0.31), (0.21, 0.88), (0.09, -0.08), _D65),
-    "linear-davinci-wide-gamut": ((0.8, 0.313), (0.1682, 0.9877), (0.079, -0.1155), _D65),
+    "linear-srgb": SRGB_CHROMATICITIES,
+    "linear-p3": ((0.68, 0.32), (0.265, 0.69), (0.15, 0.06), _D65_XY),
+    "linear-rec2020": ((0.708, 0.292), (0.17, 0.797), (0.131, 0.046), _D65_XY),
+    "linear-adobe-rgb": ((0.64, 0.33), (0.21, 0.71), (0.15, 0.06), _D65_XY),
+    "linear-prophoto": ((0.7347, 0.2653), (0.1596, 0.8404), (0.0366, 0.0001), _D50_XY),
+    "linear-awg3": ((0.684, 0.313), (0.221, 0.848), (0.0861, -0.102), _D65_XY),
+    "linear-awg4": ((0.7347, 0.2653), (0.1424, 0.8576), (0.0991, -0.0308), _D65_XY),
+    "linear-sgamut": ((0.73, 0.28), (0.14, 0.855), (0.1, -0.05), _D65_XY),
+    "linear-sgamut3": ((0.73, 0.28), (0.14, 0.855), (0.1, -0.05), _D65_XY),
+    "linear-sgamut3-cine": ((0.766, 0.275), (0.225, 0.8), (0.089, -0.087), _D65_XY),
+    "linear-vgamut": ((0.73, 0.28), (0.165, 0.84), (0.1, -0.03), _D65_XY),
+    "linear-cinema-gamut": ((0.74, 0.27), (0.17, 1.14), (0.08, -0.1), _D65_XY),
+    "linear-fgamut": ((0.708, 0.292), (0.17, 0.797), (0.131, 0.046), _D65_XY),
+    "linear-fgamut-c": ((0.7347, 0.2653), (0.0263, 0.9737), (0.1173, -0.0224), _D65_XY),
+    "linear-ngamut": ((0.708, 0.292), (0.17, 0.797), (0.131, 0.046), _D65_XY),
+    "linear-dgamut": ((0.71, 0.31), (0.21, 0.88), (0.09, -0.08), _D65_XY),
+    "linear-davinci-wide-gamut": ((0.8, 0.313), (0.1682, 0.9877), (0.079, -0.1155), _D65_XY),
     "linear-blackmagic-wide-gamut": (
         (0.7177215, 0.3171181), (0.228041, 0.861569), (0.1005841, -0.0820452), (0.312717, 0.3290312)
     ),
-    "linear-redwidegamut": ((0.780308, 0.304253), (0.121595, 1.493994), (0.095612, -0.084589), _D65),
-    "linear-apple-wide-gamut": ((0.725, 0.301), (0.221, 0.814), (0.068, -0.076), _D65),
-    "acescg": ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044), _ACES),
-    "aces2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES),
+    "linear-redwidegamut": ((0.780308, 0.304253), (0.121595, 1.493994), (0.095612, -0.084589), _D65_XY),
+    "linear-apple-wide-gamut": ((0.725, 0.301), (0.221, 0.814), (0.068, -0.076), _D65_XY),
+    "acescg": ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044), _ACES_XY),
+    "aces2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES_XY),
 }  # fmt: skip
 """The chromaticities of red, green, blue and white of each linear space, by its name.
 

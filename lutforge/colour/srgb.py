@@ -9,7 +9,7 @@ from lutforge.errors import ImageError
 Chromaticities = tuple[tuple[float, float], ...]
 """(x, y) of red, green, blue and white."""
 
-SRGB: Chromaticities = ((0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.3290))
+SRGB_CHROMATICITIES: Chromaticities = ((0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.3290))
 
 
 def xyz_matrix(chromaticities: Chromaticities) -> Array:
@@ -19,7 +19,7 @@ def xyz_matrix(chromaticities: Chromaticities) -> Array:
     return np.asarray(directions[:, :3] * np.linalg.solve(directions[:, :3], directions[:, 3]))
 
 
-SRGB_TO_XYZ = xyz_matrix(SRGB)
+SRGB_TO_XYZ = xyz_matrix(SRGB_CHROMATICITIES)
 """(3, 3): linear sRGB → XYZ, as derived from its chromaticities; the standard rounds it to four digits."""
 D65 = SRGB_TO_XYZ.sum(axis=1)
 """XYZ of sRGB's white."""

@@ -162,7 +162,7 @@ def evaluate(
     """
     if isinstance(profile.provenance, ResponseOnly):
         raise CalibrationError(
-            f"the profile of {profile.camera} holds a response alone, found without RAW: samples of RAW cannot tell "
+            f"the profile of {profile.camera} holds a response alone, found without RAW: samples of RAW cannot show "
             "its error; lutforge response prints it"
         )
     samples = at_the_centre(with_own_raw(profile, samples), profile.vignettings)

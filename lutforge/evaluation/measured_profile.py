@@ -100,7 +100,7 @@ def _worse_than_baselines(predictions: Predictions, errors: dict[str, float], is
     """
     notes = []
     fault = "see what is wrong with the samples"
-    reason = fault if is_diagnosed else "these shots tell too little; add shots of other colours"
+    reason = fault if is_diagnosed else "these shots show too few colours; add shots of other colours"
     for direction, values in predictions.predicted.items():
         measured = predictions.data.both[direction][1]
         error = errors.get(f"{direction}_mean", np.inf)

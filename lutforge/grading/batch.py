@@ -14,7 +14,7 @@ from lutforge.atomic_write import remove_temporaries
 from lutforge.errors import ImageError
 from lutforge.grading.grade import Recipe
 from lutforge.grading.image import REGION_SAMPLES, GradedImage
-from lutforge.grading.inputs import JOURNAL, Failure, resolver
+from lutforge.grading.inputs import BATCH_JOURNAL, Failure, resolver
 from lutforge.grading.jobs import FileIdentity, Job, Outcome, Record, run_job
 from lutforge.images.heif import is_heif
 from lutforge.progress import Progress, silent
@@ -25,7 +25,7 @@ def read_journal(folder: Path) -> Mapping[str, Record]:
     """The last record of each output, by its absolute path; lines that a killed run cut are left out."""
     records = {}
     try:
-        lines = (folder / JOURNAL).read_bytes().splitlines()
+        lines = (folder / BATCH_JOURNAL).read_bytes().splitlines()
     except OSError:
         return {}
     for line in lines:
@@ -42,7 +42,7 @@ def add_to_journal(folder: Path, record: Record) -> None:
     """Append a record in one write, so that runs that share a folder do not mix their lines. Raises OSError."""
     # The first line break ends an incomplete line that a killed run may have left.
     line = b"\n" + json.dumps(asdict(record)).encode() + b"\n"
-    handle = os.open(folder / JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+    handle = os.open(folder / BATCH_JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
     try:
         if os.write(handle, line) != len(line):
             raise OSError(None, "the disk is full")

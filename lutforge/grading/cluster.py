@@ -120,7 +120,9 @@ def _run_there(recipe: Recipe, key: str, job: Job) -> Outcome:
             if key not in _RECIPES:
                 recipe.check()
                 if recipe.key != key:
-                    differs = "has other versions of the recipe's files, LutForge or OpenColorIO than who asks"
+                    differs = (
+                        "has other versions of the recipe's files, LutForge or OpenColorIO than the machine that asks"
+                    )
                     raise LutForgeError(f"{platform.node()} {differs}")
                 # A worker is one thread: codecs on all cores would slow down the other workers.
                 oiio.attribute("threads", 1)

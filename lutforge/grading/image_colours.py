@@ -147,7 +147,7 @@ def notes_on(
     if grade.gives_linear and str(output.format) == "uint8":
         yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
     if space:
-        yield f"the picture is in {space}, and was graded as it is: what is made for sRGB wants it converted"
+        yield f"the picture is in {space}, and was graded as it is: a look made for sRGB needs it converted to sRGB"
     profile = stored_profile(source)
     if profile and mean_code_change(profile) is None:
         yield "the picture's ICC profile is broken: its colours were taken as they are"

@@ -13,7 +13,7 @@ from lutforge.errors import ImageError
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.shots.discover import RAW_SUFFIXES
 
-JOURNAL = ".lutforge-apply.jsonl"
+BATCH_JOURNAL = ".lutforge-apply.jsonl"
 """The file in the output folder that records graded images: one JSON object per line; of several the last counts."""
 
 

@@ -53,7 +53,9 @@ def source_selector(
         if stated.style != AS_SHOT:
             camera.selector(stated)  # raises an error that lists the styles
         styles = f"{camera.camera} has the styles {', '.join(sorted(camera.styles))}"
-        reason = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
+        reason = (
+            f'its picture style is "{style}"' if style != "unknown" else "the file does not state its picture style"
+        )
         balances = ", ".join(sorted(camera.white_balances))
         raise SettingsError(f"{path}: {reason}; {styles} and the white balances {balances}: name it with --from")
 
@@ -67,14 +69,14 @@ def source_selector(
     middle = camera.white_balances.get("auto")
     if stated.white_balance == "auto" and middle is not None:
         r, g, b = middle.multipliers
-        text = f"the file does not tell its white balance; that of the middle shot, {r:.3f},{g:g},{b:.3f}, is used"
+        text = f"the file does not state its white balance; that of the middle shot, {r:.3f},{g:g},{b:.3f}, is used"
         return Selector(style, "auto"), (text,)
     if not needed:
         return Selector(style, next(iter(camera.white_balances))), ()
-    reason = "the file does not tell its white balance"
+    reason = "the file does not state its white balance"
     if settings.white_balance != "unknown":
         reason = (
-            f'its white balance is "{settings.white_balance}", and the file does not tell which multipliers that were'
+            f'its white balance is "{settings.white_balance}", and the file does not state which multipliers that were'
         )
     balances = ", ".join(sorted(camera.white_balances))
     raise SettingsError(

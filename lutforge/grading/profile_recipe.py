@@ -136,7 +136,7 @@ class ProfileRecipe(RecipeOfProfiles):
         stated = Selector(style, self.stated.white_balance)
         made_with, notes = source_selector(source, replace(settings, style=style), camera, stated)
         if self.goal.style == AS_SHOT and style not in names:
-            notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
+            notes = (*notes, f'the file does not state a style of this profile; "{style}" is used')
         change = self.change(camera, made_with)
         return Grade(
             self.baked_grades.develop(change),

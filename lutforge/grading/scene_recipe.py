@@ -60,7 +60,7 @@ class SceneRecipe(RecipeOfProfiles):
         scale = 2.0**self.ev
         if self.by_exposure:
             if not math.isfinite(settings.exposure):
-                raise ImageError(f"{source}: the file does not tell its exposure; leave out --exposure exif")
+                raise ImageError(f"{source}: the file does not state its exposure; leave out --exposure exif")
             scale *= UNIT_EXPOSURE / settings.exposure
             doubts += settings.exposure_notes
 

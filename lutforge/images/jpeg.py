@@ -91,7 +91,7 @@ class JpegHeader:
         if any(word in body for word in words for body in bodies):
             return ("the gain map (Ultra HDR) is of the old colours, and was left out: the picture is SDR now",)
         if any(segment.holds(PREVIEWS) for segment in self.segments):
-            return ("the previews behind the picture show the old colours, and were left out",)
+            return ("the previews after the picture show the old colours, and were left out",)
         return ()
 
 

@@ -17,7 +17,7 @@ from lutforge.boundary import reading, require_file
 from lutforge.errors import LutForgeError
 from lutforge.kits.places import KEPT, Place
 
-JOURNAL = "installed_kits.json"
+INSTALLED_KITS = "installed_kits.json"
 MOST_JOURNAL = 4 << 20
 """Most bytes of a journal."""
 NOT_INSTALLED = ("README.md", "kit.json", "develop.sh", "blender.sh")

@@ -26,7 +26,7 @@ MOST_CHANGE = 1.5
 
 Looks have 0.3 to 1.2, photographs 0.8 to 8.
 """
-LEAST_LINEAR = 0.6
+LEAST_LINEAR_SHARE = 0.6
 """Least share of the variance that red, green and blue explain linearly.
 
 Looks have 0.66 to 1, black-and-white ones among them, photographs less than 0.57.
@@ -66,7 +66,7 @@ def read_picture(path: Path) -> Lut:
         pixels = reader.read(reader.whole)[..., :3].astype(np.float64)
     layouts = {name: (_change(values), values) for name, values in _layouts(pixels)}
     name, (change, values) = min(layouts.items(), key=lambda item: item[1][0])
-    if change > MOST_CHANGE and sum(_linear_shares(values)) < LEAST_LINEAR:
+    if change > MOST_CHANGE and sum(_linear_shares(values)) < LEAST_LINEAR_SHARE:
         raise LutError(
             f"{path}: has the size of a LUT, but its neighbouring colours jump as in no {' or '.join(layouts)}: a "
             "picture? A LUT that was scaled, or compressed as a JPEG, is none any more"
@@ -94,7 +94,7 @@ def is_picture_of_lut(path: Path) -> bool:
     except LutForgeError:
         return False
     shares = (0.0,) if cube is None else _linear_shares(cube.values)
-    return sum(shares) >= LEAST_LINEAR and min(shares) >= LEAST_AXIS
+    return sum(shares) >= LEAST_LINEAR_SHARE and min(shares) >= LEAST_AXIS
 
 
 def _layouts(pixels: Array) -> Iterator[tuple[str, Array]]:

@@ -29,7 +29,7 @@ from lutforge.luts.vlt import read_vlt
 OWN_READERS: dict[str, Callable[[Path], Lut]] = {".vlt": read_vlt, **dict.fromkeys(SUFFIXES, read_picture)}
 """The readers of formats that OpenColorIO does not know, by suffix."""
 
-MOST_BYTES = 128 << 20
+MOST_FILE_BYTES = 128 << 20
 """Bytes of a LUT file that is read: a 129³ cube as text takes about 70 MB."""
 
 
@@ -46,7 +46,7 @@ def read_lut(path: str | Path) -> Lut:
         LutError: in one line, where the file cannot be read, or is no sequence of matrices, ranges, curves and cubes.
     """
     path = path_of(path, "a LUT")
-    require_file(path, "a LUT", LutError, MOST_BYTES)
+    require_file(path, "a LUT", LutError, MOST_FILE_BYTES)
     reader = OWN_READERS.get(path.suffix.lower())
     with reading(path, f"a {path.suffix.lower()} LUT", LutError):
         if reader is not None:
@@ -82,7 +82,7 @@ def processor_of_file(
     For an untrusted file call `processor_of_untrusted`. Raises LutError.
     """
     path = Path(path)
-    require_file(path, "a LUT", LutError, MOST_BYTES)
+    require_file(path, "a LUT", LutError, MOST_FILE_BYTES)
     if path.suffix.lower() == ".csp":  # OpenColorIO 2.6 never ends where the end of the metadata is missing
         text = path.read_bytes()
         if text.count(b"BEGIN METADATA") > text.count(b"END METADATA"):
@@ -131,7 +131,7 @@ def is_read_by_ocio(path: Path, lut: Lut) -> bool:
 def processor_of_untrusted(path: str | Path) -> OCIO.Processor:
     """The processor of an untrusted file, which is first read in a separate process. Raises LutError."""
     path = Path(path)
-    require_file(path, "a LUT", LutError, MOST_BYTES)
+    require_file(path, "a LUT", LutError, MOST_FILE_BYTES)
     with reading(path, "a LUT", LutError):
         _sandboxed(_require_processor, path)
         return processor_of_file(path)[0]

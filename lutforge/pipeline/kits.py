@@ -20,7 +20,7 @@ from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.developed import Development
 from lutforge.images.orientation import inverse, orientation_between, upright
 from lutforge.images.read import read_image
-from lutforge.kits.install import JOURNAL, install, is_installed, targets_of, uninstall
+from lutforge.kits.install import INSTALLED_KITS, install, is_installed, targets_of, uninstall
 from lutforge.kits.kit import Kit, KitFiles, Look, look_of, write_develop_script
 from lutforge.kits.lumix import lumix_kit
 from lutforge.kits.places import KEPT, Machine, place_of
@@ -176,7 +176,7 @@ def install_kit(folder: str | Path, into: str | Path | None = None) -> Installat
     targets = targets_of(program, kit, place, _data_folder() / "kits")
     is_found = place.use == KEPT or is_installed(place)
     if is_found and targets:
-        install(program, targets, _data_folder() / JOURNAL)
+        install(program, targets, _data_folder() / INSTALLED_KITS)
     return Installation(KITS[program].title, tuple(targets), is_found and bool(targets), place.use)
 
 
@@ -185,7 +185,7 @@ def uninstall_kit(program: str) -> tuple[list[Path], list[Path]]:
 
     Raises SettingsError on an unknown program, LutForgeError where nothing is installed for it.
     """
-    return uninstall(one_of("kit", program, KITS), _data_folder() / JOURNAL)
+    return uninstall(one_of("kit", program, KITS), _data_folder() / INSTALLED_KITS)
 
 
 def _data_folder() -> Path:

@@ -29,7 +29,7 @@ MAX_HEADER = 1 << 16
 ROWS_AT_A_TIME = 50_000
 """Rows of a .csv whose cells are kept as text until their columns are arrays."""
 
-NUMBER = re.compile(r"\s*([+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?))?\s*", re.ASCII | re.IGNORECASE)
+NUMBER_CELL = re.compile(r"\s*([+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?))?\s*", re.ASCII | re.IGNORECASE)
 """A cell that is a number, or empty."""
 
 Columns = dict[str, NDArray[Any]]
@@ -167,7 +167,7 @@ def _columns_of(path: Path, part: list[tuple[int, list[str]]], width: int, place
                     raise ValueError
                 columns[name] = np.array([float(text) if text and not text.isspace() else math.nan for text in texts])
             except ValueError:
-                row = next(row for row, text in enumerate(texts) if not NUMBER.fullmatch(text))
+                row = next(row for row, text in enumerate(texts) if not NUMBER_CELL.fullmatch(text))
                 problem = f"is {texts[row].strip()[:40]!r}, not a number; write it with a decimal point, as 0.25"
         if problem:
             raise SampleError(f"{path}: line {part[row][0]}: {name} {problem}")

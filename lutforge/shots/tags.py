@@ -33,8 +33,8 @@ MAKER_NOTE = ("Photo", 0x927C)
 TOOLS = ("Xmp", 0)
 """The programs that XMP names: its CreatorTool, and those of its history."""
 
-_TOOLS = re.compile(rb"""(?:xmp:CreatorTool|stEvt:softwareAgent)(?:\s*=\s*["']|\s*>)\s*([^"'<]{1,200})""")
-_MOST_BYTES = 8192
+_TOOL_NAMES = re.compile(rb"""(?:xmp:CreatorTool|stEvt:softwareAgent)(?:\s*=\s*["']|\s*>)\s*([^"'<]{1,200})""")
+_MOST_VALUE_BYTES = 8192
 """Bytes of a value that are kept: longer ones are pictures and tables."""
 _TIFF_MAGIC = (42, 0x55, 0x4F52, 0x5352)  # TIFF, RW2, ORF, ORF
 
@@ -60,7 +60,9 @@ def tags_of(data: Buffer) -> Tags:
             return _ciff_tags(data)
         for block, group in tiff_blocks(data):
             _Structure(block, result).read(group)
-        if tools := " ".join(text.decode("utf-8", "replace") for text in _TOOLS.findall(packets_of(data).xmp)[:200]):
+        if tools := " ".join(
+            text.decode("utf-8", "replace") for text in _TOOL_NAMES.findall(packets_of(data).xmp)[:200]
+        ):
             result[TOOLS] = tools
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
             # A JPEG that LutForge graded has its source's EXIF, and its settings now in a comment.
@@ -146,7 +148,7 @@ class _Structure:
         return entries
 
     def raw(self, entry: Entry) -> bytes:
-        return bytes(self.data[entry.place][:_MOST_BYTES])
+        return bytes(self.data[entry.place][:_MOST_VALUE_BYTES])
 
     def maker_note(self, order: str, start: int, base: int) -> None:
         """Read a maker's note at `start` as data/maker_notes.json says, with offsets from `base` where it says none."""

@@ -49,7 +49,7 @@ def fit_gamut_map(
     source, target, names = merge_coincident(source, target, names, COINCIDENT)
     if len(source) < 8 or np.linalg.matrix_rank(source - source.mean(axis=0), tol=1e-4 * np.sqrt(len(source))) < 3:
         raise CalibrationError(
-            f"{len(source)} distinct colours cannot tell a gamut map: shoot a chart or a scene of many colours"
+            f"{len(source)} distinct colours do not determine a gamut map: shoot a chart or a scene of many colours"
         )
     nugget = _choose_nugget(source, target, names) if rho is None else 0.0
     chosen = farthest_points(source, min(64, most, len(source)))

@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from lutforge.grading.inputs import JOURNAL
+from lutforge.grading.inputs import BATCH_JOURNAL
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import load_profile
 from tests.cases.pictures import write_cube, write_picture
@@ -54,7 +54,7 @@ def interrupted(folder: Path, seconds: float, *words: object, number: int = sign
         for other in psutil.process_iter()
         if _session(other.pid) == run.pid and other.status() != psutil.STATUS_ZOMBIE
     ], "a program is left running"
-    assert not [path for path in folder.rglob("*") if ".lutforge-" in path.name and path.name != JOURNAL]
+    assert not [path for path in folder.rglob("*") if ".lutforge-" in path.name and path.name != BATCH_JOURNAL]
     return True
 
 
@@ -79,7 +79,7 @@ def test_grading_stops_at_once_and_leaves_whole_files(tmp_path: Path, suffix: st
         if not interrupted(tmp_path, seconds, "apply", "look.cube", *pictures, "-o", "out", number=sent):
             break
         for path in (tmp_path / "out").glob("*"):
-            assert path.name == JOURNAL or read_image(path).pixels.shape == (1500, 2000, 3)
+            assert path.name == BATCH_JOURNAL or read_image(path).pixels.shape == (1500, 2000, 3)
 
 
 def test_a_long_command_stops_at_once(tmp_path: Path) -> None:

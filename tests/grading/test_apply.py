@@ -10,7 +10,7 @@ from lutforge.errors import ImageError
 from lutforge.grading.batch import apply_batch, plan_jobs
 from lutforge.grading.grade import LutRecipe
 from lutforge.grading.image import apply_image
-from lutforge.grading.inputs import JOURNAL
+from lutforge.grading.inputs import BATCH_JOURNAL
 from lutforge.grading.pixels import BLOCK_PIXELS
 from lutforge.images.read import read_image
 from lutforge.luts.reading import file_processor
@@ -66,7 +66,7 @@ def test_a_batch_goes_on_past_failures(tmp_path: Path, lut: Lut, lut_file: Path)
     result = apply_batch(recipe, [missing, good], out, suffix="tif", progress=lambda _, share: shares.append(share))
     assert [failure.reason for failure in result.failed] == [f"{missing}: no such file"]
     assert shares == sorted(shares) and shares[-1] == 1.0
-    assert sorted(path.name for path in out.iterdir()) == [JOURNAL, "a.tif"]
+    assert sorted(path.name for path in out.iterdir()) == [BATCH_JOURNAL, "a.tif"]
     np.testing.assert_allclose(read_image(out / "a.tif").pixels, lut(read_image(good).pixels), atol=2e-5)
 
 

@@ -16,7 +16,7 @@ import pytest
 from lutforge.errors import ImageError
 from lutforge.grading.batch import BatchResult, apply_batch, plan_jobs
 from lutforge.grading.grade import LutRecipe
-from lutforge.grading.inputs import JOURNAL, find_inputs
+from lutforge.grading.inputs import BATCH_JOURNAL, find_inputs
 from tests.cases.pictures import write_cube, write_picture
 
 
@@ -62,7 +62,7 @@ def pictures(tmp_path: Path) -> list[Path]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != JOURNAL}
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != BATCH_JOURNAL}
 
 
 def test_what_is_done_and_valid_is_skipped(tmp_path: Path, pictures: list[Path]) -> None:
@@ -99,8 +99,8 @@ def test_what_is_done_and_valid_is_skipped(tmp_path: Path, pictures: list[Path])
 def test_a_damaged_journal_costs_time_only(tmp_path: Path, pictures: list[Path]) -> None:
     recipe, out = LutRecipe(write_cube(tmp_path / "look.cube")), tmp_path / "out"
     apply_batch(recipe, pictures, out)
-    lines = (out / JOURNAL).read_bytes().split(b"\n")
-    (out / JOURNAL).write_bytes(b"\xff{]\n[]\nnull\n" + b"[" * 100_000 + b"\n" + b"\n".join(lines[:-1])[:-40])
+    lines = (out / BATCH_JOURNAL).read_bytes().split(b"\n")
+    (out / BATCH_JOURNAL).write_bytes(b"\xff{]\n[]\nnull\n" + b"[" * 100_000 + b"\n" + b"\n".join(lines[:-1])[:-40])
     result = apply_batch(recipe, pictures, out, resume=True)
     assert (len(result.done), len(result.skipped), result.failed) == (1, 3, ())
     assert len(apply_batch(recipe, pictures, out, resume=True).skipped) == 4

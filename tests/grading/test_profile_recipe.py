@@ -164,7 +164,7 @@ def test_what_a_picture_does_not_tell_is_refused_with_advice(recipe_of: Recipes,
         with pytest.raises(SettingsError, match=r"does not name its camera.*--from"):
             tells_nothing.grade(tmp_path / "bare.png")
     assert recipe_of("standard/as-shot", ev=0.5).grade(tmp_path / "bare.png").lut is not None  # exposure alone
-    with pytest.raises(SettingsError, match=r"does not tell its picture style.*standard, vivid.*--from"):
+    with pytest.raises(SettingsError, match=r"does not state its picture style.*standard, vivid.*--from"):
         recipe.grade(tmp_path / "named.jpg")
     with pytest.raises(SettingsError, match=r"is of LutForge Other.*--from"):
         recipe.grade(tmp_path / "other.jpg")

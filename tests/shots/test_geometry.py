@@ -168,7 +168,7 @@ def test_a_straightened_perspective_is_named(share: float, tmp_path: Path) -> No
     shot = read_shot(tmp_path / "shot.dng")
     assert shot.jpeg_source == EMBEDDED
     reason = next(note for note in shot.metadata.notes if note.startswith("passed over"))
-    assert "beside their place" in reason
+    assert "not lie on their place" in reason
     # What a program developed has tones of its own, by which a JPEG may seem distorted: it is compared all the same.
     assert compare_with_jpeg(tmp_path / "shot.dng", developed).tiles > 100
 

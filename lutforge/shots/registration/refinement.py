@@ -16,7 +16,7 @@ from lutforge.shots.registration.reduced_copies import RawLevel, ReducedJpeg, on
 
 HOPELESS = 0.3
 """The correlation below which a place after three steps is not near the true one, and is left."""
-MOST_STEPS = 8
+MOST_ITERATIONS = 8
 """Gauss–Newton steps on one copy; two to four suffice near the place."""
 MOST_SHIFT = 12.0
 """Pixels of the copy by which a step may move the picture: beyond two DEVIATIONs it follows other structure."""
@@ -137,7 +137,7 @@ def _moved_to_fit(planes: Planes, start: Registration, count: int, tested: int) 
     decentring = USUAL_DECENTRING * lens.radius
     spread = np.array([np.inf, np.inf, np.inf, USUAL_DISTORTION, USUAL_DISTORTION, decentring, decentring])[:tested]
 
-    for index in range(MOST_STEPS):
+    for index in range(MOST_ITERATIONS):
         # The RAW as a picture without distortion: the same for all steps, unless they change the distortion.
         if index == 0 or count > 3:
             plane, straight = planes.of_raw(place)

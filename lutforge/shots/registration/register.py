@@ -25,7 +25,7 @@ CLEAR_EXPLAINED = 0.9
 AMBIGUOUS = 1.5
 """Ratio of the unexplained shares of two places, the better one below, under which either may be the true one."""
 NON_RIGID_MESSAGE = (
-    "parts of the JPEG lie beside their place in the RAW, by {:.1f} pixels in the mean (a straightened perspective, "
+    "parts of the JPEG do not lie on their place in the RAW, by {:.1f} pixels in the mean (a straightened perspective, "
     "strong sharpening, or an unknown correction); switch that off, or use the camera's own JPEG"
 )
 
