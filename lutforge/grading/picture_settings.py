@@ -53,9 +53,9 @@ def source_selector(
         if stated.style != AS_SHOT:
             camera.selector(stated)  # raises an error that lists the styles
         styles = f"{camera.camera} has the styles {', '.join(sorted(camera.styles))}"
-        reason = (
-            f'its picture style is "{style}"' if style != "unknown" else "the file does not state its picture style"
-        )
+        reason = "the file does not state its picture style"
+        if style != "unknown":
+            reason = f'its picture style is "{style}"'
         balances = ", ".join(sorted(camera.white_balances))
         raise SettingsError(f"{path}: {reason}; {styles} and the white balances {balances}: name it with --from")
 

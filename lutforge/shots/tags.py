@@ -60,10 +60,9 @@ def tags_of(data: Buffer) -> Tags:
             return _ciff_tags(data)
         for block, group in tiff_blocks(data):
             _Structure(block, result).read(group)
-        if tools := " ".join(
-            text.decode("utf-8", "replace") for text in _TOOL_NAMES.findall(packets_of(data).xmp)[:200]
-        ):
-            result[TOOLS] = tools
+        tools = [text.decode("utf-8", "replace") for text in _TOOL_NAMES.findall(packets_of(data).xmp)[:200]]
+        if any(tools):
+            result[TOOLS] = " ".join(tools)
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
             # A JPEG that LutForge graded has its source's EXIF, and its settings now in a comment.
             for comment in header.comments:
