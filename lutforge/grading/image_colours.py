@@ -12,9 +12,10 @@ from lutforge.grading.grade import Grade
 from lutforge.images.heif import is_heif
 from lutforge.images.icc import codes_moved, is_srgb, stored_profile
 from lutforge.images.jpeg import JpegHeader
-from lutforge.images.packets import LARGEST_JPEG_PACKET, Packets, declares_film, holds_packets
+from lutforge.images.packets import LARGEST_JPEG_PACKET, Packets, holds_packets
 from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.images.write import IN_ANOTHER_SPACE
+from lutforge.images.xmp import declares_film
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 
@@ -96,7 +97,7 @@ def notes_on_packets(
     format, written: of source and result; segments_stay: both are JPEG, and all segments of metadata are copied.
     """
     if packets.encoding:
-        yield f"the picture says that it is encoded as {packets.encoding}, and was graded as it is"
+        yield f"the picture says that its colours are in {packets.encoding}, and was graded as it is"
     if packets.animated and format == "png":
         yield "an animation: its first frame was graded, the others were left out"
     if declares_film(packets.xmp):
@@ -112,8 +113,8 @@ def notes_on_packets(
             continue
         if kind not in held:
             lost.append(kind)
-        elif written == "jpeg" and len(packet) >= LARGEST_JPEG_PACKET:
-            lost.append(f"{kind} of {len(packet):,} bytes, more than a JPEG holds")
+        elif written == "jpeg" and kind == "IPTC" and len(packet) >= LARGEST_JPEG_PACKET:
+            lost.append(f"IPTC of {len(packet):,} bytes, more than a JPEG holds")
     if packets.extended and not segments_stay:
         lost.append("the part of XMP beyond 64 kB")
     if packets.exif and len(packets.exif) >= 65_500:

@@ -11,8 +11,8 @@ from lutforge.atomic_write import atomic_path
 from lutforge.grading.grade import Grade
 from lutforge.grading.pixels import grade_codes
 from lutforge.images.jpeg import APP1, APP2, JpegHeader, decode, encode, stored_metadata, with_colours
-from lutforge.images.packets import XMP_SEGMENT, without_further_pictures
 from lutforge.images.write import IN_ANOTHER_SPACE, SOFTWARE
+from lutforge.images.xmp import XMP_SEGMENT, without_further_pictures
 
 
 def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:

@@ -16,23 +16,18 @@ from lutforge.errors import ImageError
 
 HEIF_SUFFIXES = (".heic", ".heif", ".hif")
 
-HDR = {16: "PQ", 18: "HLG"}
-"""Transfer characteristics of HDR pictures (ITU-T H.273, table 3)."""
-
 
 @dataclass(frozen=True, eq=False)
 class Heif:
     """A decoded picture. codes: (h, w, 3), 0 … 65535 whatever the bits; exif: its TIFF structure; icc: the profile.
 
-    exif and icc are empty where there are none. hdr: "PQ", "HLG" or "". primaries: of H.273, 0 where not said.
+    exif and icc are empty where there are none.
     """
 
     codes: NDArray[np.uint16]
     bits: int
     exif: bytes
     icc: bytes
-    hdr: str
-    primaries: int
 
     @property
     def codes8(self) -> NDArray[np.uint8]:
@@ -61,14 +56,11 @@ def read_heif(path: Path) -> Heif:
             wide = ((pixels >> (16 - bits)).astype(np.uint32) * 65535 + steps // 2) // steps
         else:
             wide = pixels.astype(np.uint32) * 257
-        nclx = opened.info.get("nclx_profile") or {}
         return Heif(
             np.ascontiguousarray(wide.astype(np.uint16)),
             bits,
             _exif_of(opened.info),
             bytes(opened.info.get("icc_profile") or b""),
-            HDR.get(int(nclx.get("transfer_characteristics", 0)), ""),
-            int(nclx.get("color_primaries", 0)),
         )
 
 
@@ -77,9 +69,26 @@ def read_heif_exif(path: Path) -> bytes:
     return _exif_of(_opened(path).info)
 
 
-def read_heif_xmp(path: Path) -> bytes:
-    """The XMP packet of a file; empty where it has none. Raises ImageError as `read_heif`."""
-    return bytes(_opened(path).info.get("xmp") or b"")
+@dataclass(frozen=True)
+class HeifDescription:
+    """What a file says of its picture. primaries, transfer: code points of ITU-T H.273, 0 where it states none."""
+
+    xmp: bytes
+    icc: bytes
+    primaries: int
+    transfer: int
+
+
+def read_heif_description(path: Path) -> HeifDescription:
+    """What a file says besides EXIF, without decoding it. Raises ImageError as `read_heif`."""
+    told = _opened(path).info
+    codes = told.get("nclx_profile") or {}
+    return HeifDescription(
+        bytes(told.get("xmp") or b""),
+        bytes(told.get("icc_profile") or b""),
+        int(codes.get("color_primaries", 0)),
+        int(codes.get("transfer_characteristics", 0)),
+    )
 
 
 def _exif_of(info: dict[str, Any]) -> bytes:

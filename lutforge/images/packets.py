@@ -4,10 +4,9 @@ XMP, IPTC and EXIF, of JPEG (segments), PNG (chunks), WebP (RIFF chunks), JPEG 2
 damaged file has no packets.
 """
 
-import re
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -18,11 +17,12 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
-from lutforge.images.heif import is_heif, read_heif_xmp
+from lutforge.images.heif import is_heif, read_heif_description
 from lutforge.images.jpeg import APP0, APP1, EXIF, SOI, Segment, metadata_end, read_header
+from lutforge.images.stated_encoding import of_codes, of_gamma_and_primaries
 from lutforge.images.tiff import byte_order, number, read_directory
+from lutforge.images.xmp import EXTENSION, XMP_SEGMENT, extended_segments, with_extension
 
-XMP_SEGMENT = b"http://ns.adobe.com/xap/1.0/\0"
 _PNG, _JP2 = b"\x89PNG\r\n\x1a\n", b"\0\0\0\x0cjP  \r\n\x87\n"
 _PNG_XMP = b"XML:com.adobe.xmp\0"
 _UUID_EXIF, _UUID_XMP = b"JpgTiffExif->JP2", bytes.fromhex("be7acfcb97a942e89c71999491e3afac")
@@ -32,38 +32,11 @@ _PNG_IPTC = b"Raw profile type iptc\0"
 """Keyword of the text in which ImageMagick and exiftool store IPTC in a PNG, which has no place for it."""
 PHOTOSHOP = (0xED, b"Photoshop 3.0\0")
 """Marker and beginning of the JPEG segments that hold Photoshop's image resources, IPTC among them."""
-_XMP_EXTENSION = (APP1, b"http://ns.adobe.com/xmp/extension/\0")
 _RESOURCE, _IPTC_RESOURCE = b"8BIM", 0x0404
 LARGEST_JPEG_PACKET = 65_000
-"""Bytes of a packet that a segment of a JPEG holds, beside its signature."""
+"""Bytes of a packet that a segment of a JPEG holds, beside its signature; XMP beyond them gets segments more."""
 _LARGEST = 1 << 24
 """Bytes of a packet that is read."""
-
-# A packet is padded with tens of thousands of spaces, and one that is not trusted may repeat anything: each pattern
-# looks at a byte a fixed number of times. (?<!\s) begins at the first space of a run alone.
-_GAIN_MAP = re.compile(rb"(?<!\s)\s+hdrgm:\w+\s*=\s*(\"[^\"]*\"|'[^']*')")
-_MOTION = re.compile(
-    rb"(?<!\s)\s+(?:GCamera|Camera|OpCamera|MiCamera):(?:MotionPhoto|MicroVideo)\w*\s*=\s*(\"[^\"]*\"|'[^']*')"
-)
-_MOTION_ELEMENT = re.compile(rb"<((?:GCamera|Camera):(?:MotionPhoto|MicroVideo)\w*)>[^<]*</\1>")
-_DIRECTORY = re.compile(rb"<Container:Directory\b.*?</Container:Directory\s*>", re.DOTALL)
-_DIRECTORY_END = re.compile(rb"</Container:Directory\s*>")
-
-
-def without_further_pictures(xmp: bytes) -> bytes:
-    """An XMP packet that declares no gain map, film or other item behind the picture (Ultra HDR, motion photos)."""
-    for declared in (_GAIN_MAP, _MOTION, _MOTION_ELEMENT):
-        xmp = declared.sub(b"", xmp)
-
-    # Behind the last end of a list no search for one begins, which would go through the rest of the packet in vain.
-    ends = [end.end() for end in _DIRECTORY_END.finditer(xmp)]
-    last = ends[-1] if ends else 0
-    return _DIRECTORY.sub(b"", xmp[:last]) + xmp[last:]
-
-
-def declares_film(xmp: bytes) -> bool:
-    """Whether an XMP packet says that a film follows the picture."""
-    return bool(_MOTION.search(xmp) or _MOTION_ELEMENT.search(xmp))
 
 
 @dataclass(frozen=True)
@@ -72,8 +45,8 @@ class Packets:
 
     xmp, iptc, exif: packets as the file has them, empty where there are none; exif of a JPEG 2000 alone, in which
     OpenImageIO does not look for it. animated: several frames. lossless: a WebP without loss. extended: an XMP packet
-    of a JPEG has an extension beyond 64 kB, which is not in `xmp`. encoding: "PQ", "HLG" or "linear" where a
-    PNG says that it is encoded so.
+    of a JPEG has an extension beyond 64 kB, which is not in `xmp`, since it is damaged. encoding: what a PNG or HEIF
+    without an ICC profile states of its own that is not sRGB.
     """
 
     xmp: bytes = b""
@@ -89,7 +62,7 @@ def read_packets(path: Path) -> Packets:
     """Read what a picture's file stores; nothing of a damaged one or another format."""
     try:
         if is_heif(path):
-            return Packets(xmp=read_heif_xmp(path))
+            return read_heif_packets(path)
         with reading(path, "metadata", ImageError):
             if path.stat().st_size == 0:  # which cannot be mapped
                 return Packets()
@@ -104,12 +77,12 @@ def packets_of(data: bytes | mmap) -> Packets:
     if data[:2] == b"\xff\xd8":
         return _jpeg_packets(data)
     if data[:8] == _PNG:
-        return _png_packets(list(_png_chunks(data)))
+        return _png_packets(data)
     if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        chunks = dict(reversed(list(_riff_chunks(data))))
-        return Packets(chunks.get(b"XMP ", b""), animated=b"ANIM" in chunks, lossless=b"VP8L" in chunks)
+        chunks = dict(reversed(list(_records(data, 12, _riff_chunk))))
+        return Packets(data[chunks.get(b"XMP ", slice(0))], animated=b"ANIM" in chunks, lossless=b"VP8L" in chunks)
     if data[:12] == _JP2:
-        bodies = [body for name, body in _boxes(data) if name == b"uuid"]
+        bodies = [data[place] for name, place in _records(data, 0, _box_at) if name == b"uuid"]
         packets = {body[:16]: body[16:] for body in reversed(bodies)}  # the first of a kind counts
         xmp, iptc, exif = (packets.get(kind, b"") for kind in (_UUID_XMP, _UUID_IPTC, _UUID_EXIF))
         return Packets(xmp, iptc, exif)
@@ -126,23 +99,31 @@ def _jpeg_packets(data: bytes | mmap) -> Packets:
     segments = () if header is None else header.segments
     xmp = [segment.body[len(XMP_SEGMENT) :] for segment in segments if segment.holds((APP1, XMP_SEGMENT))]
     resources = b"".join(segment.body[len(PHOTOSHOP[1]) :] for segment in segments if segment.holds(PHOTOSHOP))
-    extended = any(segment.holds(_XMP_EXTENSION) for segment in segments)
-    return Packets(xmp[0] if xmp else b"", _iptc_of(resources), extended=extended)
+    whole = xmp[0] if xmp else b""
+    extended = any(segment.holds(EXTENSION) for segment in segments)
+    if extended and (joined := with_extension(whole, segments)) is not None:
+        whole, extended = joined, False
+    return Packets(whole, _iptc_of(resources), extended=extended)
 
 
-def _png_packets(chunks: list[tuple[bytes, bytes]]) -> Packets:
+def _png_packets(data: bytes | mmap) -> Packets:
     xmp = iptc = b""
-    for name, body in chunks:
+    chunks = [(name, place) for name, place in _records(data, 8, _png_chunk) if place.stop - place.start <= _LARGEST]
+    for name, place in chunks:
+        if name not in (b"iTXt", b"zTXt", b"tEXt"):
+            continue
+        body = data[place]
         if name == b"iTXt" and body.startswith(_PNG_XMP) and not xmp:
             # compressed or not, the method, two texts that end in a null
             packed, rest = body[len(_PNG_XMP)] == 1, body[len(_PNG_XMP) + 2 :].split(b"\0", 2)[-1]
             xmp = _unpacked(rest) if packed else rest
-        elif name in (b"zTXt", b"tEXt") and body.startswith(_PNG_IPTC) and not iptc:
+        elif name != b"iTXt" and body.startswith(_PNG_IPTC) and not iptc:
             text = body[len(_PNG_IPTC) :] if name == b"tEXt" else _unpacked(body[len(_PNG_IPTC) + 1 :])
             # a line with a name, one with the length, and hexadecimal digits
             iptc = _iptc_of(bytes.fromhex(b"".join(text.split()[3:]).decode("ascii")))
     animated = any(name == b"acTL" for name, _ in chunks)
-    return Packets(xmp, iptc, animated=animated, encoding=_png_encoding(dict(chunks)))
+    colours = {name: data[place] for name, place in chunks if name in (b"cICP", b"iCCP", b"sRGB", b"gAMA", b"cHRM")}
+    return Packets(xmp, iptc, animated=animated, encoding=_png_encoding(colours))
 
 
 def _unpacked(text: bytes) -> bytes:
@@ -167,13 +148,22 @@ def _iptc_of(resources: bytes) -> bytes:
 
 
 def _png_encoding(chunks: dict[bytes, bytes]) -> str:
-    """What encodes a PNG, if it is no usual gamma: by cICP, else iCCP, sRGB, gAMA, in this order (PNG 3, 4.3)."""
-    if (codes := chunks.get(b"cICP", b"")) and len(codes) == 4:
-        return {8: "linear", 16: "PQ", 18: "HLG"}.get(codes[1], "")
+    """What a PNG states of its encoding: by cICP, else iCCP, sRGB, gAMA and cHRM, in this order (PNG 3, 4.3)."""
+    if len(codes := chunks.get(b"cICP", b"")) == 4:
+        return of_codes(codes[0], codes[1], codes[3] != 0)
     if b"iCCP" in chunks or b"sRGB" in chunks:
         return ""
-    gamma = chunks.get(b"gAMA", b"")
-    return "linear" if len(gamma) == 4 and struct.unpack(">I", gamma)[0] == 100_000 else ""
+    gamma, corners = chunks.get(b"gAMA", b""), chunks.get(b"cHRM", b"")
+    exponent = number(gamma, ">", "I", 0) / 100_000 if len(gamma) == 4 else 0.0
+    stated = tuple(value / 100_000 for value in struct.unpack(">8I", corners)) if len(corners) == 32 else ()
+    return of_gamma_and_primaries(exponent, stated)
+
+
+def read_heif_packets(path: Path) -> Packets:
+    """What a HEIF file stores: XMP, and the code points of its colours. Raises ImageError as `read_heif`."""
+    described = read_heif_description(path)
+    primaries = 0 if described.icc else described.primaries
+    return Packets(described.xmp, encoding=of_codes(primaries, described.transfer))
 
 
 def exif_block(spec: oiio.ImageSpec) -> bytes:
@@ -207,7 +197,7 @@ def holds_packets(format: str) -> frozenset[str]:
 def add_packets(path: Path, format: str, spec: oiio.ImageSpec, xmp: bytes, iptc: bytes) -> None:
     """Put XMP into a JPEG, TIFF, PNG, WebP or JPEG 2000 that OpenImageIO wrote, and IPTC where `holds_packets`.
 
-    The last two get EXIF, too. A JPEG holds packets of up to LARGEST_JPEG_PACKET.
+    The last two get EXIF, too. A JPEG holds IPTC of up to LARGEST_JPEG_PACKET.
     """
     if format == "tiff":
         if fields := {tag: packet for tag, packet in ((_TIFF_XMP, xmp), (_TIFF_IPTC, iptc)) if packet}:
@@ -226,14 +216,15 @@ def add_packets(path: Path, format: str, spec: oiio.ImageSpec, xmp: bytes, iptc:
         path.write_bytes(_webp_with(data, spec, exif_block(spec), xmp))
     elif format == "jpeg2000" and data[:12] == _JP2:
         profile = spec.getattribute("ICCProfile")
-        boxes = [(b"uuid", _UUID_EXIF + exif_block(spec)), (b"uuid", _UUID_XMP + xmp), (b"uuid", _UUID_IPTC + iptc)]
-        added = b"".join(_box(name, body) for name, body in boxes if len(body) > 16)
+        uuids = [(b"uuid", _UUID_EXIF + exif_block(spec)), (b"uuid", _UUID_XMP + xmp), (b"uuid", _UUID_IPTC + iptc)]
+        added = b"".join(_box(name, body) for name, body in uuids if len(body) > 16)
         parts = []
-        for name, body in _boxes(data):
+        for name, place in _records(data, 0, _box_at):
+            body = data[place]
             if name == b"jp2h" and profile is not None:
                 colour = _box(b"colr", b"\2\0\0" + bytes(profile))
-                inner = [colour if each == b"colr" else _box(each, part) for each, part in _boxes(body)]
-                body = b"".join(inner)
+                boxes = _records(body, 0, _box_at)
+                body = b"".join(colour if each == b"colr" else _box(each, body[part]) for each, part in boxes)
             if name == b"jp2c":
                 parts.append(added)
             parts.append(_box(name, body))
@@ -247,19 +238,23 @@ def photoshop_segment(iptc: bytes) -> Segment:
 
 
 def _jpeg_with(data: bytes, xmp: bytes, iptc: bytes) -> bytes:
-    """A JPEG file with packets in place of those that OpenImageIO wrote; one that is too large is not written."""
+    """A JPEG file with packets in place of those that OpenImageIO wrote; IPTC that is too large is not written."""
     header = read_header(data)
-    packets = []
-    if 0 < len(xmp) < LARGEST_JPEG_PACKET:
-        packets.append(((APP1, XMP_SEGMENT), Segment(APP1, XMP_SEGMENT + xmp)))
+    added: list[Segment] = []
+    replaced = []
+    if xmp:
+        fits = len(xmp) < LARGEST_JPEG_PACKET
+        added += [Segment(APP1, XMP_SEGMENT + xmp)] if fits else extended_segments(xmp)
+        replaced.append((APP1, XMP_SEGMENT))
     if 0 < len(iptc) < LARGEST_JPEG_PACKET:
-        packets.append((PHOTOSHOP, photoshop_segment(iptc)))
-    if header is None or not packets:
+        added.append(photoshop_segment(iptc))
+        replaced.append(PHOTOSHOP)
+    if header is None or not added:
         return data
-    segments = [segment for segment in header.segments if not any(segment.holds(kind) for kind, _ in packets)]
+    segments = [segment for segment in header.segments if not any(segment.holds(kind) for kind in replaced)]
     places = [at + 1 for at, segment in enumerate(segments) if segment.marker == APP0 or segment.holds(EXIF)]
     place = max(places, default=0)
-    segments[place:place] = [segment for _, segment in packets]
+    segments[place:place] = added
     return SOI + b"".join(segment.stored for segment in segments) + data[metadata_end(data) :]
 
 
@@ -292,7 +287,7 @@ def _put_into_tiff(path: Path, fields: Mapping[int, bytes]) -> None:
 
 def _webp_with(data: bytes, spec: oiio.ImageSpec, exif: bytes, xmp: bytes) -> bytes:
     """A WebP file with chunks more (WebP Container Specification, extended format)."""
-    chunks = [(name, body) for name, body in _riff_chunks(data) if name not in (b"EXIF", b"XMP ")]
+    chunks = [(name, data[place]) for name, place in _records(data, 12, _riff_chunk) if name not in (b"EXIF", b"XMP ")]
     flags = dict(chunks).get(b"VP8X", b"\0")[0] | (8 if exif else 0) | (4 if xmp else 0)
     flags |= 16 if spec.alpha_channel >= 0 else 0
     size = struct.pack("<I", spec.width - 1)[:3] + struct.pack("<I", spec.height - 1)[:3]
@@ -302,38 +297,38 @@ def _webp_with(data: bytes, spec: oiio.ImageSpec, exif: bytes, xmp: bytes) -> by
     return b"RIFF" + struct.pack("<I", len(whole) + 4) + b"WEBP" + whole
 
 
-def _png_chunks(data: bytes | mmap) -> Iterator[tuple[bytes, bytes]]:
-    at = 8
-    while at + 12 <= len(data):
-        length, name = struct.unpack_from(">I4s", data, at)
-        if length > len(data) - at - 12:
-            return
-        yield name, b"" if name == b"IDAT" or length > _LARGEST else data[at + 8 : at + 8 + length]
-        at += 12 + length
+def _records(
+    data: bytes | mmap, at: int, record: Callable[[bytes | mmap, int], tuple[bytes, slice, int]]
+) -> Iterator[tuple[bytes, slice]]:
+    """The records that follow each other from a place on, as names and places of their bodies, up to a damaged one.
 
-
-def _riff_chunks(data: bytes | mmap) -> Iterator[tuple[bytes, bytes]]:
-    at = 12
+    record: the name of the one at a place, where its body lies, and where the next one begins.
+    """
     while at + 8 <= len(data):
-        name, length = struct.unpack_from("<4sI", data, at)
-        if length > len(data) - at - 8:
+        name, body, following = record(data, at)
+        if not at + 8 <= body.start <= body.stop <= min(following, len(data)):
             return
-        yield name, data[at + 8 : at + 8 + length]
-        at += 8 + length + length % 2
+        yield name, body
+        at = following
 
 
-def _boxes(data: bytes | mmap) -> Iterator[tuple[bytes, bytes]]:
-    at = 0
-    while at + 8 <= len(data):
-        size, name = struct.unpack_from(">I4s", data, at)
-        head = 8
-        if size == 1 and at + 16 <= len(data):
-            size, head = struct.unpack_from(">Q", data, at + 8)[0], 16
-        size = size or len(data) - at
-        if size < head or size > len(data) - at:
-            return
-        yield name, data[at + head : at + size]
-        at += size
+def _png_chunk(data: bytes | mmap, at: int) -> tuple[bytes, slice, int]:
+    length, name = struct.unpack_from(">I4s", data, at)
+    return name, slice(at + 8, at + 8 + length), at + 12 + length  # a checksum follows
+
+
+def _riff_chunk(data: bytes | mmap, at: int) -> tuple[bytes, slice, int]:
+    name, length = struct.unpack_from("<4sI", data, at)
+    return name, slice(at + 8, at + 8 + length), at + 8 + length + length % 2
+
+
+def _box_at(data: bytes | mmap, at: int) -> tuple[bytes, slice, int]:
+    size, name = struct.unpack_from(">I4s", data, at)
+    head = 8
+    if size == 1 and at + 16 <= len(data):
+        size, head = number(data, ">", "Q", at + 8), 16
+    end = at + size if size else len(data)
+    return name, slice(at + head, end), end
 
 
 def _box(name: bytes, body: bytes) -> bytes:
