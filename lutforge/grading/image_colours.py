@@ -117,6 +117,7 @@ def notes_on_packets(
             lost.append(f"IPTC of {len(packet):,} bytes, more than a JPEG holds")
     if packets.extended and not segments_stay:
         lost.append("the part of XMP beyond 64 kB")
+    lost += [] if segments_stay else packets.not_described
     if packets.exif and len(packets.exif) >= 65_500:
         lost.append("EXIF of more than 64 kB")
     lost += ["ICC profile"] if "ICCProfile" in names and written not in _HOLDS_ICC else []

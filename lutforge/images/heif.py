@@ -71,8 +71,12 @@ def read_heif_exif(path: Path) -> bytes:
 
 @dataclass(frozen=True)
 class HeifDescription:
-    """What a file says of its picture. primaries, transfer: code points of ITU-T H.273, 0 where it states none."""
+    """What a file says of its picture, without decoding it.
 
+    exif: its TIFF structure; primaries, transfer: code points of ITU-T H.273, 0 where it states none.
+    """
+
+    exif: bytes
     xmp: bytes
     icc: bytes
     primaries: int
@@ -80,10 +84,11 @@ class HeifDescription:
 
 
 def read_heif_description(path: Path) -> HeifDescription:
-    """What a file says besides EXIF, without decoding it. Raises ImageError as `read_heif`."""
+    """What a file says of its picture. Raises ImageError as `read_heif`."""
     told = _opened(path).info
     codes = told.get("nclx_profile") or {}
     return HeifDescription(
+        _exif_of(told),
         bytes(told.get("xmp") or b""),
         bytes(told.get("icc_profile") or b""),
         int(codes.get("color_primaries", 0)),

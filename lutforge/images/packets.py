@@ -20,7 +20,7 @@ from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif, read_heif_description
 from lutforge.images.jpeg import APP0, APP1, EXIF, SOI, Segment, metadata_end, read_header
 from lutforge.images.stated_encoding import of_codes, of_gamma_and_primaries
-from lutforge.images.tiff import byte_order, number, read_directory
+from lutforge.images.tiff import byte_order, number, offset_in, read_directory
 from lutforge.images.xmp import EXTENSION, XMP_SEGMENT, extended_segments, with_extension
 
 _PNG, _JP2 = b"\x89PNG\r\n\x1a\n", b"\0\0\0\x0cjP  \r\n\x87\n"
@@ -28,6 +28,7 @@ _PNG_XMP = b"XML:com.adobe.xmp\0"
 _UUID_EXIF, _UUID_XMP = b"JpgTiffExif->JP2", bytes.fromhex("be7acfcb97a942e89c71999491e3afac")
 _UUID_IPTC = bytes.fromhex("33c7a4d2b81d4723a0baf1a3e097ad38")
 _TIFF_XMP, _TIFF_IPTC = 700, 33723
+_MAKER_NOTE, _USER_COMMENT = 0x927C, 0x9286
 _PNG_IPTC = b"Raw profile type iptc\0"
 """Keyword of the text in which ImageMagick and exiftool store IPTC in a PNG, which has no place for it."""
 PHOTOSHOP = (0xED, b"Photoshop 3.0\0")
@@ -46,7 +47,8 @@ class Packets:
     xmp, iptc, exif: packets as the file has them, empty where there are none; exif of a JPEG 2000 alone, in which
     OpenImageIO does not look for it. animated: several frames. lossless: a WebP without loss. extended: an XMP packet
     of a JPEG has an extension beyond 64 kB, which is not in `xmp`, since it is damaged. encoding: what a PNG or HEIF
-    without an ICC profile states of its own that is not sRGB.
+    without an ICC profile states of its own that is not sRGB. not_described: what its EXIF has that no description of
+    OpenImageIO holds.
     """
 
     xmp: bytes = b""
@@ -56,6 +58,7 @@ class Packets:
     lossless: bool = False
     extended: bool = False
     encoding: str = ""
+    not_described: tuple[str, ...] = ()
 
 
 def read_packets(path: Path) -> Packets:
@@ -80,17 +83,19 @@ def packets_of(data: bytes | mmap) -> Packets:
         return _png_packets(data)
     if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
         chunks = dict(reversed(list(_records(data, 12, _riff_chunk))))
-        return Packets(data[chunks.get(b"XMP ", slice(0))], animated=b"ANIM" in chunks, lossless=b"VP8L" in chunks)
+        xmp, exif = (data[chunks.get(name, slice(0))] for name in (b"XMP ", b"EXIF"))
+        missing = _not_described(exif.removeprefix(EXIF[1]))
+        return Packets(xmp, animated=b"ANIM" in chunks, lossless=b"VP8L" in chunks, not_described=missing)
     if data[:12] == _JP2:
         bodies = [data[place] for name, place in _records(data, 0, _box_at) if name == b"uuid"]
         packets = {body[:16]: body[16:] for body in reversed(bodies)}  # the first of a kind counts
         xmp, iptc, exif = (packets.get(kind, b"") for kind in (_UUID_XMP, _UUID_IPTC, _UUID_EXIF))
-        return Packets(xmp, iptc, exif)
+        return Packets(xmp, iptc, exif, not_described=_not_described(exif))
     order = byte_order(data[:2])
     if order is not None and data[2:4] == struct.pack(f"{order}H", 42):
         entries, _ = read_directory(data, order, number(data, order, "I", 4))
         xmp, iptc = (data[entries[tag].place] if tag in entries else b"" for tag in (_TIFF_XMP, _TIFF_IPTC))
-        return Packets(xmp, iptc)
+        return Packets(xmp, iptc, not_described=_not_described(data))
     return Packets()
 
 
@@ -103,7 +108,8 @@ def _jpeg_packets(data: bytes | mmap) -> Packets:
     extended = any(segment.holds(EXTENSION) for segment in segments)
     if extended and (joined := with_extension(whole, segments)) is not None:
         whole, extended = joined, False
-    return Packets(whole, _iptc_of(resources), extended=extended)
+    missing = _not_described(b"" if header is None or header.exif is None else header.exif)
+    return Packets(whole, _iptc_of(resources), extended=extended, not_described=missing)
 
 
 def _png_packets(data: bytes | mmap) -> Packets:
@@ -123,7 +129,26 @@ def _png_packets(data: bytes | mmap) -> Packets:
             iptc = _iptc_of(bytes.fromhex(b"".join(text.split()[3:]).decode("ascii")))
     animated = any(name == b"acTL" for name, _ in chunks)
     colours = {name: data[place] for name, place in chunks if name in (b"cICP", b"iCCP", b"sRGB", b"gAMA", b"cHRM")}
-    return Packets(xmp, iptc, animated=animated, encoding=_png_encoding(colours))
+    exif = next((data[place] for name, place in chunks if name == b"eXIf"), b"")
+    encoding = _png_encoding(colours)
+    return Packets(xmp, iptc, animated=animated, encoding=encoding, not_described=_not_described(exif))
+
+
+def _not_described(block: bytes | mmap) -> tuple[str, ...]:
+    """What a TIFF structure of EXIF has that is of no type which OpenImageIO reads (Exif 2.32, 4.6.5)."""
+    order = byte_order(block[:2])
+    if order is None or len(block) < 8:
+        return ()
+    try:
+        first, _ = read_directory(block, order, number(block, order, "I", 4))
+        place = offset_in(block, order, first, 0x8769)
+        photo, _ = ({}, 0) if place is None else read_directory(block, order, place)
+    except struct.error:  # an offset beyond the end
+        return ()
+    comment = block[photo[_USER_COMMENT].place] if _USER_COMMENT in photo else b""
+    # Cameras write an empty one: eight bytes of a character set, then blanks.
+    written = bool(comment[8:].strip(b" \0"))
+    return (*(["maker notes"] if _MAKER_NOTE in photo else []), *(["the user comment of EXIF"] if written else []))
 
 
 def _unpacked(text: bytes) -> bytes:
@@ -163,7 +188,8 @@ def read_heif_packets(path: Path) -> Packets:
     """What a HEIF file stores: XMP, and the code points of its colours. Raises ImageError as `read_heif`."""
     described = read_heif_description(path)
     primaries = 0 if described.icc else described.primaries
-    return Packets(described.xmp, encoding=of_codes(primaries, described.transfer))
+    encoding = of_codes(primaries, described.transfer)
+    return Packets(described.xmp, encoding=encoding, not_described=_not_described(described.exif))
 
 
 def exif_block(spec: oiio.ImageSpec) -> bytes:

@@ -222,6 +222,41 @@ def test_no_film_and_no_gain_map_is_declared_that_is_not_there() -> None:
     assert without_further_pictures(xmp) == b'<rdf:Description xmp:Rating="3"></rdf:Description>'
 
 
+@pytest.mark.parametrize("source", ["jpg", "tif", "png", "webp", "jp2", "heic"])
+def test_maker_notes_and_the_user_comment_are_kept_or_named(tmp_path: Path, source: str) -> None:
+    path = tmp_path / f"a.{source}"
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0x927C: b"a camera's own", 0x9286: b"ASCII\0\0\0seen"})
+    if source == "heic":
+        heif = pytest.importorskip("pillow_heif", reason="needs pillow-heif")
+        heif.from_pillow(Image.new("RGB", (64, 64))).save(str(path), exif=exif.tobytes())
+    else:
+        Image.new("RGB", (64, 64)).save(path, exif=exif.tobytes())
+    if source == "jp2":  # which Pillow gives no EXIF
+        body = b"JpgTiffExif->JP2" + exif.tobytes().removeprefix(b"Exif\0\0")
+        box = struct.pack(">I", len(body) + 8) + b"uuid" + body
+        data = path.read_bytes()
+        at = data.index(b"jp2c") - 4
+        path.write_bytes(data[:at] + box + data[at:])
+    recipe = LutRecipe(write_cube(tmp_path / "a.cube"))
+    for target in ("jpg", "png", "tif"):
+        done = apply_image(recipe.grade(path), path, tmp_path / f"b.{target}")
+        named = [all(word in note for word in ("maker notes", "user comment")) for note in done.notes]
+        assert any(named) == (not source == target == "jpg")
+        if source == target == "jpg":
+            assert b"a camera's own" in done.target.read_bytes()
+
+
+def test_an_empty_user_comment_is_no_loss(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0x9286] = b"ASCII\0\0\0" + b" " * 36
+    Image.new("RGB", (64, 64)).save(tmp_path / "a.jpg", exif=exif.tobytes())
+    done = apply_image(
+        LutRecipe(write_cube(tmp_path / "a.cube")).grade(tmp_path / "a.jpg"), tmp_path / "a.jpg", tmp_path / "b.png"
+    )
+    assert done.notes == ()
+
+
 @pytest.mark.parametrize("part", [b" ", b" hdrgm:a ", b"<Container:Directory ", b"</Container:Directory "])
 def test_a_long_packet_is_looked_through_once(part: bytes) -> None:
     """Cameras pad packets with 64 KB of spaces; a search that began anew at each byte of 2 MB would take hours."""
