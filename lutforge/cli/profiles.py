@@ -115,7 +115,7 @@ def calibrate(
         list[Path] | None, argument("Sample tables (.csv, .npz), RAW files, folders of RAW files.")
     ] = None,
     output: ProfileOutput = None,
-    preset: Annotated[str, option("lutforge; or thesis: the published method as written.")] = "lutforge",
+    preset: Annotated[str, option("lutforge; or thesis: the published method.")] = "lutforge",
     size: Annotated[int, option("Nodes per axis of the lattices, 3 to 65.")] = 33,
     interpolation: Annotated[str, option("trilinear or tetrahedral: what will read the LUT.")] = "trilinear",
     uniform: Annotated[bool, option("Keep the node levels evenly spaced.", "--uniform")] = False,

@@ -30,9 +30,10 @@ from lutforge.images.icc import foreign_profile, pixels_to_srgb, profile_name
 from lutforge.images.jpeg import JpegHeader, read_header
 from lutforge.images.orientation import upright
 from lutforge.images.output_spec import IN_SRGB, describe_output, format_of, keeps_orientation, with_shape
-from lutforge.images.packets import Packets, read_packets, without_further_pictures
+from lutforge.images.packets import Packets, read_packets
 from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
 from lutforge.images.write import ImageWriter, image_writer
+from lutforge.images.xmp import without_further_pictures
 from lutforge.model.highlights import clipped
 from lutforge.shots.discover import RAW_SUFFIXES
 
@@ -85,7 +86,7 @@ def apply_image(
             packets = replace(packets, xmp=spec.get_string_attribute("xmp").encode())
         if grade.for_srgb and packets.encoding:
             raise ImageError(
-                f"{source}: says that it is encoded as {packets.encoding}, and this grade is for sRGB; "
+                f"{source}: says that its colours are in {packets.encoding}, and this grade is for sRGB; "
                 "convert it to sRGB first"
             )
         jpeg = read_header(source.read_bytes()) if image.format == format_of(target) == "jpeg" else None

@@ -13,8 +13,9 @@ from lutforge.images.heif import is_heif
 from lutforge.images.icc import is_srgb, mean_code_change, stored_profile
 from lutforge.images.jpeg import JpegHeader
 from lutforge.images.output_spec import IN_ANOTHER_SPACE
-from lutforge.images.packets import LARGEST_JPEG_PACKET, Packets, declares_film, holds_packets
+from lutforge.images.packets import LARGEST_JPEG_PACKET, Packets, holds_packets
 from lutforge.images.read import ImageReader, is_premultiplied
+from lutforge.images.xmp import declares_film
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 
@@ -96,7 +97,7 @@ def notes_on_packets(
     format, written: of source and graded file; segments_stay: both are JPEG, and all segments of metadata are copied.
     """
     if packets.encoding:
-        yield f"the picture says that it is encoded as {packets.encoding}, and was graded as it is"
+        yield f"the picture says that its colours are in {packets.encoding}, and was graded as it is"
     if packets.animated and format == "png":
         yield "an animation: its first frame was graded, the others were left out"
     if declares_film(packets.xmp):
@@ -114,10 +115,11 @@ def notes_on_packets(
             continue
         if kind not in kinds:
             lost.append(kind)
-        elif written == "jpeg" and len(packet) >= LARGEST_JPEG_PACKET:
-            lost.append(f"{kind} of {len(packet):,} bytes, more than a JPEG holds")
+        elif written == "jpeg" and kind == "IPTC" and len(packet) >= LARGEST_JPEG_PACKET:
+            lost.append(f"IPTC of {len(packet):,} bytes, more than a JPEG holds")
     if packets.extended and not segments_stay:
         lost.append("the part of XMP beyond 64 kB")
+    lost += [] if segments_stay else packets.not_described
     if packets.exif and len(packets.exif) >= 65_500:
         lost.append("EXIF of more than 64 kB")
     lost += ["ICC profile"] if "ICCProfile" in names and written not in _HOLDS_ICC else []

@@ -14,7 +14,7 @@ from lutforge.images.jpeg import APP1, APP2, JpegHeader
 from lutforge.images.jpeg_copy import stored_metadata, with_colours
 from lutforge.images.jpeg_pixels import decode, encode
 from lutforge.images.output_spec import IN_ANOTHER_SPACE, SOFTWARE
-from lutforge.images.packets import XMP_SEGMENT, without_further_pictures
+from lutforge.images.xmp import XMP_SEGMENT, without_further_pictures
 
 
 def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:

@@ -1,6 +1,6 @@
-"""HEIF pictures (.heic, .heif, .hif) of cameras and phones, read by libheif: 8 to 12 bits a channel, and upright.
+"""HEIF pictures (.heic, .heif, .hif) of cameras and phones, by libheif: 8 to 12 bits a channel, turned as they say.
 
-libheif comes with pillow-heif, an optional package. A picture is decoded to RGB in its own encoding, not converted.
+pillow-heif, an optional package, brings libheif. A picture is decoded to RGB in its own encoding; nothing is converted.
 """
 
 import importlib
@@ -16,24 +16,18 @@ from lutforge.errors import ImageError
 
 HEIF_SUFFIXES = (".heic", ".heif", ".hif")
 
-HDR = {16: "PQ", 18: "HLG"}
-"""Transfer characteristics of HDR pictures (ITU-T H.273, table 3)."""
-
 
 @dataclass(frozen=True, eq=False)
 class Heif:
-    """A decoded picture. codes: (h, w, 3), 0 … 65535 for any number of bits.
+    """A decoded picture. codes: (h, w, 3), 0 … 65535 whatever the bits; exif: its TIFF structure; icc: the profile.
 
-    exif: its TIFF structure; icc: the profile; both empty where there is none. hdr: "PQ", "HLG" or "". primaries: their
-    number in H.273, 0 if unknown.
+    exif and icc are empty where there are none.
     """
 
     codes: NDArray[np.uint16]
     bits: int
     exif: bytes
     icc: bytes
-    hdr: str
-    primaries: int
 
     @property
     def codes8(self) -> NDArray[np.uint8]:
@@ -57,19 +51,16 @@ def read_heif(path: Path) -> Heif:
             raise ImageError(f"{path}: its colours are {opened.mode[:20]}, not RGB")
         pixels = np.asarray(opened)[..., :3]
         bits = int(opened.info.get("bit_depth", 8))
-        if pixels.dtype == np.uint16:  # libheif's values are in the upper bits
+        if pixels.dtype == np.uint16:  # libheif's values stand in the upper bits
             steps = 2**bits - 1
             wide = ((pixels >> (16 - bits)).astype(np.uint32) * 65535 + steps // 2) // steps
         else:
             wide = pixels.astype(np.uint32) * 257
-        nclx = opened.info.get("nclx_profile") or {}
         return Heif(
             np.ascontiguousarray(wide.astype(np.uint16)),
             bits,
             _exif_of(opened.info),
             bytes(opened.info.get("icc_profile") or b""),
-            HDR.get(int(nclx.get("transfer_characteristics", 0)), ""),
-            int(nclx.get("color_primaries", 0)),
         )
 
 
@@ -78,19 +69,40 @@ def read_heif_exif(path: Path) -> bytes:
     return _exif_of(_opened(path).info)
 
 
-def read_heif_xmp(path: Path) -> bytes:
-    """The XMP packet of a file; empty where it has none. Raises ImageError as `read_heif`."""
-    return bytes(_opened(path).info.get("xmp") or b"")
+@dataclass(frozen=True)
+class HeifDescription:
+    """What a file says of its picture, without decoding it.
+
+    exif: its TIFF structure; primaries, transfer: code points of ITU-T H.273, 0 where it states none.
+    """
+
+    exif: bytes
+    xmp: bytes
+    icc: bytes
+    primaries: int
+    transfer: int
+
+
+def read_heif_description(path: Path) -> HeifDescription:
+    """What a file says of its picture. Raises ImageError as `read_heif`."""
+    told = _opened(path).info
+    codes = told.get("nclx_profile") or {}
+    return HeifDescription(
+        _exif_of(told),
+        bytes(told.get("xmp") or b""),
+        bytes(told.get("icc_profile") or b""),
+        int(codes.get("color_primaries", 0)),
+        int(codes.get("transfer_characteristics", 0)),
+    )
 
 
 def _exif_of(info: dict[str, Any]) -> bytes:
-    """The TIFF structure of EXIF in pillow-heif's description of a picture."""
+    """The TIFF structure in what pillow-heif tells of a picture."""
     block = bytes(info.get("exif") or b"")
     return block[6:] if block.startswith(b"Exif\0\0") else block
 
 
 def _opened(path: Path) -> Any:
-    """pillow-heif's object of a file. Raises ImageError."""
     require_file(path, "an image", ImageError)
     try:
         package = importlib.import_module("pillow_heif")

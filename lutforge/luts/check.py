@@ -30,6 +30,8 @@ FLOAT_FORMATS = (".clf", ".ctf", ".spi1d", ".spi3d", ".spimtx", ".cc", ".ccc", "
 """Formats whose readers all compute in floats, and clip nothing."""
 CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
 """The highest code of integers, and their bits."""
+LEAST_CODES, EVEN = 64.0, 0.2
+"""Numbers that are not whole are codes, too, if they reach the first of these, and half of them that share of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,11 +216,14 @@ def _problems_of_range(
             f"its inputs run to {max(domain[1]):g}, as codes of {CODES[max(domain[1])]} bits: pictures from 0 to 1 "
             "fall on its first nodes; write a domain from 0 to 1"
         )
-    if highest > 1 and (clipped is None) and np.all(outputs == np.rint(outputs)):
+    whole = bool(np.all(outputs == np.rint(outputs)))
+    # Scene-linear light reaches as high, and in nits higher, but half of such a table is dark.
+    codes = highest >= LEAST_CODES and float(np.median(outputs)) > EVEN * highest and states is None
+    if highest > 1 and clipped is None and (whole or codes):
         top = next((code for code in CODES if code >= highest), highest)
+        are = "are whole and run" if whole else "run"
         yield (
-            f"its numbers are whole and run to {highest:g}, as codes, where 0 to 1 are meant: all is white; divide "
-            f"them by {top:g}"
+            f"its numbers {are} to {highest:g}, as codes, where 0 to 1 are meant: all is white; divide them by {top:g}"
         )
     elif clipped is None and not in_floats and not (states is not None and states.are_linear[1]):
         yield "outputs leave [0, 1]: programs with integers clip them, others pass them on"

@@ -17,6 +17,7 @@ from lutforge.images.icc import is_srgb, profile_name, to_srgb
 from lutforge.images.jpeg import read_header
 from lutforge.images.jpeg_pixels import decode
 from lutforge.images.orientation import MIRRORED, QUARTER_TURNS, inverse, orientation_between, upright
+from lutforge.images.packets import read_packets
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import read_image
 from lutforge.shots.cells import CellStatistics
@@ -189,8 +190,8 @@ def _registered(
         profile = b"" if in_adobe_rgb(tags_of(data)) else profile
 
     notes = []
-    if heif is not None and heif.hdr:
-        raise ShotError(f"{source}: encoded for HDR ({heif.hdr}), unlike a JPEG; set the camera to SDR")
+    if heif is not None and (stated := read_packets(Path(source)).encoding):
+        raise ShotError(f"{source}: its colours are in {stated}, unlike a JPEG's; set the camera to sRGB, without HDR")
     if profile and not is_srgb(profile):
         jpeg, fine = to_srgb(jpeg, profile), None
         advice = "converted to sRGB, so grade pictures that are converted"

@@ -15,12 +15,15 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import pillow_heif
+from PIL import Image
 
 import lutforge as lf
 from lutforge.cli.console import quiet_codecs
 from lutforge.errors import LutForgeError
 from lutforge.grading.grade import LutRecipe
 from lutforge.grading.image import apply_image
+from lutforge.images.packets import add_packets
 from lutforge.images.raw import read_raw
 from lutforge.kits.dcp import DngProfile, write_dcp
 from lutforge.kits.icc import IccProfile, write_icc
@@ -74,7 +77,8 @@ def _inspected(path: Path) -> None:
 
 def _graded(path: Path) -> None:
     """As `apply` does with a LUT."""
-    lut, target = path.with_name("grade.cube"), path.with_name(f"graded{path.suffix}")
+    lut = path.with_name("grade.cube")
+    target = path.with_name("graded.png" if path.suffix == ".heic" else f"graded{path.suffix}")
     if not lut.exists():
         Lut((Cube(grid(uniform_levels(3)) ** 0.9),)).write(lut)
     recipe = LutRecipe(lut)
@@ -95,9 +99,19 @@ LUTS = (*TEXT_LUTS, ".1d.cube", ".resolve.cube", *(f".lut{suffix}" for suffix in
 READERS: Mapping[str, Callable[[Path], object]] = {
     ".dng": _shot, ".jpg": inspect, ".ocio": _config, ".ocioz": _config, ".npz": _rendered, ".csv": read_samples,
     ".table.npz": read_samples, ".dcp": inspect, ".icc": inspect, ".exr": _inspected, ".tif": _inspected,
-    ".png": _inspected, ".graded.jpg": _inspected, ".webp": _inspected, ".jp2": _inspected, **dict.fromkeys(LUTS, _lut),
+    ".png": _inspected, ".graded.jpg": _inspected, ".webp": _inspected, ".jp2": _inspected, ".heic": _inspected,
+    **dict.fromkeys(LUTS, _lut),
 }  # fmt: skip
 """What reads a kind of file, which the end of its name tells."""
+
+
+PACKET = (
+    b'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
+    b'<rdf:Description xmlns:xmp="http://ns.adobe.com/xap/1.0/" xmp:Rating="4" GCamera:MotionPhoto="1" xmp:Label="'
+    + b"a" * 70_000
+    + b'"><Container:Directory><rdf:Seq/></Container:Directory></rdf:Description></rdf:RDF></x:xmpmeta>'
+)
+"""XMP that a JPEG holds in a segment and an extension, and that declares a film behind the picture."""
 
 
 def whole_files(folder: Path) -> dict[str, bytes]:
@@ -125,6 +139,12 @@ def whole_files(folder: Path) -> dict[str, bytes]:
         picture = oiio.ImageBuf(np.random.default_rng(2).random(shape, dtype=np.float32))
         picture.specmod().attribute("Artist", "somebody")
         picture.write(str(folder / f"a{suffix}"), "half" if suffix == ".exr" else "uint8")
+        if suffix != ".exr":
+            format = {".tif": "tiff", ".jp2": "jpeg2000"}.get(suffix, suffix[1:])
+            add_packets(folder / f"a{suffix}", format, picture.spec(), PACKET, b"\x1c\2Z\0\6Berlin")
+    add_packets(folder / "a.graded.jpg", "jpeg", oiio.ImageSpec(8, 8, 3, "uint8"), PACKET, b"\x1c\2Z\0\6Berlin")
+    heif = Image.fromarray(np.random.default_rng(3).integers(0, 256, (64, 64, 3), dtype=np.uint8))
+    pillow_heif.from_pillow(heif).save(str(folder / "a.heic"), quality=50, xmp=PACKET)
     lut = lut_of_nodes((np.array([0.0, 0.125, 1.0]),) * 3, grid(uniform_levels(3)) ** 0.5, size=9, comments=("a note",))
     for kind in (".resolve.cube", ".lut.clf", ".lut.ctf", ".lut.csp"):
         lut.write(folder / f"a{kind}")

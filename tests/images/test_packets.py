@@ -14,8 +14,9 @@ from PIL import Image, ImageCms
 
 from lutforge.grading.grade import LutRecipe
 from lutforge.grading.image import apply_image
-from lutforge.images.packets import declares_film, read_packets, without_further_pictures
+from lutforge.images.packets import read_packets
 from lutforge.images.read import ImageReader
+from lutforge.images.xmp import declares_film, extended_segments, without_further_pictures
 from lutforge.shots.maker_settings import edited_notes
 from lutforge.shots.tags import tags
 from tests.cases.pictures import write_cube
@@ -130,32 +131,57 @@ LONG_PACKET = (
 )
 
 
-@pytest.mark.parametrize(("target", "held"), [("jpg", False), ("png", True), ("tif", True), ("exr", True)])
-def test_xmp_beyond_64_kb_is_kept_or_named(tmp_path: Path, target: str, held: bool) -> None:
+@pytest.mark.parametrize("target", ["png", "tif", "exr", "jp2", "webp"])
+def test_xmp_beyond_64_kb_is_kept(tmp_path: Path, target: str) -> None:
     path = picture(tmp_path / "a.webp")
     Image.open(path).save(tmp_path / "b.webp", xmp=LONG_PACKET, lossless=True)
     grade = LutRecipe(write_cube(tmp_path / "a.cube")).grade(tmp_path / "b.webp")
     done = apply_image(grade, tmp_path / "b.webp", tmp_path / f"c.{target}")
-    lost = [note for note in done.notes if "left out: XMP of 70," in note]
-    assert len(lost) == (0 if held else 1)
-    if target in ("png", "tif"):
-        assert read_packets(done.target).xmp == LONG_PACKET
+    assert not any("left out" in note for note in done.notes)
     if target == "exr":  # and from there on
-        again = apply_image(LutRecipe(tmp_path / "a.cube").grade(done.target), done.target, tmp_path / "d.png")
-        assert read_packets(again.target).xmp == LONG_PACKET
+        done = apply_image(LutRecipe(tmp_path / "a.cube").grade(done.target), done.target, tmp_path / "d.png")
+    assert read_packets(done.target).xmp == LONG_PACKET
 
 
-@pytest.mark.parametrize(("target", "held"), [("jpg", True), ("png", False)])
-def test_an_extension_of_xmp_is_kept_or_named(tmp_path: Path, target: str, held: bool) -> None:
-    """XMP of a JPEG beyond 64 kB stands in segments of its own."""
+def test_xmp_beyond_64_kb_gets_an_extension_in_a_jpeg(tmp_path: Path) -> None:
+    """Which other programs read, and from which it comes back."""
+    if shutil.which("exiftool") is None:
+        pytest.skip("needs exiftool")
+    path = picture(tmp_path / "a.webp")
+    Image.open(path).save(tmp_path / "b.webp", xmp=LONG_PACKET, lossless=True)
+    recipe = LutRecipe(write_cube(tmp_path / "a.cube"))
+    jpeg = apply_image(recipe.grade(tmp_path / "b.webp"), tmp_path / "b.webp", tmp_path / "c.jpg")
+    back = apply_image(recipe.grade(jpeg.target), jpeg.target, tmp_path / "d.png")
+    again = apply_image(recipe.grade(jpeg.target), jpeg.target, tmp_path / "e.jpg")
+    assert not any("left out" in note for done in (jpeg, back, again) for note in done.notes)
+    paths = [str(done.target) for done in (jpeg, back, again)]
+    run = subprocess.run(["exiftool", "-j", "-n", "-XMP:all", *paths], capture_output=True, text=True, check=True)
+    for found in json.loads(run.stdout):
+        assert found["Rating"] == 4
+        assert len(found["Label"]) == 70_000
+        assert "Warning" not in found
+    assert b"HasExtendedXMP" not in read_packets(back.target).xmp
+
+
+@pytest.mark.parametrize("damage", ["none", "a piece is missing", "another checksum", "names around it"])
+@pytest.mark.parametrize("target", ["jpg", "png"])
+def test_an_extension_of_xmp_is_kept_or_named(tmp_path: Path, target: str, damage: str) -> None:
     path = picture(tmp_path / "a.jpg")
-    body = b"http://ns.adobe.com/xmp/extension/\0" + bytes(40) + b"<x:xmpmeta/>"
+    packet = LONG_PACKET.replace(b"xmlns:rdf", b'xmlns:a="b" xmlns:rdf') if "names" in damage else LONG_PACKET
+    named, *pieces = extended_segments(packet)
+    if damage == "a piece is missing":
+        del pieces[1]
+    stored = b"".join(segment.stored for segment in (named, *pieces))
+    if damage == "another checksum":
+        stored = stored.replace(b">a" if b">a" in stored else b"aaa", b"bbb", 1)
     data = path.read_bytes()
-    path.write_bytes(data[:2] + b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body + data[2:])
-    grade = LutRecipe(write_cube(tmp_path / "a.cube")).grade(path)
-    done = apply_image(grade, path, tmp_path / f"b.{target}")
-    assert any("beyond 64 kB" in note for note in done.notes) != held
-    assert (body in done.target.read_bytes()) == held
+    path.write_bytes(data[:2] + stored + data[2:])
+    done = apply_image(LutRecipe(write_cube(tmp_path / "a.cube")).grade(path), path, tmp_path / f"b.{target}")
+    lost = any("beyond 64 kB" in note for note in done.notes)
+    assert lost == (target == "png" and damage != "none")
+    assert (stored in done.target.read_bytes()) == (target == "jpg")
+    if target == "png" and damage == "none":
+        assert b'xmp:Rating="4"' in read_packets(done.target).xmp
 
 
 @pytest.mark.parametrize("target", ["jpg", "png", "tif", "webp", "jp2", "bmp"])
@@ -196,6 +222,41 @@ def test_no_film_and_no_gain_map_is_declared_that_is_not_there() -> None:
     assert without_further_pictures(xmp) == b'<rdf:Description xmp:Rating="3"></rdf:Description>'
 
 
+@pytest.mark.parametrize("source", ["jpg", "tif", "png", "webp", "jp2", "heic"])
+def test_maker_notes_and_the_user_comment_are_kept_or_named(tmp_path: Path, source: str) -> None:
+    path = tmp_path / f"a.{source}"
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0x927C: b"a camera's own", 0x9286: b"ASCII\0\0\0seen"})
+    if source == "heic":
+        heif = pytest.importorskip("pillow_heif", reason="needs pillow-heif")
+        heif.from_pillow(Image.new("RGB", (64, 64))).save(str(path), exif=exif.tobytes())
+    else:
+        Image.new("RGB", (64, 64)).save(path, exif=exif.tobytes())
+    if source == "jp2":  # which Pillow gives no EXIF
+        body = b"JpgTiffExif->JP2" + exif.tobytes().removeprefix(b"Exif\0\0")
+        box = struct.pack(">I", len(body) + 8) + b"uuid" + body
+        data = path.read_bytes()
+        at = data.index(b"jp2c") - 4
+        path.write_bytes(data[:at] + box + data[at:])
+    recipe = LutRecipe(write_cube(tmp_path / "a.cube"))
+    for target in ("jpg", "png", "tif"):
+        done = apply_image(recipe.grade(path), path, tmp_path / f"b.{target}")
+        named = [all(word in note for word in ("maker notes", "user comment")) for note in done.notes]
+        assert any(named) == (not source == target == "jpg")
+        if source == target == "jpg":
+            assert b"a camera's own" in done.target.read_bytes()
+
+
+def test_an_empty_user_comment_is_no_loss(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0x9286] = b"ASCII\0\0\0" + b" " * 36
+    Image.new("RGB", (64, 64)).save(tmp_path / "a.jpg", exif=exif.tobytes())
+    done = apply_image(
+        LutRecipe(write_cube(tmp_path / "a.cube")).grade(tmp_path / "a.jpg"), tmp_path / "a.jpg", tmp_path / "b.png"
+    )
+    assert done.notes == ()
+
+
 @pytest.mark.parametrize("part", [b" ", b" hdrgm:a ", b"<Container:Directory ", b"</Container:Directory "])
 def test_a_long_packet_is_looked_through_once(part: bytes) -> None:
     """Cameras pad packets with 64 KB of spaces; a search that began anew at each byte of 2 MB would take hours."""
@@ -213,12 +274,27 @@ def test_an_animated_png_is_said(tmp_path: Path) -> None:
     assert any("first frame" in note for note in apply_image(grade, tmp_path / "a.png", tmp_path / "b.png").notes)
 
 
+def corners(*primaries: float) -> bytes:
+    """A PNG's cHRM of these chromaticities of red, green and blue, and daylight."""
+    return struct.pack(">8I", *(round(100_000 * value) for value in (0.3127, 0.329, *primaries)))
+
+
 @pytest.mark.parametrize(
     ("chunks", "encoding"),
     [
         ({b"cICP": bytes([9, 16, 0, 1])}, "PQ"),
         ({b"cICP": bytes([9, 18, 0, 1])}, "HLG"),
-        ({b"gAMA": struct.pack(">I", 100_000)}, "linear"),
+        ({b"cICP": bytes([9, 1, 0, 1])}, "the primaries of BT.2020"),
+        ({b"cICP": bytes([12, 13, 0, 1])}, "the primaries of Display P3"),
+        ({b"cICP": bytes([1, 13, 0, 0])}, "video levels, 16 to 235"),
+        ({b"gAMA": struct.pack(">I", 100_000)}, "linear light"),
+        ({b"gAMA": struct.pack(">I", 55_556)}, "gamma 1.80"),
+        ({b"gAMA": struct.pack(">I", 45_455), b"cHRM": corners(0.64, 0.33, 0.3, 0.6, 0.15, 0.06)}, ""),
+        ({b"cHRM": corners(0.64, 0.33, 0.21, 0.71, 0.15, 0.06)}, "the primaries of Adobe RGB"),
+        ({b"cHRM": corners(0.68, 0.32, 0.265, 0.69, 0.15, 0.06)}, "the primaries of Display P3"),
+        ({b"cHRM": corners(0.7, 0.3, 0.2, 0.7, 0.15, 0.06)}, "other primaries than sRGB's"),
+        ({b"cHRM": corners(0.7, 0.3, 0.2, 0.7, 0.15, 0.06), b"sRGB": b"\0"}, ""),
+        ({b"cHRM": b"short"}, ""),
         ({b"gAMA": struct.pack(">I", 100_000), b"sRGB": b"\0"}, ""),
         ({b"gAMA": struct.pack(">I", 45_455)}, ""),
         ({b"cICP": bytes([1, 13, 0, 1]), b"gAMA": struct.pack(">I", 100_000)}, ""),

@@ -1,5 +1,6 @@
 """Tables of text: every word is a whole number, or the file is refused with the line; what is unusual is said."""
 
+import re
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
@@ -12,7 +13,10 @@ from lutforge.errors import LutError
 from lutforge.grading.grade import LutRecipe
 from lutforge.luts.check import check_lut
 from lutforge.luts.ocio_transforms import evaluate
+from lutforge.luts.ops import Cube
 from lutforge.luts.reading import read_lut
+from lutforge.luts.sequence import Lut
+from lutforge.model.lattice import grid, uniform_levels
 from tests.cases.lut_texts import PRELUTS, SOUND, table
 from tests.conftest import CommandLine
 
@@ -116,6 +120,29 @@ def test_codes_for_numbers_from_0_to_1_are_a_problem_for_check_and_for_apply(
     spoilt = text[:head] + text[head:].replace("1.0", f"{top}").replace("0.5", f"{top // 2}")
     for message in messages(write(tmp_path, name, spoilt)):
         assert f"run to {top}, as codes" in message, message
+
+
+@pytest.mark.parametrize("top", [100, 127, 255, 1023, 16383, 32767])
+@pytest.mark.parametrize("name", ["a.cube", "a.csp", "a.spi3d", "a.cub", "a.vf", "a.clf", "curve.spi1d"])
+def test_codes_with_decimals_are_codes(tmp_path: Path, name: str, top: int) -> None:
+    text = SOUND[name]
+    before = ("DOMAIN_MAX 1.0 1.0 1.0", PRELUTS, "From 0.0 1.0", "# Cube", "<LUT3D")
+    head = max([0, *(text.find(mark) + len(mark) for mark in before if mark in text)])
+    codes = {"0.0": f"{0.313 * top:.4f}", "0.5": f"{0.607 * top:.4f}", "1.0": f"{top}.0"}
+    spoilt = text[:head] + re.sub(r"\b[01]\.[05]\b", lambda word: codes[word[0]], text[head:])
+    for message in messages(write(tmp_path, name, spoilt)):
+        assert f"run to {top}, as codes" in message, message
+
+
+@pytest.mark.parametrize("name", ["a.cube", "a.spi3d", "a.clf"])
+@pytest.mark.parametrize("top", [55.0, 16291.0])
+def test_scene_linear_light_is_not_taken_for_codes(tmp_path: Path, name: str, top: float) -> None:
+    """As a table has it that decodes a log space."""
+    source = Lut((Cube(np.expm1(grid(uniform_levels(9)) * np.log(1.0 + 100.0 * top)) / 100.0),)).write(
+        tmp_path / f"source{Path(name).suffix}"
+    )
+    for message in messages(source):
+        assert "as codes" not in message
 
 
 @pytest.mark.parametrize("top", [255, 1023])

@@ -98,7 +98,23 @@ def test_a_picture_for_hdr_displays_is_passed_over_and_said_once(tmp_path: Path,
     _, dng = pair(tmp_path, "shot", CameraSettings(exposure_s=1 / 30), "still-life", 1)
     write_heif(dng.with_suffix(".HIF"), np.full((440, 648, 3), 0.5), transfer=transfer)
     notes = [note for note in file_notes(gather_samples([dng]).shots) if "HDR" in note]
-    assert len(notes) == 1 and f"passed over: {dng.with_suffix('.HIF')}: encoded for HDR ({name})" in notes[0]
+    assert len(notes) == 1 and f"passed over: {dng.with_suffix('.HIF')}: its colours are in {name}" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("codes", "stated"), [({"transfer_characteristics": 16}, "PQ"), ({"color_primaries": 12}, "Display P3"), ({}, "")]
+)
+def test_a_picture_that_states_other_colours_than_srgb_is_not_graded_as_srgb(
+    tmp_path: Path, codes: dict[str, int], stated: str
+) -> None:
+    picture = heif.from_pillow(Image.new("RGB", (64, 64), "green"))
+    picture.save(str(tmp_path / "a.heic"), **codes)
+    grade = replace(LutRecipe(write_cube(tmp_path / "look.cube")).grade(tmp_path / "a.heic"), for_srgb=True)
+    if not stated:
+        apply_image(grade, tmp_path / "a.heic", tmp_path / "b.png")
+        return
+    with pytest.raises(ImageError, match=stated):
+        apply_image(grade, tmp_path / "a.heic", tmp_path / "b.png")
 
 
 def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:
