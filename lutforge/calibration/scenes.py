@@ -6,11 +6,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array, Mask
-from lutforge.model.gamut_map import OFFSET, GamutMap, from_even
+from lutforge.model.gamut_map import GamutMap, from_even
 from lutforge.sobol import sobol
 
 COUNT = 20_000
 """Scenes that are drawn around samples."""
+SCENE_OFFSET = 0.005
+"""ε of the perceptual scale that scenes are spread over."""
 REST = 0.02
 """The weight of a colour anywhere in the cube, where one near a sample has 1."""
 
@@ -53,7 +55,7 @@ def likely_scenes(samples: Array) -> LikelyScenes:
     near = (root[places] + 0.7 * distance[places] * rng.standard_normal((COUNT, 3))) ** 2
     near = near[np.all(near < 1.0, axis=1)]
     likely = np.concatenate([chosen, near, neutral_scenes(COUNT // 20)])
-    anywhere = np.concatenate([sobol(COUNT // 4), from_even(sobol(COUNT // 4, seed=1), OFFSET)])
+    anywhere = np.concatenate([sobol(COUNT // 4), from_even(sobol(COUNT // 4, seed=1), SCENE_OFFSET)])
     weight = np.concatenate([np.ones(len(likely)), np.full(len(anywhere), REST)])
     return LikelyScenes(np.concatenate([likely, anywhere]), weight)
 
@@ -65,4 +67,4 @@ def neutral_scenes(count: int) -> Array:
     """
     level, red, blue = sobol(count, seed=0).T
     colour = 1.0 + 0.1 * np.stack([2.0 * red - 1.0, np.zeros(count), 2.0 * blue - 1.0], axis=1)
-    return np.asarray(from_even(level, 0.005)[:, None] * colour / colour.max(axis=1, keepdims=True))
+    return np.asarray(from_even(level, SCENE_OFFSET)[:, None] * colour / colour.max(axis=1, keepdims=True))

@@ -17,7 +17,7 @@ from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
 from lutforge.calibration.options import LatticeOptions
 from lutforge.calibration.scenes import REST, RenderedScenes
 from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
-from lutforge.model.gamut_map import OFFSET, from_even, to_even
+from lutforge.model.gamut_map import from_even, to_even
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice, grid, nodes_at, resized_levels, snapped, uniform_levels, with_level_at
 from lutforge.model.profile import CameraModel
@@ -26,6 +26,8 @@ from lutforge.solvers.normal_equations import normal_equations
 
 SEARCH_SIZE = 13
 """Nodes per axis of the lattice on which levels are searched: the best ones hardly depend on their number."""
+NODE_OFFSET = 0.005
+"""ε of the perceptual scale that nodes are spaced by: dark codes need nodes of their own."""
 SELDOM = 0.01
 """Share of likely scenes whose linear values are in the first cell of an axis of a rendering's lattice, or the last."""
 OUTER_CELL = 0.01
@@ -85,9 +87,9 @@ def _levels_of_rendering(
 
     # A tenth of the nodes is at perceptually uniform steps: bright samples alone would make the first cell so wide that
     # it holds all dark codes of usual pictures.
-    floor = EVEN + even_to_the_eye(0.1, OFFSET)
-    even = np.linspace(to_even(low, OFFSET), to_even(high, OFFSET), min(SEARCH_SIZE, count))
-    red, green, blue = ((from_even(even, OFFSET) - low) / (high - low)).T
+    floor = EVEN + even_to_the_eye(0.1, NODE_OFFSET)
+    even = np.linspace(to_even(low, NODE_OFFSET), to_even(high, NODE_OFFSET), min(SEARCH_SIZE, count))
+    red, green, blue = ((from_even(even, NODE_OFFSET) - low) / (high - low)).T
     inner = task.best_levels(
         lambda x: curve.continued(model.gamut_map(low + x * (high - low))),
         (red, green, blue),
