@@ -55,7 +55,7 @@ class Gap:
     error: float = np.nan
 
     def __str__(self) -> str:
-        expected = "" if np.isnan(self.error) else f", {255 * self.error:.0f} codes of error to expect"
+        expected = "" if np.isnan(self.error) else f", {self.error:.3f} of full scale to expect"
         return f"{self.colour} ({self.unseen:.0%} of them unseen{expected})"
 
 

@@ -175,6 +175,17 @@ def read_multipliers(path: Path | str) -> Array | None:
         return _multipliers(list(raw.camera_whitebalance))
 
 
+def read_preview(path: Path | str) -> tuple[bytes, int]:
+    """The embedded JPEG of a RAW file, without decoding that, and its orientation (1 … 8). Raises ImageError: none."""
+    path = Path(path)
+    require_file(path, "a RAW file", ImageError)
+    with _translated(path), rawpy.imread(str(path)) as raw:
+        preview, note = _preview(raw)
+        if preview is None:
+            raise ImageError(f"{path}: {note}")
+        return preview, ORIENTATION_OF_FLIP.get(int(raw.sizes.flip), 1)
+
+
 @contextmanager
 def _translated(path: Path) -> Iterator[None]:
     """Turn LibRaw's errors into ImageError."""

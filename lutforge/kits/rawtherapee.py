@@ -12,14 +12,21 @@ from lutforge.kits.kit import KitFiles, Look
 _PROCESSING = {
     "Version": "AppVersion=5.9 Version=349",
     "Exposure": "Auto=false Compensation=0 Brightness=0 Contrast=0 Saturation=0 Black=0 HighlightCompr=0 ShadowCompr=0 "
-    "HistogramMatching=false Curve=0; Curve2=0;",
+    "HistogramMatching=false CurveMode=Standard Curve=0; Curve2=0;",
     "HLRecovery": "Enabled=false",
+    "LensProfile": "LcMode=none UseDistortion=false UseVignette=false UseCA=false",
+    "PostDemosaicSharpening": "Enabled=false",
+    "Directional Pyramid Denoising": "Enabled=false",
     "White Balance": "Enabled=true Setting=Camera",
     "Color Management": "ToneCurve=true ApplyLookTable=true ApplyBaselineExposureOffset=false ApplyHueSatMap=false "
     "WorkingProfile=ProPhoto OutputProfile=RTv4_sRGB",
     "RAW": "CA=false HotPixelFilter=false DeadPixelFilter=false",
 }
-"""Sections of a processing profile that applies the camera's white balance and a camera profile, and nothing else."""
+"""Sections of a processing profile that applies the camera's white balance and a camera profile, and nothing else.
+
+RawTherapee keeps what a profile does not name, by its preferences as they come, and has opened the photograph with a
+profile of its own by then: all that those profiles switch on is switched off here, but for the demosaicing.
+"""
 
 
 def write_rawtherapee(look: Look, folder: Path) -> KitFiles:
@@ -36,8 +43,8 @@ def write_rawtherapee(look: Look, folder: Path) -> KitFiles:
         f"Open a RAW photograph, and load {name}.pp3 as its processing profile: it chooses the .dcp beside it in "
         "Color → Color Management → Input Profile → Custom, and makes everything else neutral. White balance and "
         "Exposure → Compensation act in front of the camera's tone curve, as on the camera.",
-        f"{name} icc.pp3 takes the ICC profile instead. Exposure → Compensation then acts behind the look: use "
-        "Raw → Raw White Points.",
+        f"{name} icc.pp3 takes the ICC profile instead. Exposure → Compensation then acts behind the look: below 0 it "
+        f"makes burnt-out white a flat grey. To darken, take {name}.pp3; to brighten, Raw → Raw White Points.",
         f"{name} colours.pp3 leaves the camera's tone curve out, for tone curves of your own.",
     ]
     return KitFiles(steps, errors)

@@ -6,16 +6,17 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageOps
 
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import scratch_folder
+from lutforge.boundary import reading
 from lutforge.errors import ImageError, SettingsError
 from lutforge.grading.picture_settings import choose_camera, source_selector
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
 from lutforge.images.orientation import upright
-from lutforge.images.raw import read_raw
+from lutforge.images.raw import read_preview, read_raw
 from lutforge.images.read import ImageReader, read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.progress import Progress
@@ -25,6 +26,9 @@ from lutforge.shots.metadata import read_picture_settings
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES, *sorted(RAW_SUFFIXES))
 """Suffixes of photographs that can be shown."""
+
+THUMBNAIL_SIDE = 200
+"""Pixels of a thumbnail's longer side."""
 
 
 def picture_bytes(path: Path) -> bytes:
@@ -42,16 +46,20 @@ def picture_bytes(path: Path) -> bytes:
     return buffer.getvalue()
 
 
+def jpeg_beside(path: Path) -> Path | None:
+    """The JPEG that bears the name of a file, in its folder."""
+    by_suffix = {file.suffix.lower(): file for file in path.parent.glob(f"{path.stem}.*")}
+    return next((by_suffix[suffix] for suffix in JPEG_SUFFIXES if suffix in by_suffix), None)
+
+
 def raw_picture_bytes(path: Path) -> bytes:
     """The camera's picture of a RAW file, upright, as a file that browsers read: the JPEG in its folder, or inside it.
 
     Raises ImageError where there is neither.
     """
-    candidates = path.parent.glob(f"{path.stem}.*")
-    by_suffix = {file.suffix.lower(): file for file in candidates}
-    jpeg = next((by_suffix[suffix] for suffix in JPEG_SUFFIXES if suffix in by_suffix), None)
-    if jpeg is not None:
-        return picture_bytes(jpeg)
+    beside = jpeg_beside(path)
+    if beside is not None:
+        return picture_bytes(beside)
     raw = read_raw(path, half_size=True)
     if raw.preview is None:
         raise ImageError(f"{path.name}: {raw.preview_note}; put the camera's JPEG beside it")
@@ -63,6 +71,32 @@ def raw_picture_bytes(path: Path) -> bytes:
             return shown
         buffer = BytesIO()
         Image.fromarray(upright(np.asarray(picture.convert("RGB")), raw.orientation)).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def thumbnail(path: Path) -> bytes:
+    """A small upright JPEG of a picture, of a RAW file by the camera's own picture. Raises ImageError."""
+    source: Path | BytesIO = path
+    orientation = 1
+    if path.suffix.lower() in RAW_SUFFIXES:
+        beside = jpeg_beside(path)
+        if beside is None:
+            preview, orientation = read_preview(path)
+        source = BytesIO(preview) if beside is None else beside
+    elif path.suffix.lower() not in JPEG_SUFFIXES:
+        pixels = read_small(path, THUMBNAIL_SIDE**2)
+        return _as_jpeg(Image.fromarray(np.rint(255 * pixels).astype(np.uint8)))
+    with reading(path, "a picture", ImageError), Image.open(source) as picture:
+        picture.draft("RGB", (THUMBNAIL_SIDE, THUMBNAIL_SIDE))  # of fewer pixels where the decoder can
+        picture.thumbnail((THUMBNAIL_SIDE, THUMBNAIL_SIDE))
+        if picture.getexif().get(0x0112, 1) != 1:
+            return _as_jpeg(ImageOps.exif_transpose(picture))
+        return _as_jpeg(Image.fromarray(upright(np.asarray(picture.convert("RGB")), orientation)))
+
+
+def _as_jpeg(picture: Image.Image) -> bytes:
+    buffer = BytesIO()
+    picture.convert("RGB").save(buffer, format="JPEG", quality=85)
     return buffer.getvalue()
 
 

@@ -94,9 +94,9 @@ def _how_good(style: str, mean: float, de00: float | None, backward: float | Non
             f"{style}: on these shots, to which it was fitted in part or in whole, {off} in the mean. How well it "
             "predicts others is not known: calibrate from two shots or more."
         )
-    visibility = "" if de00 is None else f": {judged(de00)[0]}. As RGB that is {error}"
-    recovered = "" if backward is None else f"; RAW recovered from the JPEG is {backward:.4f} of full scale off"
-    return f"{style}: on shots that it had not seen, {off} in the mean{visibility}{recovered}."
+    visibility = "" if de00 is None else f": {judged(de00)[0]}"
+    recovered = "" if backward is None else f" RAW recovered from the JPEG is {backward:.4f} of full scale off."
+    return f"{style}: on shots that it had not seen, {off} in the mean{visibility}.{recovered}"
 
 
 FAMILIES = (

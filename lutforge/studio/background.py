@@ -1,13 +1,19 @@
 """Work in other processes as a page shows it: started, reported, cancelled, and its results taken over."""
 
+import asyncio
 from collections.abc import Callable
+from contextvars import Context
 from typing import Any
 
 import panel as pn
+from tornado.ioloop import PeriodicCallback
 
 from lutforge.progress import silent
 from lutforge.studio.job_queue import JobQueue, Work
 from lutforge.studio.page_link import PageLink
+
+PERIOD_MS = 120
+"""Milliseconds between two looks at where jobs stand."""
 
 
 class Background:
@@ -19,17 +25,19 @@ class Background:
 
     def attach(self, page: PageLink) -> None:
         """Report to a page from now on."""
+        self._stop_polling()  # which would go on as the page before had asked for it
         self._report_to(page)
         if self.queue.works:
             self._wait()
 
     def detach(self, page: PageLink) -> None:
         """Report to a link that no page has; what is short, of which only a page makes use, ends."""
+        self._stop_polling()
         self._report_to(page)
-        if self._polling is not None:
-            self._polling.stop()
-            self._polling = None
         self.queue.end([work for work in self.queue.works if work.short])
+        if self.queue.works and _is_served():
+            self._polling = PeriodicCallback(self.poll, PERIOD_MS)
+            Context().run(self._polling.start)  # not as the page that is closed, which may be the present one still
 
     def _report_to(self, page: PageLink) -> None:
         self.page = page
@@ -47,7 +55,7 @@ class Background:
 
         short: work of seconds, beside what takes long; it takes the place of the last such work.
         """
-        if pn.state.curdoc is None:  # no page waits for it
+        if pn.state.curdoc is None and not _is_served():
             done(function(*arguments, silent))
             return
         before = self.queue.add(Work(title, done, (function, *arguments), short))
@@ -56,10 +64,15 @@ class Background:
         self.poll()
 
     def _wait(self) -> None:
-        """Ask for the reports of jobs until there is no work."""
+        """Ask for the reports of jobs until there is no work, under the lock of the page."""
         self.page.status.progress.visible = self.cancel_button.visible = True
         if self._polling is None and pn.state.curdoc is not None:
-            self._polling = pn.state.add_periodic_callback(self.page.guarded(self.poll), period=120)
+            self._polling = pn.state.add_periodic_callback(self.page.guarded(self.poll), period=PERIOD_MS)
+
+    def _stop_polling(self) -> None:
+        if self._polling is not None:
+            self._polling.stop()
+            self._polling = None
 
     @property
     def is_busy(self) -> bool:
@@ -86,9 +99,8 @@ class Background:
         """Hide what shows work, where there is none."""
         busy = bool(self.queue.works)
         self.page.status.progress.visible = self.cancel_button.visible = busy
-        if not busy and self._polling is not None:
-            self._polling.stop()
-            self._polling = None
+        if not busy:
+            self._stop_polling()
 
     def cancel(self) -> None:
         """End what is under way, and what waits for it."""
@@ -96,3 +108,12 @@ class Background:
         self._rest()
         if ended:
             self.page.say(f"{', '.join(work.title for work in ended)}: cancelled")
+
+
+def _is_served() -> bool:
+    """Whether a server runs in this thread, which goes on when a page is closed."""
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True

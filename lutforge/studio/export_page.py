@@ -42,7 +42,7 @@ class ExportPage:
         self.kind = ui.select("Transform of the LUT", ["refinish", "render", "linearize"])
         self.space = ui.select("Scene of render and linearize", ["raw", *SPACES])
         self.suffix = ui.select("LUT file", list(LUT_SUFFIXES))
-        self.written: set[Path] = set()
+        self.kept = (self.name, self.program, self.kind, self.space, self.suffix)
         self._cards: dict[tuple[Written, bool], pmui.Paper] = {}
         self._offered: object = None
         self.asked: list[Path] = []
@@ -99,12 +99,12 @@ class ExportPage:
         paths = [self.session.folders.inside(ui.written(self.name) + suffix) for suffix in suffixes]
         for path, suffix in zip(paths, suffixes, strict=True):
             require_writable(path if "." in suffix else path / "README.md")
-        there = [path for path in paths if path.exists() and path not in self.written]
+        there = [path for path in paths if path.exists() and path not in self.session.own_files]
         if there and there != self.asked:
             self.asked = there
             names = ", ".join(path.name for path in there)
             raise WorkspaceError(f"{names}: there already; press again to replace, or choose another name")
-        self.written.update(paths)
+        self.session.own_files.update(paths)
         return paths
 
     def _with_profile(self, *suffixes: str) -> list[Path]:

@@ -77,8 +77,9 @@ export function render({ model, el }) {
   const bins = make("canvas", { className: "histogram", role: "img", "aria-label": "Histogram" });
   const scopes = make("aside", { className: "scopes", "aria-label": "Scopes" }, waves, bins, shares);
   const bar = make("div", { className: "bar", role: "toolbar", "aria-label": "Look" });
+  const strip = make("div", { className: "strip", role: "group", "aria-label": "Photographs", hidden: true });
   const root = make("div", { className: "look" }, bar, make("div", { className: "middle" }, stage, scopes),
-    make("div", { className: "foot" }, values, news), make("p", { id: "keys", className: "hidden" }, KEYS));
+    make("div", { className: "foot" }, values, news), strip, make("p", { id: "keys", className: "hidden" }, KEYS));
 
   // Buttons, each with its key
   const buttons = {}, actions = {};
@@ -154,11 +155,13 @@ export function render({ model, el }) {
   // Draw at the screen's next frame; while much moves on a slow machine, with fewer pixels, and in full after it.
   function draw(moving = true) {
     if (moving) moved = performance.now();
+    root.dataset.rests = false;
     if (!queued) { queued = true; requestAnimationFrame(paint); }
   }
 
   function paint() {
     queued = false;
+    root.dataset.rests = false;
     if (!loaded || !stage.clientWidth) return;
     if (pending) { again = true; return; }
     const moving = performance.now() - moved < 150, [w, h] = whole();
@@ -188,7 +191,11 @@ export function render({ model, el }) {
     // While a slider moves the scopes follow, for a fifth of the time at most; at its end they are of the last look.
     if (began - measured > Math.max(80, 4 * toll)) measure();
     clearTimeout(settle);
-    settle = setTimeout(() => { if (!full) draw(false); measure(); }, 160);
+    settle = setTimeout(() => {
+      if (!full) draw(false);
+      measure();
+      root.dataset.rests = !queued && !pending;
+    }, 160);
   }
 
   // What lies over the picture: the line of the wipe, names of the sides, the pipette.
@@ -325,6 +332,32 @@ export function render({ model, el }) {
     } else pan(60 * ratio() * step[0], 60 * ratio() * step[1]);
   });
 
+  // The film strip: one stop of the Tab key, in which the arrows move
+  function lay() {
+    strip.replaceChildren(...model.strip.map(({ name, url }) => {
+      const shown = make("img", { src: url, alt: "", loading: "lazy", draggable: false });
+      const frame = make("button", { type: "button", title: name, "aria-label": name }, shown);
+      frame.addEventListener("click", () => { model.chosen = name; });
+      return frame;
+    }));
+    strip.hidden = !model.strip.length;
+    mark();
+  }
+  function mark() {
+    const frames = [...strip.children], at = Math.max(0, model.strip.findIndex(({ name }) => name === model.present));
+    frames.forEach((frame, n) => {
+      frame.tabIndex = n === at ? 0 : -1;
+      frame.setAttribute("aria-current", model.strip[n].name === model.present);
+    });
+    frames[at]?.scrollIntoView({ block: "nearest", inline: "nearest" });
+  }
+  strip.addEventListener("keydown", event => {
+    const step = STEPS[event.key], frames = [...strip.children], next = frames[frames.indexOf(event.target) + (step?.[0] || 0)];
+    if (step?.[0] && next) { event.preventDefault(); next.focus(); }
+  });
+  model.on("strip", lay);
+  model.on("present", mark);
+
   // What comes from Python
   const decode = bytes => createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
   let opening = 0, size = [0, 0];
@@ -396,6 +429,6 @@ export function render({ model, el }) {
   });
   try { sizes.observe(stage, { box: "device-pixel-content-box" }); } catch { sizes.observe(stage); }
   model.on("remove", () => sizes.disconnect());
-  pressed(); changed(); open();
+  lay(); pressed(); changed(); open();
   return root;
 }

@@ -30,6 +30,7 @@ from lutforge.pipeline.photographs import IMAGE_SUFFIXES, Photograph, open_photo
 from lutforge.settings import Selector, Shift
 from lutforge.studio import ui
 from lutforge.studio.session import Session, as_text
+from lutforge.studio.thumbnails import addresses
 from lutforge.studio.workspace import WorkspaceError
 
 AS_SHOT = "as shot"
@@ -130,7 +131,7 @@ class LookPage:
         opening = session.page.button("Show", self._open_named, variant="contained", width=80, margin=(8, 8))
         self.drop = pmui.FileInput(label="Drop a photograph here", sizing_mode="stretch_width", size="small")
         self.drop.param.watch(session.page.guarded(lambda event: self._open_dropped()), "value")
-        session.page.watch(self._open_written, self.path)
+        session.page.watch(self._open_named, self.path, of="enter_pressed")
         session.page.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
         self.wanted = SettingControl("Wanted")
         self.source = SettingControl("Taken as", asks=True)
@@ -141,9 +142,12 @@ class LookPage:
         session.end_moves_of(*self.moved.values())
         if not session.look_controls:
             session.look_controls = self._controls()
+        self.kept = (self.listed, self.path)
         self.words = ui.text()
         self.main = self.view = LookView()
         self.view.on_help = session.page.guarded(self._suppose)
+        self.view.on_choose = session.page.guarded(self._choose)
+        self._keep_view()
         if session.photograph is not None:
             self.view.show(session.photograph.picture, session.photograph.path.name)
         rare = (f"{self.source.title}: temperature, tint, multipliers", pn.Column(*self.source.numbers, **ui.TOGETHER))
@@ -158,6 +162,8 @@ class LookPage:
         """The settings of the session's profile, and the look with it."""
         names = self.session.folders.files(IMAGE_SUFFIXES)
         self.listed.options = {**ui.NOTHING, **{name: name for name in names}}
+        self.view.strip = addresses(self.session.folders, names)
+        self._mark_present()
         if self.session.profile is None:
             self.words.object = ui.paragraphs("Compute a model, or open a profile.")
             return
@@ -170,6 +176,30 @@ class LookPage:
                 control.follow()
             self.session.look_controls = self._controls()
         self._grade()
+
+    def _keep_view(self) -> None:
+        """Let the view be as the page before has left it, and be kept for the next."""
+        kept = self.session.look_view
+        if "b" in kept:
+            self.view.keep(*kept["b"])
+        self.view.param.update({name: kept[name] for name in LookView.OF_VIEW if name in kept})
+        self.view.param.watch(
+            lambda *events: kept.update({event.name: event.new for event in events}), list(LookView.OF_VIEW)
+        )
+        self.view.param.watch(lambda event: kept.update(b=self.view.kept_look), "kept")
+
+    def _mark_present(self) -> None:
+        """Mark the photograph that is shown in the film strip."""
+        folders, photograph = self.session.folders, self.session.photograph
+        self.view.present = "" if photograph is None else folders.name(photograph.path)
+
+    def _choose(self, name: str) -> None:
+        """Open a photograph of the film strip."""
+        self.view.chosen = ""
+        with self.session.page.setting():
+            self.listed.value = name
+            self.path.param.update(value="", value_input="")
+        self._open_named()
 
     def _controls(self) -> dict[str, Any]:
         """The values of the controls, by their labels."""
@@ -212,13 +242,6 @@ class LookPage:
         named = ui.written(self.path) or self.listed.value
         self._open(self.session.folders.inside(named))
 
-    def _open_written(self) -> None:
-        """Open the path in the line once it is finished with the enter key."""
-        if self.path.value:
-            with self.session.page.setting():
-                self.listed.value = ""
-            self._open_named()
-
     def _open_dropped(self) -> None:
         """Open a photograph that was dropped, its RAW file where there are several of one."""
         if not self.drop.value or not self.drop.filename:
@@ -241,6 +264,7 @@ class LookPage:
         given = photograph.selector
         self.session.photograph = photograph
         self.view.show(photograph.picture, path.name)
+        self._mark_present()
         news = f"{path.name} does not tell how it was taken: choose that under “Taken as”"
         with self.session.page.setting():
             if given is not None:
@@ -364,7 +388,12 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     unsure = param.Boolean(False, doc="Stripes over what `coverage` says no sample tells of.")
     scopes = param.Boolean(True, doc="The waveform and the histogram beside the picture.")
     kept = param.Integer(0)
+    strip = param.List(doc="The photographs to choose from: name and url of a thumbnail of each.")
+    chosen = param.String(doc="The name in `strip` of the photograph that was pressed; empty once that is heard.")
+    present = param.String(doc="The name in `strip` of the photograph that is shown.")
     notice = param.String(doc="What hinders the look, in words over the picture, with a button that helps; or empty.")
+
+    OF_VIEW = ("mode", "wipe", "beside_b", "clipping", "unsure", "scopes")
 
     _debounce = 8  # ms; what the page changes is told so late
     _esm = "\n".join((ui.HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
@@ -374,10 +403,10 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         super().__init__(**{"sizing_mode": "stretch_both", "min_height": 320, "margin": 0, **options})
         self._luts: dict[str, Lut | None] = {"a": None, "b": None, "coverage": None}
         self.on_help: Callable[[], None] = lambda: None
+        self.on_choose: Callable[[str], None] = lambda name: None
         self._tables: dict[str, dict[str, Any]] = {}  # of those LUTs, by their keys
-        self.param.watch(
-            lambda event: self._set("b", self._luts["a"], b_name=self.a_name or "kept", beside_b=bool(self.a)), "kept"
-        )
+        self.param.watch(lambda event: self.keep(self._luts["a"], self.a_name or "kept"), "kept")
+        self.param.watch(lambda event: self.on_choose(event.new) if event.new else None, "chosen")
 
     def show(self, picture: bytes, title: str = "") -> None:
         """Show another picture, a JPEG or PNG file, with the look that is set."""
@@ -386,6 +415,15 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     def grade(self, lut: Lut | None, name: str = "") -> None:
         """Set the look, a LUT of the picture's encoded RGB, or none. Raises LutError on curves at free knots."""
         self._set("a", lut, number=self.number + 1, a_name=name)
+
+    @property
+    def kept_look(self) -> tuple[Lut | None, str]:
+        """B, and what it is called."""
+        return self._luts["b"], self.b_name
+
+    def keep(self, lut: Lut | None, name: str) -> None:
+        """Set B, a LUT of the picture's encoded RGB, or none."""
+        self._set("b", lut, b_name=name, beside_b=lut is not None)
 
     def cover(self, coverage: Lut | None) -> None:
         """Set what `unsure` marks, a LUT of the picture's encoded RGB, or none."""

@@ -82,6 +82,7 @@ class ModelPage:
             label="View", options=list(self.views), value=FitView.title, size="small", margin=(2, 8)
         )
         session.page.watch(self._show, self.shown)
+        self.kept = (self.kind, self.shown, *(control for view in self.views.values() for control in view.controls))
         self.body = pn.Column(**ui.FILL)
         self.main = pn.Column(self.shown, self.body, **ui.FILL)
 
@@ -160,6 +161,7 @@ class View:
 
     def __init__(self, session: Session, *controls: Any, beside: Any = None) -> None:
         self.session = session
+        self.controls = controls
         self.figures = ui.Figures()
         session.page.watch(
             self.draw, *(control for control in controls if isinstance(control, pmui.Select | pmui.FloatSlider))

@@ -1,5 +1,6 @@
 """The page of one visitor: the steps, what to do in each, undo and redo, and the keys that work in all."""
 
+import re
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +14,7 @@ from lutforge.studio.opening import Folders
 from lutforge.studio.session import Session
 from lutforge.studio.theme import BESIDE, TEMPLATE, THEME
 from lutforge.studio.ui import HERE
+from lutforge.studio.workspace import WorkspaceError
 
 State = Literal["to do", "done", "stale"]
 STEPS = ("Shots", "Samples", "Model", "Look", "Export")
@@ -33,6 +35,7 @@ class Page:
             self.session.attach()
         self.pages: dict[str, Any] = {}
         self.shown = self.session.step
+        self.is_ready = False  # whether a browser has loaded the page, and what is done in it is heard
         self._stale = set(STEPS)
         self.session.page.on_change = lambda: self._refresh(*STEPS)
         self.session.page.on_look = self._tell
@@ -68,7 +71,8 @@ class Page:
         """Look at a step."""
         self.shown = self.session.step = name
         self.session.page.forget_error()
-        if name not in self.pages:  # imported here: the first paint does not wait for what only later steps draw
+        is_new = name not in self.pages
+        if is_new:  # imported here: the first paint does not wait for what only later steps draw
             module = import_module(f"lutforge.studio.{name.lower()}_page")
             self.pages[name] = getattr(module, f"{name}Page")(self.session)
         shown = self.pages[name]
@@ -77,6 +81,8 @@ class Page:
         if self.steps.active != STEPS.index(name):
             self.steps.active = STEPS.index(name)
         self._refresh()
+        if is_new and self.session.keep(name, shown.kept):  # once lists have their options
+            self._refresh(name)
 
     def _refresh(self, *stale: str) -> None:
         """Draw what is shown, if it has changed since, and note the steps that have."""
@@ -92,13 +98,19 @@ class Page:
         states = states_of(self.session)
         self.steps.items = [{"label": f"{step}: {states[step]}", "icon": ICONS[states[step]]} for step in STEPS]
         self.offer.visible = self.offer.visible and self.session.is_empty
-        self.next.object = ui.html("<b>{}.</b> {}", self.shown, NEXT[self.shown])
+        form = "<span data-ready><b>{}.</b> {}</span>" if self.is_ready else "<b>{}.</b> {}"
+        self.next.object = ui.html(form, self.shown, NEXT[self.shown])
         last = self.session.history.last(self.shown)
         following = self.session.history.next(self.shown)
         self.undo.param.update(disabled=last is None, label="Undo" if last is None else f"Undo {last.name}"[:70])
         self.redo.param.update(
             disabled=following is None, label="Redo" if following is None else f"Redo {following.again}"[:70]
         )
+
+    def ready(self) -> None:
+        """Note that a browser has loaded the page."""
+        self.is_ready = True
+        self._tell()
 
     def offer_to_continue(self, left: Session | None) -> None:
         """Ask whether to go on with a session that was left, where there is one and nothing is open here."""
@@ -107,24 +119,46 @@ class Page:
 
     def reset(self, name: str) -> None:
         """Set a slider of the step that is seen, by its name, to what it was made with."""
-        for widget in self.controls.select(pmui.FloatSlider):
-            if widget.label and name.startswith(widget.label) and not widget.disabled and hasattr(widget, "usual"):
-                widget.value = widget.usual
+        widget = self._slider(name)
+        if hasattr(widget, "usual"):
+            widget.value = widget.usual
+            self.session.history.end_move()
+
+    def put(self, name: str, written: str) -> None:
+        """Set a slider of the step that is seen, by its name, to what was typed. Raises WorkspaceError: no number."""
+        widget = self._slider(name)
+        if widget is None:
+            return
+        numbers = [float(number) for number in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)", written.replace("−", "-"))]
+        ends = widget.value if isinstance(widget.value, tuple) else (widget.value,)
+        if len(numbers) != len(ends):
+            example = " .. ".join(f"{end:g}" for end in ends)
+            raise WorkspaceError(f"{name}: {written[:40]!r} is no value of it; write one like {example}")
+        inside = sorted(min(max(number, widget.start), widget.end) for number in numbers)
+        widget.value = tuple(inside) if isinstance(widget.value, tuple) else inside[0]
+        self.session.history.end_move()
+
+    def _slider(self, name: str) -> Any:
+        """The slider of the step that is seen whose label a name begins with; None where none can be moved."""
+        seen = [*self.controls.select(pmui.FloatSlider), *self.controls.select(pmui.RangeSlider)]
+        seen += self.body.select(pmui.FloatSlider)
+        return next((one for one in seen if one.label and name.startswith(one.label) and not one.disabled), None)
 
 
 class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
-    """The keys of every step, Ctrl+Z and Ctrl+Shift+Z; double clicks that reset sliders; files that are dropped."""
+    """The keys of every step, Ctrl+Z and Ctrl+Shift+Z; resets and typed values of sliders; files that are dropped."""
 
     _esm = (HERE / "keys.js").read_text(encoding="utf-8")
 
     def __init__(self, page: "Page") -> None:
         super().__init__(width=0, height=0, margin=0)
-        undo, redo, reset = (
-            page.session.page.guarded(action) for action in (page.session.undo, page.session.redo, page.reset)
+        undo, redo, reset, put = (
+            page.session.page.guarded(action) for action in (page.session.undo, page.session.redo, page.reset, page.put)
         )
         self._undo = undo
         self._redo = redo
         self._reset = reset
+        self._put = put
         self._dropped = page.session.page.guarded(lambda: page.session.page.say(DROP_ELSEWHERE, wrong=True))
 
     def _handle_msg(self, data: Any) -> None:
@@ -138,6 +172,8 @@ class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as An
                 self._dropped()
             case {"do": "reset", "name": str(name)}:
                 self._reset(name)
+            case {"do": "set", "name": str(name), "value": str(value)}:
+                self._put(name, value)
 
 
 def _watchers_of_busy() -> set[Any]:

@@ -67,6 +67,7 @@ class SamplesPage:
             lambda: session.select(find_rows(session.require_workspace().samples, self.words.value)), self.words
         )
         self.group = ui.entry("Outlier group", placeholder="name")
+        self.kept = (*views, self.words, self.group)
         self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.WIDE)
         self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
         limits = []

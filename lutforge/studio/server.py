@@ -20,6 +20,7 @@ from lutforge.studio.kept_sessions import KeptSessions
 from lutforge.studio.opening import Folders
 from lutforge.studio.page import Page
 from lutforge.studio.theme import CSS
+from lutforge.studio.thumbnails import ROUTE, ThumbnailHandler
 
 LOCAL = "127.0.0.1"
 EVERYWHERE = "0.0.0.0"
@@ -131,6 +132,7 @@ def serve(
 
         def loaded() -> None:
             """Offer what was left: a tab that is loaded again leaves its session only once this page has come."""
+            made.ready()
             kept.show(made.session)
             made.offer_to_continue(kept.left_by(visitor))
 
@@ -153,6 +155,7 @@ def serve(
         server = pn.serve(
             {"/": page}, address=address, port=port, websocket_origin=origins(address, port), show=False, start=False,
             verbose=False, title="LutForge studio", websocket_max_message_size=64 << 20,
+            extra_patterns=[(ROUTE, ThumbnailHandler, {"folders": folders})],
         )  # fmt: skip
     except OSError as error:
         raise LutForgeError(

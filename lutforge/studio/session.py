@@ -3,7 +3,7 @@
 A session outlives the page that shows it: a page is attached to it, and detached when its tab is closed.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +18,7 @@ from lutforge.pipeline.looks import ChosenLook, usual_setting
 from lutforge.pipeline.photographs import Photograph
 from lutforge.pipeline.response import FittedResponse
 from lutforge.pipeline.response_request import ResponseRequest
+from lutforge.studio import ui
 from lutforge.studio.background import Background
 from lutforge.studio.history import Change, History, exchanged
 from lutforge.studio.opening import Folders, Opened, open_paths
@@ -73,19 +74,42 @@ class Session:
         self.photograph: Photograph | None = None
         self.dropped: TemporaryDirectory[str] | None = None
         self.step = "Shots"
+        self.kept: dict[tuple[str, int], Any] = {}  # by step and place, of controls that are of no state
+        self.look_view: dict[str, Any] = {}
+        self.own_files: set[Path] = set()  # what was written, which may be written again unasked
         self.history = History()
         self.work = Background()
+        self.page = PageLink()
         self.attach()
 
     def attach(self) -> None:
-        """Begin to be shown by another page."""
-        self.page = PageLink()
+        """Begin to be shown by another page, with the last news."""
+        self._link(PageLink())
         self.work.attach(self.page)
 
     def detach(self) -> None:
-        """Let go of a page that is closed: long work goes on, and its result waits for the next page."""
-        self.page = PageLink()
+        """Let go of a page that is closed: long work goes on, and what waits for it; the next page has the results."""
+        self._link(PageLink())
         self.work.detach(self.page)
+
+    def _link(self, page: PageLink) -> None:
+        page.status.take(self.page.status)
+        self.page = page
+
+    def keep(self, step: str, controls: Sequence[Any]) -> bool:
+        """Let controls of a step be as the page before has left them, and keep them for the next.
+
+        Returns whether any was kept. What is written into a line is kept letter by letter.
+        """
+        was_kept = False
+        for place, control in enumerate(controls):
+            name, of = (step, place), "value_input" if hasattr(control, "value_input") else "value"
+            if name in self.kept:
+                was_kept = True
+                with self.page.setting():
+                    ui.set_possible(control, self.kept[name])
+            control.param.watch(lambda event, name=name: self.kept.update({name: event.new}), of)
+        return was_kept
 
     @property
     def is_empty(self) -> bool:

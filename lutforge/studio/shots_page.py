@@ -53,6 +53,7 @@ class ShotsPage:
         self.path = ui.entry("or its path")
         self.notes = ui.text()
         self.grid = pn.FlexBox(sizing_mode="stretch_width", stylesheets=[CARDS])
+        session.page.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
         sample = session.page.button("Sample", self._open, variant="contained", **ui.WIDE)
         again = session.page.button("List again", self.list_files, variant="text", **ui.WIDE)
         self.chart = ui.select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})
@@ -66,6 +67,7 @@ class ShotsPage:
             self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **ui.TOGETHER
         )
         self.controls = [self.drop, self.listed, self.path, sample, again, self.bracket, self.notes]
+        self.kept = (self.listed, self.path, self.chart, self.light, self.corners, self.times, self.all_colours)
         self.curves = ui.Figures()
         self.findings = ui.text(**ui.SCROLLED)
         self.response = pn.Row(self.curves.layout, self.findings, visible=False, **{**ui.FILL, "min_height": 260})
@@ -80,8 +82,9 @@ class ShotsPage:
         files = folders.files(OPENED_SUFFIXES)
         named = {f"{folders.roots[0].name}, this folder" if name == "." else name: name for name in (*shots, *files)}
         chosen = self.listed.value
-        self.listed.options = {**ui.NOTHING, **named}
-        self.listed.value = chosen if chosen in named.values() else "." if "." in shots else ""
+        with self.session.page.setting():
+            self.listed.options = {**ui.NOTHING, **named}
+            self.listed.value = chosen if chosen in named.values() else "." if "." in shots else ""
 
     def _open(self) -> None:
         named = ui.written(self.path) or self.listed.value
@@ -94,7 +97,9 @@ class ShotsPage:
         if not self.drop.value or not names:
             return
         kept = self.session.keep_dropped("shots", names, self.drop.value)
-        self.path.value = self.listed.value = ""
+        with self.session.page.setting():
+            self.listed.value = ""
+            self.path.param.update(value="", value_input="")
         self.session.open((kept[0].parent,))
 
     def _enable(self) -> None:

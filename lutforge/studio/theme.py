@@ -22,6 +22,7 @@ THEME = {
         "MuiButton": {**_root(textTransform="none", transition="none"), "defaultProps": {"disableElevation": True}},
         "MuiToggleButton": _root(textTransform="none", color="inherit", whiteSpace="nowrap"),
         "MuiInputLabel": {"styleOverrides": {"root": {"transition": "none", "color": "inherit"}, "outlined": OUTLINED}},
+        "MuiFormLabel": _root(**{"& > strong": {"cursor": "text", "textDecoration": "underline dotted"}}),
         "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
         "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
         "MuiAppBar": _root(backgroundColor="#1c1c1c", color="#e6e6e6", **BAR),

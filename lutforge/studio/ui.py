@@ -95,6 +95,8 @@ def set_possible(control: Any, value: Any) -> None:
             control.value = value
     elif hasattr(control, "start"):
         control.value = min(max(value, control.start), control.end)
+    elif hasattr(control, "value_input"):
+        control.param.update(value=value, value_input=value)
     else:
         control.value = value
 

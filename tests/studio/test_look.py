@@ -129,10 +129,10 @@ class Served:
         return done.result(30)
 
     def drawn(self) -> None:
-        """Wait until the page shows the last look, in full."""
+        """Wait until the page shows the last look, in full, has measured it, and has nothing left to draw."""
         number = self.do(lambda view: view.number)
-        self.page.wait_for_timeout(200)
         expect(self.root).to_have_attribute("data-drawn", str(number))
+        expect(self.root).to_have_attribute("data-rests", "true")
         expect(self.root).to_have_attribute("data-full", "true")
 
     def pixels(self) -> NDArray[np.uint8]:
@@ -191,16 +191,12 @@ def test_a_look_is_drawn_once_and_then_measured(look: Served) -> None:
     look.do(lambda view: view.param.update(scopes=True))
     look.do(lambda view: view.grade(bent(), "bent"))
     look.drawn()
-    look.page.wait_for_timeout(800)
     told = "e => [Number(e.dataset.frames), Number(e.dataset.scoped)]"
     frames, scoped = look.root.evaluate(told)
     look.do(lambda view: view.grade(bent(-0.5), "darker"))
-    look.page.wait_for_timeout(1500)
+    look.drawn()
     assert look.root.evaluate(told)[0] <= frames + 2  # the second in full, where the first was hurried
     assert look.root.evaluate(told)[1] > scoped
-    frames = look.root.evaluate(told)[0]
-    look.page.wait_for_timeout(500)
-    assert look.root.evaluate(told)[0] == frames  # and rests
 
 
 @needs_chromium

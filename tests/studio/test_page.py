@@ -114,6 +114,7 @@ class Visit:
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(url)
         self.reads("Drop RAW files with their JPEGs here")
+        expect(self.page.locator("[data-ready]")).to_be_attached(timeout=MOST_MS)
 
     def step(self, name: str) -> None:
         self.page.get_by_role("tab", name=re.compile("^" + name)).click()
@@ -180,14 +181,26 @@ class Visit:
     def reads(self, text: str) -> None:
         expect(self.page.get_by_text(text).first).to_be_visible(timeout=MOST_MS)
 
+    def rests(self) -> None:
+        """Wait until all figures are drawn, and one frame longer, in which they take their places."""
+        self.page.wait_for_function("Bokeh.documents.every(document => document.is_idle)")
+        self.page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
     def open(self, path: str, then: str) -> None:
         self.write("or its path", path)
         self.press("Sample")
         self.reads(then)
 
+    def type_value(self, label: str, value: str) -> None:
+        """Type the value of a slider over the one that is shown."""
+        self.page.locator(".MuiFormControl-root", has_text=label).locator("strong").click()
+        line = self.page.get_by_role("textbox", name=re.compile(f"^{re.escape(label)}.*, value$"))
+        line.fill(value)
+        line.press("Enter")
+
     def picture(self, name: str) -> None:
         if SCREENSHOTS:
-            self.page.wait_for_timeout(2500)
+            self.rests()
             self.page.screenshot(path=Path(SCREENSHOTS) / f"studio_{name}.png")
 
     def lasso(self, figure: int, corners: list[tuple[float, float]]) -> None:
@@ -288,7 +301,7 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.reads(expected(samples))
     visit.press_named("Redo")
     visit.reads(expected(samples, 0.4))
-    visit.page.wait_for_timeout(3000)  # the plots are drawn after the sentence
+    visit.rests()
     visit.lasso(1, [(0.135, 0.1), (0.93, 0.1), (0.93, 0.81), (0.135, 0.81)])
     visit.reads(f"{len(samples):,} selected")
     visit.write("Select row, shot or patch", "0-5")
@@ -335,7 +348,6 @@ def test_a_dropped_bracket_gives_a_linearization(visit: Visit, folder: Path, tmp
     visit.press("Fit response")
     visit.reads("response: fitted to 5 pictures")
     visit.reads("the response is a fixed property of this camera")
-    visit.page.wait_for_timeout(500)
     visit.picture("bracket")
     visit.step("Export")
     visit.write("Name of the files", "phone")
@@ -434,7 +446,7 @@ def assert_everywhere_in_the_window(visit: Visit, name: str, figures: str = ".bk
     page = visit.page
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
-        page.wait_for_timeout(500)
+        visit.rests()
         inside = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.scrollHeight]")
         assert inside[0] <= width and inside[1] <= height, (name, inside)
         controls, main = (page.locator(part).bounding_box() for part in (".sidebar", "main"))
@@ -511,6 +523,20 @@ def test_look_by_drops_double_clicks_and_keys(visit: Visit, folder: Path, url: s
         page.keyboard.press(keys)
         visit.reads(f"to standard/daylight, {stops} EV.")
 
+    # A value that is typed, over the one shown or on the slider, and a photograph of the film strip
+    visit.type_value("Exposure, EV", "0.73")
+    visit.reads("to standard/daylight, +0.73 EV.")
+    page.get_by_role("slider", name=re.compile("^Exposure")).focus()
+    page.keyboard.type("1.5")
+    page.keyboard.press("Enter")
+    visit.reads("to standard/daylight, +1.5 EV.")
+    frame = page.get_by_role("button", name="picture.jpg", exact=True)
+    expect(frame.locator("img")).to_have_js_property("naturalWidth", 200)
+    frame.click()
+    visit.reads("picture.jpg does not tell how it was taken")
+    expect(frame).to_have_attribute("aria-current", "true")
+    visit.press("Side by side")
+
     # A path in its line is opened by the enter key
     visit.write("or its path", "picture.jpg")
     visit.reads("picture.jpg does not tell how it was taken")
@@ -523,6 +549,8 @@ def test_look_by_drops_double_clicks_and_keys(visit: Visit, folder: Path, url: s
     link.click()
     expect(again.get_by_text("to standard/daylight, +1.5 EV.")).to_be_visible(timeout=MOST_MS)
     expect(again.locator(".look")).to_have_attribute("data-opened", re.compile("360 × 240"))
+    expect(again.get_by_role("button", name="Side by side")).to_have_attribute("aria-pressed", "true")
+    expect(again.locator(".look")).to_have_attribute("data-scoped", re.compile(r"\d"))
 
 
 @pytest.mark.slow

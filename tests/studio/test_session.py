@@ -1,5 +1,6 @@
 """What a visitor may reach, and work in another process: cancelled at once, errors in one line."""
 
+import asyncio
 import gc
 import os
 import shlex
@@ -10,6 +11,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -38,15 +40,18 @@ from panel.io.state import set_curdoc
 from tornado.httputil import HTTPHeaders, HTTPServerRequest, RequestStartLine
 
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.errors import ImageError
 from lutforge.grading.batch import apply_batch
 from lutforge.grading.profile_recipe import ProfileRecipe
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
+from lutforge.luts.ops import Range
+from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import predict
 from lutforge.pipeline.looks import ChosenLook, look_lut, usual_setting
-from lutforge.pipeline.photographs import read_small
+from lutforge.pipeline.photographs import read_small, thumbnail
 from lutforge.settings import Selector
 from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
@@ -57,6 +62,8 @@ from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in
 from lutforge.studio.page import STEPS, Page, states_of
 from lutforge.studio.server import ContentSecurityPolicy, refused
 from lutforge.studio.session import Session
+from lutforge.studio.thumbnails import addresses
+from lutforge.studio.ui import written
 from lutforge.studio.workspace import FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
 
 
@@ -786,7 +793,8 @@ def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: Camera
     page = opened(tmp_path, profile)
     page.show("Look")
     look, session = page.pages["Look"], page.session
-    look.path.value = "silent.jpg"  # as the enter key does
+    look.path.value = "silent.jpg"
+    look.path.param.trigger("enter_pressed")
     assert look.session.photograph.path.name == "silent.jpg" and "not known" in look.view.notice
     look.wanted.style.value = "vivid"
     assert states_of(session)["Look"] == "to do"
@@ -861,6 +869,79 @@ def test_a_session_that_goes_on_shows_its_photograph_and_look(profile: CameraPro
     assert page.session.look == before and again.view.a and page.shown == "Look"
     page.session.undo()
     assert again.ev.value == 0 and again.wanted.kelvin.value == 4000
+
+
+def test_controls_are_as_the_page_before_has_left_them(profile: CameraProfile, tmp_path: Path) -> None:
+    left = opened(tmp_path, profile, Workspace(chart_samples(patches=9)))
+    for step in STEPS:
+        left.show(step)
+    shots, samples, model, look, export = (left.pages[step] for step in STEPS)
+    shots.light.value_input = "5500K"
+    samples.first.value, samples.group.value_input = "saturation", "half typ"
+    model.kind.value, model.shown.value, model.views["Lattice"].level.value = "matrix", "Lattice", 0.7
+    look.view.param.update(mode="side", clipping=True)
+    look.view.grade(Lut((Range(),)), "kept")
+    look.view.kept += 1
+    export.name.value_input, export.program.value, export.suffix.value = "mine", "rawtherapee", ".cube"
+    left.session.detach()
+    page = Page(Folders([tmp_path]), (), left.session)
+    for step in STEPS:
+        page.show(step)
+    shots, samples, model, look, export = (page.pages[step] for step in STEPS)
+    assert written(shots.light) == "5500K"
+    assert (samples.first.value, written(samples.group)) == ("saturation", "half typ")
+    assert (model.kind.value, model.shown.value, model.views["Lattice"].level.value) == ("matrix", "Lattice", 0.7)
+    assert (look.view.mode, look.view.clipping, look.view.b_name) == ("side", True, "kept") and look.view.b
+    assert (written(export.name), export.program.value, export.suffix.value) == ("mine", "rawtherapee", ".cube")
+
+
+def test_what_waits_for_its_turn_runs_on_without_a_page(tmp_path: Path) -> None:
+    """Its news are there when a page shows the session again."""
+    session, results = Session(Folders([tmp_path])), list[int]()
+
+    def first(result: int) -> None:
+        results.append(result)
+        session.work.start("a job after it", results.append, doubled, 3)
+
+    async def served() -> None:
+        session.work.start("a job", first, doubled, 1)
+        session.work.start("a job that waits", results.append, doubled, 2)
+        session.work.start("a job that fails", results.append, Path.read_text, tmp_path)
+        session.detach()
+        while session.work.queue.works:
+            await asyncio.sleep(0.02)
+
+    asyncio.run(asyncio.wait_for(served(), 120))
+    assert results == [2, 4, 6]
+    session.attach()
+    assert "a job" in session.page.status.object
+
+
+def test_a_slider_takes_what_is_typed(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile, Workspace(chart_samples(patches=9)))
+    page.show("Look")
+    page.put("Exposure, EV", "−9")
+    assert page.pages["Look"].ev.value == -3
+    page.show("Samples")
+    page.put("Saturation", ".4 .. 0.1")
+    assert page.session.require_workspace().limits_of("saturation") == (0.1, 0.4)
+    with pytest.raises(WorkspaceError, match="write one like"):
+        page.put("Saturation", "much")
+    page.session.undo()
+    assert page.session.require_workspace().limits == {}
+
+
+def test_the_film_strip_has_a_frame_of_each_shot(shared_data: Path, tmp_path: Path) -> None:
+    for name in ("a.JPG", "a.dng", "b.dng", "c.png", "B.tif"):
+        (tmp_path / name).touch()
+    frames = addresses(Folders([tmp_path]), ["a.JPG", "a.dng", "b.dng", "c.png", "B.tif"])
+    assert [frame["name"] for frame in frames] == ["B.tif", "a.JPG", "b.dng", "c.png"]
+    assert all(frame["url"].startswith("thumbnail?of=") for frame in frames)
+    with Image.open(BytesIO(thumbnail(shared_data / "canon_powershot_s40" / "CRW_0101.CRW"))) as small:
+        assert small.size == (200, 150)
+    (tmp_path / "a.JPG").write_bytes(b"no picture")
+    with pytest.raises(ImageError):
+        thumbnail(tmp_path / "a.JPG")
 
 
 def test_a_page_is_freed_while_its_session_is_kept(tmp_path: Path) -> None:
