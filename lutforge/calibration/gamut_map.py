@@ -5,7 +5,7 @@ given the samples (Rasmussen & Williams, Gaussian Processes for Machine Learning
 (4.7) and (4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity.
 
 How rough a camera's correction is, its samples tell: the roughness of the kernel is that of the largest marginal
-likelihood (equation 5.8 of the book). Simulated cameras have 0.01 to 0.05, the Canon S40 has 1 to 2. The other numbers
+likelihood (equation 5.8 of the book). Simulated cameras have the least, the Canon S40 has 0.5 to 2. The other numbers
 were chosen among factors of two on one half of a fleet of cameras; the guide has the figures of both halves.
 """
 
@@ -128,21 +128,22 @@ def fit_gamut_map(
     return krige(linear, mapped, error_scale, most_centres, bounds)
 
 
-def posterior_deviation(source: Array, roughness: float) -> Callable[[Array], Array]:
+def posterior_deviation(source: Array) -> Callable[[Array], Array]:
     """The standard deviation of the process given samples at source (n, 3), as a function of linear colours (m, 3).
 
-    It is on the even scale, in the units of a process of which the kernel is the covariance: what errors are in these
-    units, held-out samples tell (equation 2.24 of the book). Samples are merged to DEVIATION_CENTRES.
+    It is on the even scale, in the units of a process of which the kernel, with ROUGHNESS, is the covariance: what
+    errors are in these units, held-out samples tell (equation 2.24 of the book). Samples are merged to
+    DEVIATION_CENTRES.
     """
     z = to_even(source, OFFSET)
     centres, _, _ = _merged(z, np.zeros_like(z), np.ones(len(z)), DEVIATION_CENTRES)
-    covariance = kriging_covariance(centres, roughness=roughness)
+    covariance = kriging_covariance(centres)
     variance = covariance[0, 0]
     covariance[np.diag_indices(len(centres))] += NOISE
     factor = cholesky(covariance, lower=True, overwrite_a=True)
 
     def deviation(linear: Array) -> Array:
-        across = kriging_covariance(centres, to_even(linear.reshape(-1, 3), OFFSET), roughness)
+        across = kriging_covariance(centres, to_even(linear.reshape(-1, 3), OFFSET))
         known = np.sum(solve_triangular(factor, across, lower=True, overwrite_b=True) ** 2, axis=0)
         return np.asarray(np.sqrt(np.maximum(variance - known, NOISE)).reshape(linear.shape[:-1]))
 

@@ -75,9 +75,8 @@ def deviations(data: StyleData, balanced: Array, encoded: Array) -> ByDirection[
     They are functions of the direction's inputs and the JPEG values; both arguments are (…, 3), the result is (…).
     """
     base = data.base
-    roughness = data.model.gamut_map.roughness
-    of_linear = posterior_deviation(balanced @ base.matrix.T, roughness)
-    of_codes = posterior_deviation(base.response.linearize(encoded), roughness)
+    of_linear = posterior_deviation(balanced @ base.matrix.T)
+    of_codes = posterior_deviation(base.response.linearize(encoded))
 
     def slope(codes: Array) -> Array:
         flat = codes.reshape(-1, 3)
