@@ -29,13 +29,13 @@ SAMPLE = (255.0 / 0.4) ** 2
 class CurveBasis:
     """Curves offset (k,) + design (k, m) θ at k even encoded values 0 … 1.
 
-    precision (m, m), wanted (m,): the prior θ'·precision·θ − 2 wanted·θ. rising (c, m) θ ≥ least (c,): the curve rises.
+    precision (m, m), shift (m,): the prior θ'·precision·θ − 2 shift·θ. rising (c, m) θ ≥ least (c,): the curve rises.
     """
 
     offset: Array
     design: Array
     precision: Array
-    wanted: Array
+    shift: Array
     rising: Array
     least: Array
 
@@ -52,7 +52,7 @@ class CurveBasis:
         """The family less its first curve, which is scaled by 1 and is alone not 0 at white: f⁻¹(1) = 1."""
         offset, rising = self.offset + self.design[:, 0], self.rising[:-1]
         return CurveBasis(
-            offset, self.design[:, 1:], self.precision[1:, 1:], self.wanted[1:] - self.precision[1:, 0], rising[:, 1:],
+            offset, self.design[:, 1:], self.precision[1:, 1:], self.shift[1:] - self.precision[1:, 0], rising[:, 1:],
             self.least[:-1] - rising[:, 0],
         )  # fmt: skip
 
@@ -63,7 +63,7 @@ class CurveBasis:
         return replace(
             self,
             precision=self.precision + np.outer(white, white) / WHITE_SPREAD**2,
-            wanted=self.wanted + lacking * white / WHITE_SPREAD**2,
+            shift=self.shift + lacking * white / WHITE_SPREAD**2,
             rising=np.vstack([self.rising, -white]),
             least=np.append(self.least, -lacking),
         )
@@ -99,7 +99,7 @@ def emor_basis(count: int = 15) -> CurveBasis:
         offset=np.zeros(1024),
         design=design,
         precision=np.diag(np.concatenate([[0.0], order**4 / 4])),
-        wanted=np.zeros(count + 1),
+        shift=np.zeros(count + 1),
         rising=np.vstack([steps, np.eye(1, count + 1)]),
         least=np.append(np.zeros(len(steps)), OF_VALUES),
     )
@@ -128,7 +128,7 @@ def spline_basis(like: Array) -> CurveBasis:
         offset=np.zeros(knots),
         design=values,
         precision=precision * SAMPLE,
-        wanted=OF_VALUES * SAMPLE * relative.T @ (shape / rate),
+        shift=OF_VALUES * SAMPLE * relative.T @ (shape / rate),
         rising=np.eye(knots),
         least=np.concatenate([[0.0], np.maximum(SLOWEST * steps, 0.0)]),
     )
@@ -148,7 +148,7 @@ def log_emor_basis(count: int = 15) -> CurveBasis:
         offset=basis.mean,
         design=np.ascontiguousarray(basis.curves.T),
         precision=np.diag(np.arange(1, count + 1) ** 4 / 25),
-        wanted=np.zeros(count),
+        shift=np.zeros(count),
         rising=np.diff(basis.curves[:, 1:], axis=1).T,
         least=(LEAST_SLOPE - 1.0) * steps,
     )
@@ -172,7 +172,7 @@ def log_spline_basis() -> CurveBasis:
         offset=offset,
         design=design,
         precision=BEND * bend.T @ bend,
-        wanted=BEND * bend.T @ (bend @ shape),
+        shift=BEND * bend.T @ (bend @ shape),
         rising=rising,
         least=LEAST_RISE * (rising @ shape),
     )

@@ -170,7 +170,7 @@ def fit_matrix_and_response(
 
 def neutral_rows(x: Array) -> tuple[Array, Array]:
     """The columns of a matrix whose rows sum to 1: of each channel the other two, less itself."""
-    return x, np.stack([x[:, [c for c in range(3) if c != own]] - x[:, [own]] for own in range(3)], axis=1)
+    return x, np.stack([x[:, [c for c in range(3) if c != channel]] - x[:, [channel]] for channel in range(3)], axis=1)
 
 
 def matrix_of_rows(coefficients: Array) -> Array:
@@ -207,11 +207,11 @@ class JointFit:
 
     def light(self) -> Light:
         """The design of the next round, around the gains of the last."""
-        known, own = self.columns(self.gain * self.x)
+        known, columns = self.columns(self.gain * self.x)
         shared = np.zeros((len(known), 3, len(self.logs)))
         for place in range(len(self.logs) if self.coefficients.size else 0):
             shared[..., place] = self._light(self.changes[:, [place]] * self.gain * self.x)
-        return Light(known, own, shared)
+        return Light(known, columns, shared)
 
     def precision(self) -> Array:
         """In JPEG values, by the slope of f."""
@@ -223,9 +223,9 @@ class JointFit:
         ties = 30 * np.sqrt(SAMPLE) * np.kron(differences, np.eye(basis.design.shape[1]))
         return ties, np.eye(len(self.logs))
 
-    def update(self, curves: Array, own: Array, shared: Array) -> float:
+    def update(self, curves: Array, coefficients: Array, shared: Array) -> float:
         """Take the solution of a round, and weigh by its residuals."""
-        self.response, self.coefficients = Response(curves), own
+        self.response, self.coefficients = Response(curves), coefficients
         step = np.clip(shared, -0.5, 0.5)  # a first one may be far too long
         self.logs = self.logs + step
         self.gain = self.gain * np.exp(self.changes @ step)[:, None]
@@ -234,8 +234,8 @@ class JointFit:
         return float(np.abs(self.weight - before).sum() / self.weight.sum())
 
     def _light(self, x: Array) -> Array:
-        known, own = self.columns(x)
-        return np.asarray(known + np.einsum("ncq,cq->nc", own, self.coefficients))
+        known, columns = self.columns(x)
+        return np.asarray(known + np.einsum("ncq,cq->nc", columns, self.coefficients))
 
 
 @one_blas_thread

@@ -67,7 +67,7 @@ def fit_response_by_least_squares(
 def _response_of(problem: "_Exposures") -> ExposureResponseFit:
     """The response and the exposure errors of a solved problem."""
     pairs = problem.pairs
-    logs = _held_at_white(problem.logs, pairs, problem.weight)
+    logs = _continued_to_white(problem.logs, pairs, problem.weight)
     table = np.exp(logs - logs[-1])
     table[0] = 0.0
     named = {name: float(value) for name, value in zip(pairs.shots, problem.errors, strict=True)}
@@ -149,17 +149,17 @@ class _RobustExposures(_Exposures):
         return float(np.mean(np.abs(self.weight - before)))
 
 
-def _held_at_white(logs: Array, pairs: ExposurePairs, weight: Array) -> Array:
+def _continued_to_white(logs: Array, pairs: ExposurePairs, weight: Array) -> Array:
     """Continue log f⁻¹ (k, 3) above the brightest trusted sample as a power of EMoR's mean, with the slope that it has.
 
     What the least squares make of codes that no pair reaches depends on the noise alone.
     """
     codes, shape = np.linspace(0.0, 1.0, len(logs)), log_inverse_emor().mean
-    held = logs.copy()
+    continued = logs.copy()
     for channel in range(3):
         top = float(pairs.second[weight > 0.5, channel].max(initial=0.0))
         low = max(top - 16 / 255, 0.0)  # the span of a slope: a few times the noise of a code
         (lower, upper), (under, over) = (np.interp([low, top], codes, curve) for curve in (logs[:, channel], shape))
         beyond = codes > top
-        held[beyond, channel] = upper + (upper - lower) / (over - under) * (shape[beyond] - over)
-    return held
+        continued[beyond, channel] = upper + (upper - lower) / (over - under) * (shape[beyond] - over)
+    return continued

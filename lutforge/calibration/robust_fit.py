@@ -80,7 +80,7 @@ def _solve(problem: Problem, basis: CurveBasis, offset: Array, design: Array) ->
         normal[np.ix_(place, place)] += weighted.T @ columns
         right[place] += weighted.T @ (light.known[:, channel] - offset[:, channel])
         normal[np.ix_(theta, theta)] += basis.precision
-        right[theta] += basis.wanted
+        right[theta] += basis.shift
         normal[rest, rest] += 1e-9 * precision[:, channel].sum()
     ties, of_shared = problem.prior(basis)
     normal[: 3 * count, : 3 * count] += ties.T @ ties

@@ -231,7 +231,7 @@ def drop_outlier_shots(state: State) -> State:
     comparison = check_shots(state.samples, state.multipliers, state.unclipped, state.bases_of_all_colours())
     spoilt = _causes_of_all_groups(state, comparison)
     if spoilt:
-        return replace(state, diagnoses=tuple(one for one in state.diagnoses if one.cause in spoilt))
+        return replace(state, diagnoses=tuple(known for known in state.diagnoses if known.cause in spoilt))
 
     if comparison.deviations:
         agree = ~np.isin(state.samples.shot, [deviation.shot for deviation in comparison.deviations])

@@ -149,17 +149,17 @@ def measure(
     render, linearize: as their files evaluate them; shown: tells of JPEG colours (n, 3) whether samples showed them.
     """
 
-    def lost(jpeg: Array) -> Array:
+    def error_of(jpeg: Array) -> Array:
         return np.asarray(np.linalg.norm(np.clip(render(linearize(jpeg)), 0.0, 1.0) - jpeg, axis=1))
 
-    def made(raw: Array) -> Array:
+    def rendered(raw: Array) -> Array:
         return np.clip(render(raw), 0.0, 1.0)
 
     raw = raw_colours(count, seed)
-    jpeg = made(raw)
-    errors, of_codes = lost(jpeg), lost(as_8_bit(jpeg))
-    climb = made(climbed(lambda near: lost(made(near)), raw, errors, seed))
-    every = np.concatenate([errors, of_codes, lost(climb)])
+    jpeg = rendered(raw)
+    errors, of_codes = error_of(jpeg), error_of(as_8_bit(jpeg))
+    climb = rendered(climbed(lambda near: error_of(rendered(near)), raw, errors, seed))
+    every = np.concatenate([errors, of_codes, error_of(climb)])
     colours = np.concatenate([jpeg, as_8_bit(jpeg), climb])
     largest, beyond = int(every.argmax()), every > MAX_GOAL
     return RoundTrip(
@@ -168,5 +168,5 @@ def measure(
         float(every[largest]),
         tuple(int(code) for code in np.rint(255 * colours[largest])),
         None if shown is None else float(np.max(every[beyond], where=shown(colours[beyond]), initial=0.0)),
-        float(np.mean(lost(sobol(count, seed=seed)) > MAX_GOAL)),
+        float(np.mean(error_of(sobol(count, seed=seed)) > MAX_GOAL)),
     )

@@ -106,12 +106,12 @@ def vignetting_of(vignettings: Iterable[Vignetting], lens: str, focal_mm: float,
 
     The distance is in stops of focal length and of aperture. Values that are unknown of both count as equal.
     """
-    asked = np.array([focal_mm, aperture])
+    setting = np.array([focal_mm, aperture])
 
     def distance(vignetting: Vignetting) -> float:
         known = np.array([vignetting.focal_mm, vignetting.aperture])
-        stops = np.nan_to_num(np.abs(np.log2(asked / known)), nan=np.inf)
-        return float(np.where(np.isnan(asked) & np.isnan(known), 0.0, stops).sum())
+        stops = np.nan_to_num(np.abs(np.log2(setting / known)), nan=np.inf)
+        return float(np.where(np.isnan(setting) & np.isnan(known), 0.0, stops).sum())
 
     near = min((vignetting for vignetting in vignettings if vignetting.lens == lens), key=distance, default=None)
     return near if near is not None and distance(near) <= 0.5 else None

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, ColourFunction
 from lutforge.errors import ConfigError
-from lutforge.inverse.linearization import SIZE, BakedRender, inverse_of
+from lutforge.inverse.baked_render import BakedRender
+from lutforge.inverse.linearization import SIZE, inverse_of
 from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
 from lutforge.luts.bake import bake
 from lutforge.luts.highlights import highlight_ops

@@ -46,20 +46,20 @@ def joined_alike(groups: NDArray[np.str_], points: Array) -> NDArray[np.str_]:
     rng = np.random.default_rng(0)
     some = [part[rng.permutation(len(part))[:COMPARED]] for part in parts]
 
-    def distance(one: int, another: int) -> float:
-        return float(np.median(trees[another].query(some[one])[0]))
+    def distance(a: int, b: int) -> float:
+        return float(np.median(trees[b].query(some[a])[0]))
 
-    own = [float(np.median(tree.query(few, k=2)[0][:, 1])) for tree, few in zip(trees, some, strict=True)]
+    spacing = [float(np.median(tree.query(few, k=2)[0][:, 1])) for tree, few in zip(trees, some, strict=True)]
     pairs = [
-        (one, another)
-        for one in range(len(names))
-        for another in range(one)
-        if max(distance(one, another), distance(another, one)) < min(ALIKE, ALIKE_SHARE * max(own[one], own[another]))
+        (a, b)
+        for a in range(len(names))
+        for b in range(a)
+        if max(distance(a, b), distance(b, a)) < min(ALIKE, ALIKE_SHARE * max(spacing[a], spacing[b]))
     ]
     rows, columns = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
     links = coo_array((np.ones(len(pairs)), (rows, columns)), shape=(len(names), len(names)))
     label = connected_components(links, directed=False)[1]
-    first = np.array([np.flatnonzero(label == each)[0] for each in label])
+    first = np.array([np.flatnonzero(label == group)[0] for group in label])
     return np.asarray(names[first][member])
 
 

@@ -84,22 +84,22 @@ def fit_lattice(
     equations = normal_equations(x, difference, levels, method, weight)
     right, matrix = equations.right, equations.matrix
     shape = right.shape
-    held = np.zeros(shape) if prior is None else prior.weight
+    diagonal_weight = np.zeros(shape) if prior is None else prior.weight
     if regularization.anchor:
         on_ends, target = _boundary(shape, regularization.anchor)
-        right, held = right + on_ends * (target - offset), held + on_ends
+        right, diagonal_weight = right + on_ends * (target - offset), diagonal_weight + on_ends
     if regularization.smoothness or regularization.mixed:
         matrix = matrix + smoothness_matrix(levels, regularization.smoothness, regularization.mixed)
-    size, held = shape[:3], _planar(held)
-    inverse = held + matrix.diagonal()
+    size, diagonal_weight = shape[:3], _planar(diagonal_weight)
+    inverse = diagonal_weight + matrix.diagonal()
     plate = thin_plate((size[0], size[1], size[2]), regularization.thin_plate) if regularization.thin_plate else None
     if plate is not None:
         inverse += plate.diagonal().ravel()
     inverse = 1.0 / np.maximum(inverse, 1e-300)
-    coarse = _coarse_solve(matrix, held.mean(axis=0), plate, levels) if prior is None else np.zeros_like
+    coarse = _coarse_solve(matrix, diagonal_weight.mean(axis=0), plate, levels) if prior is None else np.zeros_like
 
     def product(b: Array) -> Array:
-        image = np.stack([matrix @ column for column in b]) + held * b
+        image = np.stack([matrix @ column for column in b]) + diagonal_weight * b
         return image if plate is None else image + plate(b.reshape(3, *size)).reshape(3, -1)
 
     solution = conjugate_gradients(
@@ -144,13 +144,15 @@ def conjugate_gradients(
     return Solution(b, Status.CONVERGED if largest <= tolerance else Status.LIMIT, largest, iteration)
 
 
-def _coarse_solve(matrix: sparse.dia_array, held: Array, plate: ThinPlate | None, levels: Levels) -> Operator:
+def _coarse_solve(
+    matrix: sparse.dia_array, diagonal_weight: Array, plate: ThinPlate | None, levels: Levels
+) -> Operator:
     """The correction P (P'AP)⁻¹ P' r by a lattice of at most COARSE nodes per axis, P its trilinear interpolation."""
     kept = [axis[np.unique(np.rint(np.linspace(0, len(axis) - 1, COARSE)).astype(int))] for axis in levels]
     units = [np.eye(len(axis)) for axis in kept]
     along = [np.stack([np.interp(levels[c], kept[c], unit) for unit in units[c]], axis=1) for c in range(3)]
     prolong = sparse.csr_array(sparse.kron(sparse.kron(along[0], along[1]), along[2]))
-    square = (prolong.T @ (matrix @ prolong + prolong * held[:, None])).toarray()
+    square = (prolong.T @ (matrix @ prolong + prolong * diagonal_weight[:, None])).toarray()
     count = len(square)
     if plate is not None:
         square += plate.through(along)(np.eye(count).reshape(count, *map(len, kept))).reshape(count, count)

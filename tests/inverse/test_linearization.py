@@ -8,7 +8,9 @@ from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.inverse import linearization
-from lutforge.inverse.linearization import BakedRender, Linearization, inverse_of, preimages
+from lutforge.inverse.baked_render import BakedRender
+from lutforge.inverse.linearization import Linearization, inverse_of
+from lutforge.inverse.preimages import preimages
 from lutforge.inverse.round_trip import MAX_GOAL, RoundTrip, as_8_bit, measure, raw_colours, rounded_up
 from lutforge.luts.ops import Cube, Curve, Matrix, Range
 from lutforge.luts.sequence import Lut

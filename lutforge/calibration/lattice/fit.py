@@ -118,19 +118,19 @@ def bake_linearize(model: CameraModel, scenes: RenderedScenes, options: LatticeO
     A camera maps wide ranges of RAW to few codes. So the lattice is the least squares on likely scenes, which comes
     near to their mean given the code. Where there are none, it follows the inverse that is solved.
     """
-    whole = scenes.whole
-    task = _Task(scenes.codes[whole], scenes.balanced[whole], scenes.weight[whole], options.interpolation)
+    unclipped = scenes.whole
+    task = _Task(scenes.codes[unclipped], scenes.balanced[unclipped], scenes.weight[unclipped], options.interpolation)
     to_balanced = np.linalg.inv(model.matrix).T
     inverse = model.inverse_gamut_map
     start = inverse.start if isinstance(inverse, SolvedInverse) else inverse
 
-    def likely(codes: Array) -> Array:
+    def likely_balanced(codes: Array) -> Array:
         return start(model.response.linearize(codes)) @ to_balanced
 
     levels = uniform_levels(options.size)
     if options.nonuniform:
         even = np.linspace(0.0, 1.0, min(SEARCH_SIZE, options.size))
-        levels = task.best_levels(likely, (even, even, even), EVEN, options.size, options.shaper_size)
+        levels = task.best_levels(likely_balanced, (even, even, even), EVEN, options.size, options.shaper_size)
     levels = snapped(levels, options.shaper_size)
 
     nodes, _ = task.fitted(model.linearize, levels)
