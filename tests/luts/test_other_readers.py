@@ -224,8 +224,8 @@ def test_the_program_renders_what_the_file_holds(tmp_path: Path, program: Progra
 
 
 def _melt(command: str, folder: Path, lut: Path) -> Path:
-    words = [command, "in.png", "out=0", "-filter", "avfilter.lut3d", f"av.file={lut}", "av.interp=tetrahedral"]
-    # MLT renders ahead in a thread of its own, which may lose the only frame at the end where the machine is busy.
+    # MLT may lose the frame at the end where the machine is busy: five alike are written, one over the other.
+    words = [command, "in.png", "out=4", "-filter", "avfilter.lut3d", f"av.file={lut}", "av.interp=tetrahedral"]
     words += [
         "-consumer",
         "avformat:out.png",
