@@ -33,6 +33,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.profile import Diagnosis
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
+from lutforge.threads import each
 
 LEAST_TO_CHECK = 24
 """Fewer samples of a style are not judged."""
@@ -143,13 +144,18 @@ def _cause_of_reading(colours: _Colours, given: _Judgement) -> Diagnosis | None:
     """
     diagnosis = None
     best = min(given.misfit / FAR_BETTER, given.misfit - LEAST_GAIN, NO_CAMERA)
-    for cause, advice, corrections in _causes(colours, given) if best > 0.0 else ():
+    causes = list(_causes(colours, given)) if best > 0.0 else []
+
+    def corrected_misfit(cause: tuple[str, str, list[_Colours]]) -> float:
         least = given.misfit
-        for corrected in corrections:
+        for corrected in cause[2]:
             judged = _fitted_and_judged(corrected)
             if judged is None or judged.misfit > least + LEAST_GAIN:  # more of it makes it worse
                 break
             least = min(least, judged.misfit)
+        return least
+
+    for (cause, advice, _), least in zip(causes, each(corrected_misfit, causes), strict=True):
         if least < best:
             evidence = f"samples are {given.misfit:.0f} codes off what cameras make, without it {least:.1f}"
             best, diagnosis = least, Diagnosis(cause, evidence, advice)
