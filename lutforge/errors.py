@@ -78,7 +78,7 @@ class CalibrationError(LutForgeError):
 
 
 class ProfileError(LutForgeError):
-    """A camera profile that cannot be read, or does not hold what a function needs."""
+    """A camera profile that cannot be read, or that lacks what a function needs."""
 
 
 class LutError(LutForgeError):

@@ -147,8 +147,9 @@ def _cause_of_reading(colours: _Colours, given: _Judgement) -> Diagnosis | None:
     causes = list(_causes(colours, given)) if best > 0.0 else []
 
     def corrected_misfit(cause: tuple[str, str, list[_Colours]]) -> float:
+        _, _, corrections = cause
         least = given.misfit
-        for corrected in cause[2]:
+        for corrected in corrections:
             judged = _fitted_and_judged(corrected)
             if judged is None or judged.misfit > least + LEAST_GAIN:  # more of it makes it worse
                 break

@@ -4,9 +4,9 @@ With z = e(X) on the perceptual scale, h(X) = e⁻¹(z + r(z)), and the correcti
 given the samples (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, equation 2.23). In the words of
 (4.7) and (4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity.
 
-How rough a camera's correction is, its samples tell: the roughness of the kernel is that of the largest marginal
-likelihood (equation 5.8 of the book). Simulated cameras have the least, the Canon S40 has 0.5 to 2. The other numbers
-were chosen among factors of two on one half of a fleet of cameras; the guide has the figures of both halves.
+The roughness of the kernel is estimated from the samples: it is that of the largest marginal likelihood (equation 5.8
+of the book). Simulated cameras have the least, the Canon S40 has 0.5 to 2. The other numbers were chosen among factors
+of two on one half of a fleet of cameras; the guide has the figures of both halves.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ CELL = 0.005
 LIKELIHOOD_CENTRES = 500
 """Centres of the fits by which the roughness is estimated."""
 ROUGHNESS_RANGE = (0.005, 2.0)
-"""Beyond these fits hardly change."""
+"""The least and the largest roughness that is tried. Beyond them a fit hardly changes."""
 BEYOND_CENTRES = 1_000
 """Centres of the fit that tells how far beyond its end a clipped channel goes on."""
 DEVIATION_CENTRES = 500
@@ -76,9 +76,9 @@ def krige(
         fit = _solve(z, correction, weight, min(BEYOND_CENTRES, most_centres), roughness)
         at, bound = to_even(bounded, OFFSET), to_even(ends, OFFSET)
         continued = to_even(fit(bounded), OFFSET)
-        wanted = np.where(at_white, np.maximum(continued, bound), bound)
-        wanted = np.where(at_black, np.minimum(continued, bound), wanted)
-        z, correction = np.concatenate([z, at]), np.concatenate([correction, wanted - at])
+        beyond = np.where(at_white, np.maximum(continued, bound), bound)
+        beyond = np.where(at_black, np.minimum(continued, bound), beyond)
+        z, correction = np.concatenate([z, at]), np.concatenate([correction, beyond - at])
         weight = np.concatenate([weight, np.ones(len(at))])
     return _solve(z, correction, weight, most_centres, roughness)
 
@@ -86,12 +86,15 @@ def krige(
 def likely_roughness(z: Array, correction: Array, weight: Array) -> float:
     """The roughness that makes samples likeliest: corrections (n, 3) at z (n, 3), of noise NOISE / weight (n,).
 
-    The process has any variance; the likelihood is the largest over it, (5.8) with σ² = yᵀ K⁻¹ y / 3n.
+    The process has any variance; the likelihood is the largest over it, (5.8) with σ² = yᵀ K⁻¹ y / 3n. Where nothing is
+    to be corrected, every roughness is as likely, and ROUGHNESS is returned.
     """
+    if not correction.any():
+        return ROUGHNESS
     places, values, weight = _merged(z, correction, weight, LIKELIHOOD_CENTRES)
     noise = NOISE / weight
 
-    def unlikelihood(logarithm: float) -> float:
+    def negative_log_likelihood(logarithm: float) -> float:
         covariance = kriging_covariance(places, roughness=np.exp(logarithm))
         covariance[np.diag_indices(len(places))] += noise
         factor = np.linalg.cholesky(covariance)
@@ -99,7 +102,7 @@ def likely_roughness(z: Array, correction: Array, weight: Array) -> float:
         return float(0.5 * values.size * np.log(np.sum(whitened**2)) + 3.0 * np.sum(np.log(np.diag(factor))))
 
     least, most = np.log(ROUGHNESS_RANGE)
-    found = minimize_scalar(unlikelihood, bounds=(least, most), method="bounded", options={"xatol": 0.2})
+    found = minimize_scalar(negative_log_likelihood, bounds=(least, most), method="bounded", options={"xatol": 0.2})
     return float(np.exp(found.x))
 
 

@@ -20,7 +20,7 @@ EXIF = (APP1, b"Exif\0\0")
 ICC = (APP2, b"ICC_PROFILE\0")
 """A piece of an ICC profile (ICC.1:2022, B.4)."""
 PREVIEWS = (APP2, b"MPF\0")
-"""Where further pictures begin (Multi-Picture Format, CIPA DC-007)."""
+"""The index of further pictures in the file (Multi-Picture Format, CIPA DC-007)."""
 ADOBE = (0xEE, b"Adobe")
 """How colours are coded (libjpeg.txt)."""
 

@@ -22,7 +22,7 @@ REFUSES = "refuses it"
 LEAVES = "leaves the picture as it is, without a word"
 UNKNOWN = "is not known to read it"
 GARBAGE = "reads it without a word and renders wrong colours"
-"""Verdicts: what a program does with a file."""
+"""What a program does with a file: the last of these five ways is the worst."""
 
 
 @dataclass(frozen=True)

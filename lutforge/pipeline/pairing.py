@@ -71,6 +71,6 @@ def _pictures(folder: Path) -> dict[str, Path]:
     """The pictures of a folder by stem, in lower case."""
     if not folder.is_dir():
         raise ShotError(f"{folder}: no such folder")
-    # Of several pictures with one stem the preferred kind comes last, and so is the entry that remains.
+    # Several pictures may have one stem. The preferred kind is sorted last, so that it replaces the others.
     pictures = [path for kind in reversed(PAIRED_SUFFIXES) for path in folder.iterdir() if path.suffix.lower() == kind]
     return {path.stem.lower(): path for path in pictures}

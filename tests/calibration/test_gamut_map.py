@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lutforge.calibration.gamut_map import krige
+from lutforge.calibration.gamut_map import NOISE, krige, likely_roughness
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response, plainly_unsaturated
 from lutforge.calibration.style import unclipped
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
+from lutforge.model.gamut_map import ROUGHNESS, kriging_covariance
 from lutforge.simulate.camera import sigma_sd_merrill
 from tests.cases.samples import chart_140, photograph_patches, style_of, surfaces
 
@@ -62,3 +63,21 @@ def test_numbers_that_are_not_finite_are_refused(number: float) -> None:
     target[5, 1] = number
     with pytest.raises(CalibrationError, match="not finite"):
         krige(source, target, np.ones(200), 4000)
+
+
+@pytest.mark.parametrize("roughness", [0.02, 0.1, 0.5, 1.5])
+def test_the_roughness_of_a_known_process_is_found(roughness: float) -> None:
+    found = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        z = rng.random((400, 3))
+        covariance = kriging_covariance(z, roughness=roughness)
+        covariance += np.tril(covariance, -1).T + NOISE * np.eye(len(z))
+        correction = 0.03 * np.linalg.cholesky(covariance) @ rng.normal(size=(len(z), 3))
+        found.append(likely_roughness(z, correction, np.ones(len(z))))
+    assert roughness / 2 < np.median(found) < 2 * roughness
+
+
+def test_nothing_to_correct_has_the_usual_roughness() -> None:
+    z = np.random.default_rng(0).random((50, 3))
+    assert likely_roughness(z, np.zeros_like(z), np.ones(len(z))) == ROUGHNESS
