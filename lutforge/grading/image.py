@@ -100,7 +100,7 @@ def apply_image(
         output = _described(grade, target, image, attributes)
         threads = None if count == 1 else stack.enter_context(ThreadPoolExecutor(count))
 
-        # A JPEG of at most 64 Mpixel is graded as a whole, in its 8-bit codes; a larger one would take more than 256 MB.
+        # A JPEG of at most 64 Mpixel is graded as a whole, in 8-bit codes; a larger one would take more than 256 MB.
         is_small = spec.width * spec.height <= 64_000_000
         if jpeg is not None and jpeg.plain and is_small and grade.codes is not None and not profile:
             broken = 0
