@@ -2,7 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 # Byte code is kept whatever the environment says: tests start many processes, which else compile every module.
-TESTS := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
+# A process that ends by itself ends the run: pytest-xdist 3.8 would wait for ever for the groups that it held.
+TESTS := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup --max-worker-restart 0
 
 .PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field figures hosts clean
 
