@@ -20,6 +20,7 @@ from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scenes import SCENES
 from tests.cases.profiles import small_profile
+from tests.cases.same_bytes import same_bytes
 from tests.cases.samples import chart_140, made_samples, photograph_patches
 from tests.conftest import CommandLine
 
@@ -130,7 +131,7 @@ def test_bake_reports_what_the_command_reports(tmp_path: Path, lutforge: Command
     assert run.stdout.strip() == told
     assert run.stderr.strip().splitlines()[-1].endswith(lut.notes[-1].replace(f"{tmp_path}{os.sep}b", "a"))
     for suffix in (".cube", ".clf"):
-        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+        assert same_bytes(tmp_path / f"a{suffix}", tmp_path / f"b{suffix}")
     assert transform.purpose.title in str(lut)
 
 

@@ -39,6 +39,7 @@ from lutforge.simulate.photograph import Photograph, develop_again, photograph
 from lutforge.simulate.scene import palette
 from lutforge.simulate.scenes import SCENES, still_life
 from tests.cases.profiles import small_profile
+from tests.cases.same_bytes import same_bytes
 from tests.cases.samples import SETTINGS, STYLES, samples_of_settings
 
 Recipes = Callable[..., ProfileRecipe]
@@ -228,7 +229,7 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(recipe_of: Recipes, sho
 @pytest.mark.parametrize("target", [None, "standard/tungsten"])
 def test_what_is_as_wanted_is_copied(recipe_of: Recipes, picture: Path, tmp_path: Path, target: str | None) -> None:
     result = apply_batch(recipe_of(target=target), [picture], tmp_path / "out")
-    assert result.done[0].target.read_bytes() == picture.read_bytes()
+    assert same_bytes(result.done[0].target, picture)
     assert any("nothing to change" in note for note in result.done[0].notes)
     other = apply_batch(recipe_of(target=target), [picture], tmp_path / "out", ".png")
     np.testing.assert_array_equal(read_image(other.done[0].target).pixels, read_image(picture).pixels)

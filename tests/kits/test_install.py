@@ -17,6 +17,7 @@ from lutforge.kits.places import Machine, place_of
 from lutforge.kits.programs import KITS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.kits import install_kit, uninstall_kit, write_kit
+from tests.cases.same_bytes import same_bytes
 from tests.conftest import CommandLine
 
 SETTING = "standard/auto"
@@ -76,7 +77,7 @@ def test_the_configuration_is_as_it_was(
         {".icc", ".dtstyle", ".xmp"} if program == "darktable" else {".icc", ".dcp", ".pp3"}
     )
     for path in named:
-        assert path.read_bytes() == (tmp_path / "kit" / path.name).read_bytes()
+        assert same_bytes(path, tmp_path / "kit" / path.name)
     gone = lutforge("kit", "--uninstall", "--for", program, cwd=tmp_path).stdout
     assert {Path(line.removeprefix("removed: ")) for line in gone.splitlines()} == named
     assert contents(home) == before

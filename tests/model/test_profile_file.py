@@ -20,6 +20,7 @@ from lutforge.model.published_model import PublishedModel, export_published, imp
 from lutforge.model.vignetting import Vignetting
 from lutforge.thesis.gamut_map import fit_gamut_map
 from tests.cases.profiles import small_profile
+from tests.cases.same_bytes import same_bytes
 
 VALUES = "style0_render_values"
 
@@ -165,7 +166,7 @@ def test_records_show_as_one_line(saved: Path) -> None:
 
 def test_the_same_profile_gives_the_same_bytes(saved: Path, tmp_path: Path) -> None:
     load_profile(saved).save(tmp_path / "again.npz")
-    assert (tmp_path / "again.npz").read_bytes() == saved.read_bytes()
+    assert same_bytes(tmp_path / "again.npz", saved)
 
 
 def test_a_missing_file_says_how_to_make_one(tmp_path: Path) -> None:

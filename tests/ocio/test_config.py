@@ -35,6 +35,7 @@ from lutforge.ocio.cameras import file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.spaces import DISPLAYS, base_config
 from tests.cases.profiles import MATRIX, plain_profile, small_profile
+from tests.cases.same_bytes import same_bytes
 from tests.conftest import Refused
 
 GAINS = {"daylight": (2.0, 1.0, 1.4), "tungsten": (1.2, 1.0, 2.4)}
@@ -275,9 +276,9 @@ def test_the_same_profiles_make_the_same_bytes(tmp_path: Path) -> None:
     profiles = [plain_profile("A"), plain_profile("B", "vivid")]
     one, two = (write_config(profiles, tmp_path / name) for name in ("one", "two"))
     for file in one.parent.rglob("*.*"):
-        assert file.read_bytes() == (two.parent / file.relative_to(one.parent)).read_bytes()
+        assert same_bytes(file, two.parent / file.relative_to(one.parent))
     archives = [write_config(profiles, tmp_path / f"{name}.ocioz") for name in "ab"]
-    assert archives[0].read_bytes() == archives[1].read_bytes()
+    assert same_bytes(archives[0], archives[1])
     assert load_config(archives[0]).serialize() == load_config(one).serialize()
 
 

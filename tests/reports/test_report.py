@@ -26,6 +26,7 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.profiles import small_profile
+from tests.cases.same_bytes import same_bytes
 from tests.cases.samples import chart_140, photograph_patches
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -216,7 +217,7 @@ def test_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
     for name in ("one.html", "two.html"):
         report = build_report(profile)
         write_page(report, tmp_path / name)
-    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
+    assert same_bytes(tmp_path / "one.html", tmp_path / "two.html")
 
 
 def test_error_maps_of_real_files(demo: tuple[Path, str]) -> None:

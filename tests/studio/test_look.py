@@ -34,6 +34,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from lutforge.pipeline.photographs import picture_bytes
 from lutforge.studio.look_page import LookView, packed
+from tests.cases.same_bytes import same_bytes
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
@@ -363,6 +364,6 @@ def test_a_picture_in_another_space_is_shown_as_it_will_be_graded(tmp_path: Path
     codes = np.full((16, 24, 3), (60, 140, 90), np.uint8)
     Image.fromarray(codes).save(wide, icc_profile=adobe_rgb_profile(), quality=100)
     Image.fromarray(codes).save(plain, quality=100)
-    assert picture_bytes(plain) == plain.read_bytes()
+    assert same_bytes(plain, picture_bytes(plain))
     with Image.open(BytesIO(picture_bytes(wide))) as shown:
         assert np.abs(np.asarray(shown, float) - to_srgb(codes, adobe_rgb_profile())).max() <= 2

@@ -21,6 +21,7 @@ from urllib.request import urlopen
 import pytest
 
 from tests.cases.charts import photograph_chart
+from tests.cases.same_bytes import same_bytes
 from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
@@ -282,7 +283,7 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     command = ["calibrate", "mine_samples.npz", "--size", "9", "-o", "theirs.npz"]
     run = subprocess.run([sys.executable, "-m", "lutforge", *command], cwd=folder, capture_output=True)
     assert run.returncode == 0, run.stderr
-    assert (folder / "mine.npz").read_bytes() == (folder / "theirs.npz").read_bytes()
+    assert same_bytes(folder / "mine.npz", folder / "theirs.npz")
     assert (folder / "mine_rawtherapee_kit" / "README.md").is_file()
 
 

@@ -29,6 +29,7 @@ from lutforge.simulate.camera import nikon_d5100
 from tests.cases.brackets import bracket
 from tests.cases.charts import photograph_chart
 from tests.cases.pictures import apply_to_pixels
+from tests.cases.same_bytes import same_bytes
 from tests.studio.job_functions import broken, doubled, endless, killed, writes_for_ever, wrong
 from tests.studio.shots_for_the_studio import chart_samples, photograph
 
@@ -442,7 +443,7 @@ def test_an_export_is_the_command_that_it_tells(
     mine, theirs = (tmp_path / f"{name}{suffix}" for name in ("mine", "theirs"))
     for file in sorted(mine.rglob("*")) if mine.is_dir() else [mine]:
         other = theirs / file.relative_to(mine) if mine.is_dir() else theirs
-        assert file.read_bytes() == other.read_bytes(), file
+        assert same_bytes(file, other), file
 
 
 @pytest.mark.slow
@@ -613,7 +614,7 @@ def test_a_response_is_exported_as_by_the_command_line(bracket_folder: Path, mon
         assert CliRunner().invoke(command_line(), words).exit_code == 0, command
     for path in made:
         theirs = root / path.name.replace("drone", "theirs")
-        assert theirs.read_bytes().replace(b"theirs", b"drone") == path.read_bytes(), path
+        assert same_bytes(path, theirs.read_bytes().replace(b"theirs", b"drone")), path
 
 
 @pytest.mark.slow
@@ -633,7 +634,7 @@ def test_a_chart_gives_an_input_transform(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     words = shlex.split(page.session.written["profile"].command)[1:]
     assert CliRunner().invoke(command_line(), [*words[:-1], "theirs.npz"]).exit_code == 0
-    assert (tmp_path / "theirs.npz").read_bytes() == (tmp_path / "camera.npz").read_bytes()
+    assert same_bytes(tmp_path / "theirs.npz", tmp_path / "camera.npz")
 
 
 def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_path: Path) -> None:

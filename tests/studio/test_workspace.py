@@ -27,6 +27,7 @@ from lutforge.studio.samples_page import COLOURS, PLOTS, BrushedPlot, colours, f
 from lutforge.studio.session import Session
 from lutforge.studio.shots_page import card_of, facts_of
 from lutforge.studio.workspace import Workspace, WorkspaceError, find_pairs, fit_model, open_workspace, save_workspace
+from tests.cases.same_bytes import same_bytes
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +180,7 @@ def test_the_profile_is_the_one_of_the_command_line(samples: SampleSet, tmp_path
     profile.save(tmp_path / "studio.npz")
     chosen = samples.select(workspace.fitting_rows("lattice"))
     calibrate(chosen, workspace.options).save(tmp_path / "command.npz")
-    assert (tmp_path / "studio.npz").read_bytes() == (tmp_path / "command.npz").read_bytes()
+    assert same_bytes(tmp_path / "studio.npz", tmp_path / "command.npz")
 
 
 def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from lutforge.errors import LutError
 from lutforge.kits.dcp import read_dcp
 from lutforge.pipeline.inspection import inspect
 from tests.cases.damaged import LUTS, READERS, damaged, fault, whole_files
+from tests.cases.same_bytes import same_bytes
 
 COUNT = int(os.environ.get("LUTFORGE_DAMAGED_FILES", "60"))
 """How many damaged files of a kind are read; a long search for faults sets thousands."""
@@ -26,7 +27,7 @@ def test_whole_files_are_read(sound: dict[str, bytes], kind: str, tmp_path: Path
     path = tmp_path / f"a{kind}"
     path.write_bytes(sound[kind])
     READERS[kind](path)  # raises nothing
-    assert path.read_bytes() == sound[kind]
+    assert same_bytes(path, sound[kind])
 
 
 @pytest.mark.parametrize("kind", [end if end in LUTS else pytest.param(end, marks=pytest.mark.slow) for end in READERS])
