@@ -12,7 +12,7 @@ they are as a camera's, and far better than before. Where none does that, and co
 only this is reported.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from lutforge.calibration.matrix_and_response import (
     MatrixAndResponse,
     encoded_residual,
     fit_matrix_and_response,
+    fit_typical_response,
     in_gamut_weight,
     saturation,
     with_matrix_of_all,
@@ -33,7 +34,6 @@ from lutforge.errors import CalibrationError
 from lutforge.model.profile import Diagnosis
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
-from lutforge.threads import each
 
 LEAST_TO_CHECK = 24
 """Fewer samples of a style are not judged."""
@@ -144,23 +144,30 @@ def _cause_of_reading(colours: _Colours, given: _Judgement) -> Diagnosis | None:
     """
     diagnosis = None
     best = min(given.misfit / FAR_BETTER, given.misfit - LEAST_GAIN, NO_CAMERA)
-    causes = list(_causes(colours, given)) if best > 0.0 else []
-
-    def corrected_misfit(cause: tuple[str, str, list[_Colours]]) -> float:
-        _, _, corrections = cause
-        least = given.misfit
-        for corrected in corrections:
-            judged = _fitted_and_judged(corrected)
-            if judged is None or judged.misfit > least + LEAST_GAIN:  # more of it makes it worse
-                break
-            least = min(least, judged.misfit)
-        return least
-
-    for (cause, advice, _), least in zip(causes, each(corrected_misfit, causes), strict=True):
-        if least < best:
-            evidence = f"samples are {given.misfit:.0f} codes off what cameras make, without it {least:.1f}"
-            best, diagnosis = least, Diagnosis(cause, evidence, advice)
+    if best <= 0.0:
+        return None
+    typical = _misfit(colours, fit_typical_response)
+    for cause, advice, corrections in _causes(colours, given):
+        # Fits of typical responses take a third of the time, and show that most causes are wrong.
+        misfits = [_misfit(corrected, fit_typical_response) for corrected in corrections]
+        place = int(np.argmin(misfits))
+        misfit = _misfit(corrections[place], fit_matrix_and_response) if misfits[place] < typical else np.inf
+        if misfit < best:
+            evidence = f"samples are {given.misfit:.0f} codes off what cameras make, without it {misfit:.1f}"
+            best, diagnosis = misfit, Diagnosis(cause, evidence, advice)
     return diagnosis
+
+
+def _misfit(colours: _Colours, fit: Callable[[Array, Array], MatrixAndResponse]) -> float:
+    """The misfit of a base that is fitted to samples, white-balanced RAW and JPEG values; infinite without a fit."""
+    some = np.random.default_rng(0).permutation(len(colours.raw))[:MOST_COMPARED]
+    balanced = colours.raw[some] * colours.multipliers[some]
+    encoded = np.clip(colours.encoded[some], 0.0, 1.0)
+    try:
+        base = with_matrix_of_all(fit(balanced, encoded), balanced, encoded)
+    except (CalibrationError, np.linalg.LinAlgError):
+        return np.inf
+    return _judged(colours, base).misfit
 
 
 def _no_camera(given: _Judgement) -> Diagnosis:
@@ -170,18 +177,6 @@ def _no_camera(given: _Judgement) -> Diagnosis:
         f"samples are {given.colours_off:.0f} codes off what cameras make, whose own are at most 8",
         "look at pictures and settings: one style, no automatic tone, RAW and JPEG of the same shots",
     )
-
-
-def _fitted_and_judged(colours: _Colours) -> _Judgement | None:
-    """Fit a base to samples and judge it; None where they cannot be fitted."""
-    some = np.random.default_rng(0).permutation(len(colours.raw))[:MOST_COMPARED]
-    balanced = colours.raw[some] * colours.multipliers[some]
-    encoded = np.clip(colours.encoded[some], 0.0, 1.0)
-    try:
-        base = with_matrix_of_all(fit_matrix_and_response(balanced, encoded), balanced, encoded)
-    except (CalibrationError, np.linalg.LinAlgError):
-        return None
-    return _judged(colours, base)
 
 
 def _judged(colours: _Colours, base: MatrixAndResponse) -> _Judgement:
@@ -209,7 +204,7 @@ def _judged(colours: _Colours, base: MatrixAndResponse) -> _Judgement:
 
 
 def _causes(colours: _Colours, given: _Judgement) -> Iterator[tuple[str, str, list[_Colours]]]:
-    """Yield each cause that could apply, what to do, and its corrections: samples without it, or without more of it."""
+    """Yield each cause that could apply, what to do, and its corrections: samples without more or less of it."""
     raw, encoded, multipliers = colours.raw, colours.encoded, colours.multipliers
 
     for order in OTHER_ORDERS:

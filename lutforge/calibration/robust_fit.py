@@ -58,41 +58,70 @@ def robust_fit(problem: Problem, basis: CurveBasis, most_rounds: int = 20) -> St
     if problem.before is not None:
         less_offset, less_design = basis.at(problem.before)
         offset, design = offset - less_offset, design - less_design
+    prior = _prior(problem, basis)
     for _ in range(most_rounds):
-        curves, own, shared = _solve(problem, basis, offset, design)
+        curves, own, shared = _solve(problem, basis, prior, offset, design)
         if problem.update(curves, own, shared) < 2e-3:
             return Status.CONVERGED
     return Status.LIMIT
 
 
-def _solve(problem: Problem, basis: CurveBasis, offset: Array, design: Array) -> tuple[Array, Array, Array]:
+@dataclass(frozen=True, eq=False)
+class _Prior:
+    """What all rounds of a fit share, of the θ of three channels and of s.
+
+    of_curves: (3 m, 3 m) and shift: (3 m,), of θ; of_shared: (p, p), of s; rising: (3 c, 3 m), θ such that the curves
+    rise, which are at least `least` (3 c,).
+    """
+
+    of_curves: Array
+    shift: Array
+    of_shared: Array
+    rising: Array
+    least: Array
+
+
+def _prior(problem: Problem, basis: CurveBasis) -> _Prior:
+    """The prior of each channel's curve, and what ties the channels together."""
+    ties, of_shared = problem.prior(basis)
+    return _Prior(
+        np.asarray(np.kron(np.eye(3), basis.precision) + ties.T @ ties),
+        np.tile(basis.shift, 3),
+        of_shared,
+        np.asarray(np.kron(np.eye(3), basis.rising)),
+        np.tile(basis.least, 3),
+    )
+
+
+def _solve(
+    problem: Problem, basis: CurveBasis, prior: _Prior, offset: Array, design: Array
+) -> tuple[Array, Array, Array]:
     """The curves (k, 3), m (3, q) and s (p,) of one round."""
     light, precision = problem.light(), problem.precision()
     count, free, common = design.shape[2], light.own.shape[2], light.shared.shape[2]
-    unknowns = 3 * (count + free) + common
+    curved, channelwise = 3 * count, 3 * (count + free)
+    unknowns = channelwise + common
     normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
-    last = np.arange(3 * (count + free), unknowns)
+
+    # The data term of each channel, which shares with the others only s
     for channel in range(3):
-        theta, rest = count * channel + np.arange(count), 3 * count + free * channel + np.arange(free)
         columns = np.hstack([design[:, channel], -light.own[:, channel], -light.shared[:, channel]])
         weighted = columns * precision[:, [channel]]
-        place = np.concatenate([theta, rest, last])
-        normal[np.ix_(place, place)] += weighted.T @ columns
+        of_own = curved + free * channel + np.arange(free)
+        place = np.concatenate([count * channel + np.arange(count), of_own, np.arange(channelwise, unknowns)])
+        normal[place[:, None], place] += weighted.T @ columns
         right[place] += weighted.T @ (light.known[:, channel] - offset[:, channel])
-        normal[np.ix_(theta, theta)] += basis.precision
-        right[theta] += basis.shift
-        normal[rest, rest] += 1e-9 * precision[:, channel].sum()
-    ties, of_shared = problem.prior(basis)
-    normal[: 3 * count, : 3 * count] += ties.T @ ties
-    normal[np.ix_(last, last)] += of_shared
-    steps = len(basis.rising)
-    rising = np.zeros((3 * steps, unknowns))
-    for channel in range(3):
-        rising[steps * channel : steps * (channel + 1), count * channel : count * (channel + 1)] = basis.rising
-    solution = solve_lsi(normal, right, rising, np.tile(basis.least, 3))
-    curves = basis.offset[:, None] + basis.design @ solution[: 3 * count].reshape(3, count).T
-    own = solution[3 * count : 3 * (count + free)].reshape(3, free)
-    return np.maximum.accumulate(curves), own, solution[last]
+        normal[of_own, of_own] += 1e-9 * precision[:, channel].sum()
+
+    normal[:curved, :curved] += prior.of_curves
+    right[:curved] += prior.shift
+    normal[channelwise:, channelwise:] += prior.of_shared
+    rising = np.pad(prior.rising, ((0, 0), (0, unknowns - curved)))
+    solution = solve_lsi(normal, right, rising, prior.least)
+
+    curves = basis.offset[:, None] + basis.design @ solution[:curved].reshape(3, count).T
+    own = solution[curved:channelwise].reshape(3, free)
+    return np.maximum.accumulate(curves), own, solution[channelwise:]
 
 
 class ToneWeights:
@@ -118,24 +147,26 @@ class ToneWeights:
         rare = np.interp(tone, (np.arange(16) + 0.5) / 16, counts) ** -weighting
         self.prior = odds * rare / np.average(rare, weights=odds)
         self.levels: Array = np.linspace(tone.min(), tone.max() + 1e-9, 16)
+        self.ranges = self._ranges()
 
     def __call__(self, residual: Array) -> Array:
         """(n,): for the next round, of the residuals (n,) of this one."""
-        scale = np.maximum(self.multiple * self._medians(residual), self.least)
+        odds, values = self.odds[self.order], residual[self.order]
+        medians = [weighted_median(values[low:high], odds[low:high]) for low, high in self.ranges]
+        scale = np.maximum(self.multiple * np.array(medians), self.least)
         return self.prior * cauchy(residual / np.interp(self.tone, self.levels, scale))
 
-    def _medians(self, residual: Array) -> Array:
-        """Median residual around each level of tone, of so wide a range of tones that eight samples' worth tell it."""
-        tone, odds, values = self.tone[self.order], self.odds[self.order], residual[self.order]
-        mass = np.concatenate([[0.0], np.cumsum(odds)])
+    def _ranges(self) -> list[tuple[int, int]]:
+        """Samples in order of tone around each level, of so wide a range of tones that eight samples' worth tell it."""
+        tone = self.tone[self.order]
+        mass = np.concatenate([[0.0], np.cumsum(self.odds[self.order])])
         half, enough = 0.5 * (self.levels[1] - self.levels[0]), min(8.0, mass[-1])
-        medians = np.empty(len(self.levels))
-        for place, level in enumerate(self.levels):
+        ranges = []
+        for level in self.levels:
             low, high = np.searchsorted(tone, [level - half, level + half])
             if mass[high] - mass[low] < enough:
                 start = min(max(0.5 * (mass[low] + mass[high] - enough), 0.0), mass[-1] - enough)
                 low, high = np.searchsorted(mass, [start, start + enough])
                 low, high = min(low, len(tone) - 1), min(high, len(tone))
-            high = max(high, low + 1)
-            medians[place] = weighted_median(values[low:high], odds[low:high])
-        return medians
+            ranges.append((int(low), int(max(high, low + 1))))
+        return ranges

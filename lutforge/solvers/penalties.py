@@ -26,21 +26,29 @@ def second_difference(levels: Array) -> Array:
 def smoothness_matrix(levels: Levels, smoothness: float, mixed: float) -> sparse.dia_array:
     """λ_S S'S + λ_T T'T, (N³, N³): second differences along each axis, and mixed ones across each pair of axes."""
     r, g, b = (len(axis) for axis in levels)
-    none = [np.eye(count) for count in (r, g, b)]
-    bend = [rows.T @ rows for rows in map(second_difference, levels)]
-    slope = [rows.T @ rows for rows in (np.diff(unit, axis=0) for unit in none)]
+    none = [_bands(np.eye(count)) for count in (r, g, b)]
+    bend = [_bands(rows.T @ rows) for rows in map(second_difference, levels)]
+    slope = [_bands(rows.T @ rows) for rows in (np.diff(np.eye(count), axis=0) for count in (r, g, b))]
     terms = [(smoothness, [bend[c] if c == axis else none[c] for c in range(3)]) for axis in range(3)]
     terms += [(mixed, [none[c] if c == axis else slope[c] for c in range(3)]) for axis in range(3)]
 
     def half() -> Iterator[tuple[tuple[int, int, int], Array]]:
-        for (weight, matrices), offset in product(terms, product(range(3), range(-2, 3), range(-2, 3))):
-            # The entries (i, i + step) of each matrix, 0 where there is none.
-            margins = [(max(-step, 0), max(step, 0)) for step in offset]
-            lines = [np.pad(np.diag(matrices[c], offset[c]), margins[c]) for c in range(3)]
-            if offset >= (0, 0, 0) and weight and all(np.any(line) for line in lines):
-                yield offset, weight * np.einsum("i,j,k->ijk", *lines)
+        for weight, (of_r, of_g, of_b) in terms:
+            for dr, dg, db in product(of_r, of_g, of_b):
+                if (dr, dg, db) >= (0, 0, 0) and weight:
+                    yield (dr, dg, db), weight * np.einsum("i,j,k->ijk", of_r[dr], of_g[dg], of_b[db])
 
     return symmetric((r, g, b), half())
+
+
+def _bands(matrix: Array) -> dict[int, Array]:
+    """The diagonals of a banded matrix (N, N) that are not 0, by step: entries (i, i + step), (N,), 0 beyond."""
+    count, bands = len(matrix), dict[int, Array]()
+    for step in range(max(-2, 1 - count), min(3, count)):
+        line = np.pad(np.diag(matrix, step), (max(-step, 0), max(step, 0)))
+        if np.any(line):
+            bands[step] = line
+    return bands
 
 
 def keys_cubic(count: int) -> tuple[Array, Array, Array]:
