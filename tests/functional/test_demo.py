@@ -1,8 +1,6 @@
 """The demo ends with LUTs, a config, a graded photograph and small errors against the known truth."""
 
-import platform
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +14,6 @@ from lutforge.images.read import read_image
 from lutforge.model.coverage import linearizing_error
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
-from tests.cases.same_bytes import same_bytes
 from tests.conftest import CommandLine
 
 
@@ -75,9 +72,10 @@ def test_the_whole_demo_makes_the_readmes_picture_and_verbose_names_the_error_of
     (line,) = (line for line in stdout.splitlines() if "refinish.resolve.cube" in line)
     assert line.count("; mean ") == 1
     assert stdout.count(": kept ") == len(SHOTS)
-    if (sys.platform, platform.machine()) == ("linux", "x86_64"):  # another processor may round a pixel otherwise
-        picture = Path(__file__).parents[2] / "examples" / "pictures" / "refinish.png"
-        assert same_bytes(tmp_path / "demo" / "refinish.png", picture), "run make pictures"
+    # The last digits of a sum depend on where its numbers lie in memory: among other work a pixel in twenty differs.
+    made = read_image(tmp_path / "demo" / "refinish.png").pixels
+    shown = read_image(Path(__file__).parents[2] / "examples" / "pictures" / "refinish.png").pixels
+    assert 255 * np.abs(made - shown).mean() < 0.2, "run make pictures"
 
 
 def test_errors_against_the_truth(demo: tuple[Path, str]) -> None:
