@@ -8,7 +8,7 @@ import numpy as np
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.calibrate import assembled, matrix_of
 from lutforge.calibration.coverage_notes import thin_settings
-from lutforge.calibration.each_style import fit_styles, notes_on_fits
+from lutforge.calibration.fit_styles import fit_styles, notes_on_fits
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
 from lutforge.calibration.steps import (
     State,
