@@ -16,7 +16,7 @@ from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.linearization import SIZE, inverse_of
 from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
 from lutforge.luts.bake import bake
-from lutforge.luts.highlights import highlight_ops
+from lutforge.luts.highlight_ops import highlight_ops
 from lutforge.luts.ops import Curve
 from lutforge.luts.refinish import steps_of
 from lutforge.luts.sequence import Lut
