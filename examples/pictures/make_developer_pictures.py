@@ -21,7 +21,7 @@ from PIL import Image
 
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
-from lutforge.kits.programs import NEUTRAL
+from lutforge.kits.all_kits import NEUTRAL
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.kits import compare_with_jpeg, write_kit
 from lutforge.pipeline.sampling import gather_samples

@@ -31,7 +31,7 @@ PROGRAM_NAMES = (
     "ffmpeg, mpv, mlt, kdenlive, shotcut, obs, darktable, rawtherapee, art, captureone, gmic, gimp, imagemagick, "
     "graphicsmagick, pillow, three, parse-cube-lut"
 )
-"""The choices of `--for`: the programs of `lutforge.luts.programs`, repeated since importing it takes a second."""
+"""The choices of `--for`: the programs of `lutforge.luts.lut_programs`, repeated since importing it takes a second."""
 
 
 def bake(

@@ -22,8 +22,9 @@ from lutforge.luts.formats import format_of, write
 from lutforge.luts.forms import FORMS, Form
 from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, InputAndOutput, input_and_output_of
 from lutforge.luts.lower import takes_scenes
-from lutforge.luts.programs import Program, Target, files_for, program_named, target_of
+from lutforge.luts.lut_programs import Program, program_named
 from lutforge.luts.sequence import Lut
+from lutforge.luts.target import Target, files_for, target_of
 from lutforge.luts.verification import FileError, verify
 from lutforge.luts.writers.process_list import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
 from lutforge.model.camera_profile import CameraProfile, as_profile

@@ -20,11 +20,11 @@ from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.developed import Development
 from lutforge.images.orientation import inverse, orientation_between, upright
 from lutforge.images.read import read_image
+from lutforge.kits.all_kits import KITS
 from lutforge.kits.install import INSTALLED_KITS, install, is_installed, targets_of, uninstall
 from lutforge.kits.kit import Kit, KitFiles, Look, look_of, write_develop_script
 from lutforge.kits.lumix import lumix_kit
 from lutforge.kits.places import KEPT, Machine, place_of
-from lutforge.kits.programs import KITS
 from lutforge.luts.description import LICENCE
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import Pictures

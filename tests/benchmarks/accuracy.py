@@ -43,9 +43,9 @@ from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake_steps, bake_to
 from lutforge.luts.ocio_transforms import evaluate
-from lutforge.luts.programs import target_of
 from lutforge.luts.reading import file_processor
 from lutforge.luts.refinish import steps_of
+from lutforge.luts.target import target_of
 from lutforge.model.camera_profile import match, raw_to_balanced
 from lutforge.model.transform import through_stages
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill

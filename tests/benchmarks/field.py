@@ -32,8 +32,8 @@ from lutforge.child_processes import run_command
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError
 from lutforge.images.raw import read_raw
+from lutforge.kits.all_kits import NEUTRAL
 from lutforge.kits.kit import look_of
-from lutforge.kits.programs import NEUTRAL
 from lutforge.pipeline.kits import KitCheck, compare_with_jpeg, write_kit
 from tests.benchmarks import common, lattices
 from tests.benchmarks.common import heading, row

@@ -30,7 +30,7 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
 from lutforge.luts.bake import bake_to
-from lutforge.luts.programs import target_of
+from lutforge.luts.target import target_of
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples

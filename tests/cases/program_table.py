@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from lutforge.atomic_write import atomic_path
-from lutforge.luts.programs import GARBAGE, LEAVES, PROGRAMS, READS, REFUSES, UNKNOWN, Program
+from lutforge.luts.lut_programs import GARBAGE, LEAVES, PROGRAMS, READS, REFUSES, UNKNOWN, Program
 
 PAGE = Path(__file__).resolve().parents[2] / "examples" / "guide" / "files.md"
 KINDS = {

@@ -18,8 +18,8 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.looks import PROGRAM_NAMES as LISTED
 from lutforge.cli.looks import kit
 from lutforge.cli.main import main
-from lutforge.kits.programs import KITS
-from lutforge.luts.programs import PROGRAMS
+from lutforge.kits.all_kits import KITS
+from lutforge.luts.lut_programs import PROGRAMS
 from lutforge.pipeline.calibration import calibrate
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dng import write_dng

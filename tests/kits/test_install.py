@@ -12,9 +12,9 @@ import pytest
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError
 from lutforge.images.read import read_image
+from lutforge.kits.all_kits import KITS
 from lutforge.kits.install import install, read_journal, uninstall
 from lutforge.kits.places import Machine, place_of
-from lutforge.kits.programs import KITS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.kits import install_kit, uninstall_kit, write_kit
 from tests.cases.same_bytes import same_bytes

@@ -24,10 +24,10 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
+from lutforge.kits.all_kits import KITS
 from lutforge.kits.dcp import fit_dng_profile, read_dcp, write_dcp
 from lutforge.kits.icc import fit_icc_profile, write_icc
 from lutforge.kits.kit import look_of
-from lutforge.kits.programs import KITS
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.provenance import Developed
 from lutforge.pipeline.kits import KitCheck, check_kit, compare_with_jpeg, write_kit

@@ -66,7 +66,7 @@ def test_the_kit_for_blender_prints_the_error_of_its_view(
 ) -> None:
     """In LutForge's own config and merged with the one of the Blender that is installed."""
     if not with_blender:
-        monkeypatch.setattr("lutforge.kits.programs.blender_config", lambda: None)
+        monkeypatch.setattr("lutforge.kits.all_kits.blender_config", lambda: None)
     elif blender_config() is None:
         pytest.skip("Blender is not installed")
     profile.save(tmp_path / "camera.npz")

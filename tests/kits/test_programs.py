@@ -17,7 +17,7 @@ from PIL import Image
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import LutForgeError
 from lutforge.images.read import read_image
-from lutforge.kits.programs import KITS
+from lutforge.kits.all_kits import KITS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.kits import check_kit, write_kit

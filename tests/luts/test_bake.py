@@ -17,9 +17,9 @@ from lutforge.luts.bake import bake_steps, bake_to
 from lutforge.luts.forms import FORMS, Form
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.programs import Target
 from lutforge.luts.reading import file_processor
 from lutforge.luts.shaper import MAX_SHAPER_SIZE, SHORT_SHAPER_SIZE
+from lutforge.luts.target import Target
 from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap

@@ -20,9 +20,9 @@ from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.luts.lut_programs import PROGRAMS as LUT_PROGRAMS
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.programs import PROGRAMS as LUT_PROGRAMS
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels

@@ -12,12 +12,13 @@ from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.formats import FORMATS
+from lutforge.luts.lut_programs import PROGRAMS
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.programs import PROGRAMS, files_for, target_of
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import MAX_SHAPER_SIZE
+from lutforge.luts.target import files_for, target_of
 from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import grid, snap_levels, uniform_levels

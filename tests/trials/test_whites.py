@@ -14,8 +14,8 @@ from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.grading.baked_grades import BakedGrades, SettingChange
 from lutforge.luts.bake import bake_steps
-from lutforge.luts.programs import target_of
 from lutforge.luts.sequence import Lut
+from lutforge.luts.target import target_of
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.transform import Transform
 from lutforge.ocio.cameras import name_cameras
