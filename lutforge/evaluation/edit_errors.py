@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lutforge.colour.srgb import delta_e_2000
-from lutforge.evaluation.methods import LATTICE, MODEL
+from lutforge.evaluation.methods import CAMERA_MODEL, LATTICE
 from lutforge.evaluation.predictions import Predictions
 from lutforge.evaluation.raw_errors import MethodError
 
@@ -27,7 +27,7 @@ EDITS = {
 
 def edited_errors(style: str, predictions: Predictions) -> Iterator[MethodError]:
     """The mean ΔE00 of each of EDITS over a style's samples, by method; none where no model of the profile renders."""
-    model = next((name for name in (MODEL, LATTICE) if name in predictions.methods), None)
+    model = next((name for name in (CAMERA_MODEL, LATTICE) if name in predictions.methods), None)
     if model is None:
         return
     data = predictions.data

@@ -10,7 +10,7 @@ from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.expected_error import expected_errors, held_out_errors
 from lutforge.evaluation.figures import error_figures
-from lutforge.evaluation.methods import BASELINES, LATTICE, MODEL
+from lutforge.evaluation.methods import BASELINES, CAMERA_MODEL, LATTICE
 from lutforge.evaluation.predictions import Predictions, predict
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile import PictureStyle
@@ -60,7 +60,7 @@ def _measured(
         notes.append("too few samples to leave a shot out: the error is not known")
         return style, notes
 
-    method = LATTICE if LATTICE in predictions.methods else MODEL
+    method = LATTICE if LATTICE in predictions.methods else CAMERA_MODEL
     errors = _errors(predictions, method)
     if not errors:
         reasons = f" ({'; '.join(predictions.notes)})" if predictions.notes else ""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.evaluation.figures import ErrorFigures, error_figures
-from lutforge.evaluation.methods import LATTICE, MODEL, NO_GAMUT_MAP
+from lutforge.evaluation.methods import CAMERA_MODEL, LATTICE, NO_GAMUT_MAP
 from lutforge.evaluation.predictions import Predictions
 
 UNCHANGED = "unchanged"
@@ -47,7 +47,7 @@ def refinish_errors(styles: Mapping[str, Predictions]) -> tuple[RefinishError, .
         gain_before = before.data.balanced[a] / before.data.samples.raw[a]
         gain_after = after.data.balanced[b] / after.data.samples.raw[b]
         refinished = {UNCHANGED: before.data.encoded[a]}
-        for method in (MODEL, NO_GAMUT_MAP, LATTICE):
+        for method in (CAMERA_MODEL, NO_GAMUT_MAP, LATTICE):
             if method in before.methods and method in after.methods:
                 # (6.1); the camera clips RAW after white balance
                 balanced = before.predicted.linearize[method][a] / gain_before * k * gain_after

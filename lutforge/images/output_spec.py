@@ -9,7 +9,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.errors import ImageError
 
-SOFTWARE = "LutForge"
+SOFTWARE_NAME = "LutForge"
 IN_SRGB, IN_ANOTHER_SPACE = 1, 0xFFFF
 """Values of the Exif tag ColorSpace (Exif 2.32, 4.6.5)."""
 
@@ -44,7 +44,7 @@ def describe_output(
     """
     result = _output_spec(path, create_output(path), spec, format)
     if note is not None:
-        result.attribute("Software", SOFTWARE)
+        result.attribute("Software", SOFTWARE_NAME)
         history = result.get_string_attribute("Exif:ImageHistory")
         line = " ".join(note.split())
         result.attribute("Exif:ImageHistory", f"{history}\n{line}" if history else line)

@@ -33,7 +33,7 @@ _MOTION_ELEMENT = re.compile(rb"<((?:GCamera|Camera):(?:MotionPhoto|MicroVideo)\
 _DIRECTORY = re.compile(rb"<Container:Directory\b.*?</Container:Directory\s*>", re.DOTALL)
 _DIRECTORY_END = re.compile(rb"</Container:Directory\s*>")
 
-_NAMED = re.compile(rb"HasExtendedXMP(?:\s*=\s*[\"']|>)([0-9A-F]{32})")
+_EXTENSION_CHECKSUM = re.compile(rb"HasExtendedXMP(?:\s*=\s*[\"']|>)([0-9A-F]{32})")
 _NAMES_IT = re.compile(
     rb"(?<!\s)\s+xmpNote:HasExtendedXMP\s*=\s*(\"[^\"]*\"|'[^']*')|<(xmpNote:HasExtendedXMP)>[^<]*</\2>"
 )
@@ -62,7 +62,7 @@ def with_extension(xmp: bytes, segments: Sequence[Segment]) -> bytes | None:
 
     Both are lists of descriptions of one picture (rdf:RDF): those of the extension follow those of the packet.
     """
-    named = _NAMED.search(xmp)
+    named = _EXTENSION_CHECKSUM.search(xmp)
     extension = _joined(named[1], segments) if named is not None else None
     if extension is None:
         return None

@@ -21,14 +21,14 @@ from lutforge.inverse.round_trip import in_every_cell, raw_colours
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import shaper
-from lutforge.model.lattice import grid, snap_levels
+from lutforge.model.lattice import SHORT_SHAPER_SIZE, grid, snap_levels
 from lutforge.solvers.lattice_regression import Prior, Regularization, fit_lattice
 
 PRIOR_WEIGHT = 1e-5
 """Weight of the prior mean at a node, where a colour that the render makes has 1. Colours of less are left out."""
 
 
-SIZE = 49
+INVERSE_SIZE = 49
 """Nodes per axis. A file of 49³ has 0.9 MB, one of 65³ has 2."""
 
 ROUNDS = 2
@@ -55,9 +55,6 @@ It is the ratio of half a code to the distance of that colour, to this power. Wi
 instead of 0.015 on the D40 under fluorescent light. With a power of 2 they distort small tables inside the gamut.
 """
 
-ENTRIES = 4096
-"""Entries of the shaper that holds the node levels."""
-
 
 @dataclass(frozen=True, eq=False)
 class Linearization:
@@ -80,7 +77,7 @@ class Linearization:
         return Lut((shaper(self.levels, len(self.curve), self.curve), Cube(self.values)), title)
 
 
-def inverse_of(render: BakedRender, near: Callable[[Array], Array], size: int = SIZE) -> Linearization:
+def inverse_of(render: BakedRender, near: Callable[[Array], Array], size: int = INVERSE_SIZE) -> Linearization:
     """The inverse of a render. The same render makes the same table. O(n + N³) time.
 
     near: a function JPEG (…, 3) → RAW, followed beyond the colours that the render makes. size: N nodes per axis.
@@ -125,11 +122,11 @@ def spaced_levels(render: BakedRender, size: int) -> Levels:
     The second and the last but one stand within half an 8-bit code of the ends, so that clipped codes have a layer of
     their own.
     """
-    layer, axes = 8 / (ENTRIES - 1), []
+    layer, axes = 8 / (SHORT_SHAPER_SIZE - 1), []
     even = np.linspace(0.0, 1.0, size - 2)
     for bent in apply_curve(render.output_curve, even[:, None].repeat(3, axis=1)).T:
         inside = np.clip(0.75 * even + 0.25 * bent, 1.5 * layer, 1 - 1.5 * layer)[1:-1]
-        axes.append(snap_levels(np.concatenate([[0.0, layer], inside, [1 - layer, 1.0]]), ENTRIES))
+        axes.append(snap_levels(np.concatenate([[0.0, layer], inside, [1 - layer, 1.0]]), SHORT_SHAPER_SIZE))
     return axes[0], axes[1], axes[2]
 
 

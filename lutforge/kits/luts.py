@@ -14,9 +14,9 @@ from lutforge.luts.description import description
 from lutforge.luts.input_and_output import ENCODED, InputAndOutput, input_and_output_of
 from lutforge.luts.ops import Curve, Matrix
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHORT_SHAPER_SIZE
 from lutforge.luts.target import Target, target_of
 from lutforge.luts.verification import FileError
+from lutforge.model.lattice import SHORT_SHAPER_SIZE
 
 
 def write_lut(look: Look, path: Path, source: str, target: str, size: int | None = None, place: str = "") -> FileError:

@@ -30,8 +30,9 @@ FLOAT_FORMATS = (".clf", ".ctf", ".spi1d", ".spi3d", ".spimtx", ".cc", ".ccc", "
 """Formats whose readers all compute in floats, and clip nothing."""
 CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
 """The highest code of integers, and their bits."""
-LEAST_CODES, EVEN = 64.0, 0.2
-"""Numbers that are not whole are codes, too, if they reach the first of these, and half of them that share of it."""
+LEAST_HIGHEST_CODE, LEAST_MEDIAN_SHARE = 64.0, 0.2
+"""Numbers that are not whole are codes, too, if the highest is at least the first of these, and the median is at least
+that share of the highest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +219,9 @@ def _problems_of_range(
         )
     whole = bool(np.all(outputs == np.rint(outputs)))
     # Scene-linear light reaches as high, and in nits higher, but half of such a table is dark.
-    codes = highest >= LEAST_CODES and float(np.median(outputs)) > EVEN * highest and states is None
+    codes = (
+        highest >= LEAST_HIGHEST_CODE and float(np.median(outputs)) > LEAST_MEDIAN_SHARE * highest and states is None
+    )
     if highest > 1 and clipped is None and (whole or codes):
         top = next((code for code in CODES if code >= highest), highest)
         are = "are whole and run" if whole else "run"

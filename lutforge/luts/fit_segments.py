@@ -10,8 +10,8 @@ from lutforge.luts.fit_axes import fit_axes, fit_axes_before_curve, slope_weight
 from lutforge.luts.fit_cube import Axes, Share, fit_cube, fit_cube_before_curve
 from lutforge.luts.lower import EvenSegment, Part, Segment, SegmentBeforeCurve, SegmentOnLevels, WholeSegment
 from lutforge.luts.ops import Cube, Op, joined
-from lutforge.luts.shaper import MAX_SHAPER_SIZE, SHORT_SHAPER_SIZE, levels_before_gain, shaper
-from lutforge.model.lattice import nodes_at, resized_levels, snapped, uniform_levels, with_level_at
+from lutforge.luts.shaper import MAX_SHAPER_SIZE, levels_before_gain, shaper
+from lutforge.model.lattice import SHORT_SHAPER_SIZE, nodes_at, resized_levels, snapped, uniform_levels, with_level_at
 from lutforge.progress import Progress
 
 

@@ -14,7 +14,7 @@ CUBES = (".cube", ".cube, domain from 0", ".cube, domain", ".cube, range", ".cub
 READS = "reads it"
 REFUSES = "refuses it"
 LEAVES = "leaves the picture as it is, without a word"
-UNKNOWN = "is not known to read it"
+NOT_KNOWN = "is not known to read it"
 GARBAGE = "reads it without a word and renders wrong colours"
 """What a program does with a file: the last of these five ways is the worst."""
 
@@ -67,7 +67,7 @@ def _avfilter(refused: str) -> dict[str, str]:
 OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".3dl", ".spi1d", ".spi3d")
 HALD_SUFFIXES = (".png", ".tif", ".tiff")
 READS_HALDS = {"Hald image": READS}
-ADOBE = dict.fromkeys(
+READ_BY_ADOBE = dict.fromkeys(
     (".cube", ".cube, domain from 0", ".cube, domain", ".cube, curve", ".3dl", ".3dl, 17 nodes, 12 bits"), READS
 )
 AVFILTER = (".cube", ".csp", ".3dl")
@@ -94,16 +94,16 @@ PROGRAMS: dict[str, Program] = {
     ),
     "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
     "photoshop": Program(
-        reads=(".cube", ".3dl", ".csp"), title="Photoshop", does={**ADOBE, ".csp": READS, ".csp, bent": READS}
+        reads=(".cube", ".3dl", ".csp"), title="Photoshop", does={**READ_BY_ADOBE, ".csp": READS, ".csp, bent": READS}
     ),
     "lightroom": Program(
         reads=(".cube", ".dcp"), size=33, use="in a profile made with Camera Raw", develops=True, title="Lightroom",
         does={".cube": "reads it in a profile made with Camera Raw"},
     ),
-    "premiere": Program(reads=(".cube", ".3dl"), title="Premiere", does=ADOBE),
+    "premiere": Program(reads=(".cube", ".3dl"), title="Premiere", does=READ_BY_ADOBE),
     "aftereffects": Program(
         reads=(".cube", ".3dl", ".csp"), max_size=64, size=64, title="After Effects",
-        does={**ADOBE, ".csp": READS, ".csp, bent": READS},
+        does={**READ_BY_ADOBE, ".csp": READS, ".csp, bent": READS},
     ),
     "finalcut": Program(reads=(".cube",), title="Final Cut", does={".cube": READS}),
     "ffmpeg": Program(
@@ -204,8 +204,10 @@ def verdicts_on(kind: str) -> dict[str, str]:
     verdicts = {}
     for program in PROGRAMS.values():
         if program.title:
-            verdict = program.does.get(kind, program.otherwise if program.tried else UNKNOWN)
-            verdicts[program.title] = verdict if program.tried or verdict == UNKNOWN else f"{verdict} (not tried here)"
+            verdict = program.does.get(kind, program.otherwise if program.tried else NOT_KNOWN)
+            verdicts[program.title] = (
+                verdict if program.tried or verdict == NOT_KNOWN else f"{verdict} (not tried here)"
+            )
     return verdicts
 
 

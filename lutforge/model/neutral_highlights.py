@@ -33,7 +33,7 @@ SOFTNESS = 0.15
 LUTs have no corners.
 """
 
-STEPS = 4096
+FLOOR_ENTRIES = 4096
 """Entries of the table of `NeutralHighlights`."""
 
 
@@ -90,8 +90,8 @@ def neutral_highlights(
     levels = np.linspace(0.0, 1.0, 1024) ** 2
     rendered = np.maximum.accumulate(render(levels[:, None] * grey))
     least = np.maximum.accumulate(shown(ramp).min(axis=1))
-    source = np.interp(np.linspace(WHITE_FROM, 1.0, STEPS), least, codes)
-    floor = np.empty((STEPS, 3))
+    source = np.interp(np.linspace(WHITE_FROM, 1.0, FLOOR_ENTRIES), least, codes)
+    floor = np.empty((FLOOR_ENTRIES, 3))
     for c, full in enumerate(to_linear @ grey):
         output = np.maximum(rendered[-1, c] - RISE * (1.0 - source), 0.0)
         rising = np.concatenate([[True], np.diff(rendered[:, c]) > 1e-6])

@@ -13,7 +13,7 @@ from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, evaluate
 from lutforge.evaluation.linearization_errors import response_deltas
-from lutforge.evaluation.methods import LATTICE, MODEL, compared_fits, lattice_name
+from lutforge.evaluation.methods import CAMERA_MODEL, LATTICE, compared_fits, lattice_name
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.inverse_gamut_map import SolvedInverse
@@ -62,8 +62,8 @@ def build_report(
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
         methods = {row.method for row in evaluation.rows}
-        if MODEL in methods and not isinstance(options, ThesisOptions):
-            method = MODEL
+        if CAMERA_MODEL in methods and not isinstance(options, ThesisOptions):
+            method = CAMERA_MODEL
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*profile.notes, *evaluation.notes)))
         progress("error maps", 0.8)

@@ -60,6 +60,5 @@ def clipped(encoded: ArrayLike) -> Mask:
     """Mask (…,) of encoded colours (…, 3) with a channel at 0 or 255, whose RAW value is unknown."""
     values = np.asarray(encoded)
     channels: Mask = (values <= HALF_CODE) | (values >= 1.0 - HALF_CODE)
-    return np.asarray(
-        channels[..., 0] | channels[..., 1] | channels[..., 2]
-    )  # nine times as fast as np.any over so short an axis
+    # This is nine times as fast as np.any over so short an axis.
+    return np.asarray(channels[..., 0] | channels[..., 1] | channels[..., 2])

@@ -20,7 +20,7 @@ FEW_TILES = 100
 """A shot with fewer tiles within the first two limits may use the hard bound, and is searched for a chart."""
 
 
-ADVICE = {
+ADVICE_BY_REASON = {
     "JPEG white": "it is overexposed: expose less",
     "RAW saturated": "it is overexposed: expose less",
     "JPEG black": "it is underexposed: expose more",
@@ -104,7 +104,7 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
         places = np.vstack([patches[1], places])
     if len(samples) == 0:
         counts = {**clipped, **tiles.rejected}
-        advice = ADVICE.get(
+        advice = ADVICE_BY_REASON.get(
             max(counts, key=lambda reason: counts[reason]),
             "nothing in it is flat: photograph plain surfaces or a chart, in focus or out of it",
         )

@@ -29,7 +29,7 @@ from lutforge.studio.session import Session, Written
 from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
 from lutforge.thesis.options import PRESET, ThesisOptions
 
-LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vlt", ".png")
+OFFERED_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vlt", ".png")
 
 
 class ExportPage:
@@ -41,7 +41,7 @@ class ExportPage:
         self.program = ui.select("Program of the kit", {"compute a model first": ""})
         self.kind = ui.select("Transform of the LUT", ["refinish", "render", "linearize"])
         self.space = ui.select("Scene of render and linearize", ["raw", *SPACES])
-        self.suffix = ui.select("LUT file", list(LUT_SUFFIXES))
+        self.suffix = ui.select("LUT file", list(OFFERED_SUFFIXES))
         self.kept = (self.name, self.program, self.kind, self.space, self.suffix)
         self._cards: dict[tuple[Written, bool], pmui.Paper] = {}
         self._offered: object = None
@@ -55,7 +55,7 @@ class ExportPage:
             "Save parameters as text": self._parameters, "Save workspace": self._workspace,
         }  # fmt: skip
         profile, kit, bake, *others = (
-            session.page.button(label, action, variant="contained" if place < 3 else "outlined", **ui.WIDE)
+            session.page.button(label, action, variant="contained" if place < 3 else "outlined", **ui.FULL_WIDTH)
             for place, (label, action) in enumerate(self.actions.items())
         )
         folder = ui.html("<p>Files go to <b>{}</b>; the commands are of that folder.</p>", session.folders.roots[0])

@@ -17,7 +17,7 @@ from lutforge.studio.ui import HERE
 from lutforge.studio.workspace import WorkspaceError
 
 State = Literal["to do", "done", "stale"]
-STEPS = ("Shots", "Samples", "Model", "Look", "Export")
+PAGE_NAMES = ("Shots", "Samples", "Model", "Look", "Export")
 ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sync_problem"}
 
 
@@ -36,11 +36,11 @@ class Page:
         self.pages: dict[str, Any] = {}
         self.shown = self.session.step
         self.is_ready = False  # whether a browser has loaded the page, and what is done in it is heard
-        self._stale = set(STEPS)
-        self.session.page.on_change = lambda: self._refresh(*STEPS)
+        self._stale = set(PAGE_NAMES)
+        self.session.page.on_change = lambda: self._refresh(*PAGE_NAMES)
         self.session.page.on_look = self._tell
         self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12, 6, 24))
-        self.session.page.watch(lambda: self.show(STEPS[self.steps.active]), self.steps, of="active")
+        self.session.page.watch(lambda: self.show(PAGE_NAMES[self.steps.active]), self.steps, of="active")
         self.undo = self.session.page.button("Undo", self.session.undo, variant="text")
         self.redo = self.session.page.button("Redo", self.session.redo, variant="text")
         self.next = ui.text(margin=(6, 12))
@@ -78,8 +78,8 @@ class Page:
         shown = self.pages[name]
         self.controls[:] = shown.controls
         self.body[:] = [shown.main]
-        if self.steps.active != STEPS.index(name):
-            self.steps.active = STEPS.index(name)
+        if self.steps.active != PAGE_NAMES.index(name):
+            self.steps.active = PAGE_NAMES.index(name)
         self._refresh()
         if is_new and self.session.keep(name, shown.kept):  # once lists have their options
             self._refresh(name)
@@ -96,7 +96,7 @@ class Page:
     def _tell(self) -> None:
         """The steps' states, and what to do in this one."""
         states = states_of(self.session)
-        self.steps.items = [{"label": f"{step}: {states[step]}", "icon": ICONS[states[step]]} for step in STEPS]
+        self.steps.items = [{"label": f"{step}: {states[step]}", "icon": ICONS[states[step]]} for step in PAGE_NAMES]
         self.offer.visible = self.offer.visible and self.session.is_empty
         form = "<span data-ready><b>{}.</b> {}</span>" if self.is_ready else "<b>{}.</b> {}"
         self.next.object = ui.html(form, self.shown, NEXT[self.shown])

@@ -68,12 +68,14 @@ class SamplesPage:
         )
         self.group = ui.entry("Outlier group", placeholder="name")
         self.kept = (*views, self.words, self.group)
-        self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.WIDE)
+        self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.FULL_WIDTH)
         self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
         limits = []
         for name, column in COLUMNS.items():
             reach = {"start": column.reach[0], "end": column.reach[1], "step": column.step}
-            limits.append(pmui.RangeSlider(label=column.title, value=column.reach, **reach, size="small", **ui.WIDE))
+            limits.append(
+                pmui.RangeSlider(label=column.title, value=column.reach, **reach, size="small", **ui.FULL_WIDTH)
+            )
             read = partial(Workspace.limits_of, name=name)
             put = partial(Workspace.with_limits, name=name)
             self.bound.append(session.bind(limits[-1], read, put))
@@ -82,7 +84,9 @@ class SamplesPage:
             {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)},
             {"Save group": self._save_group, "Delete group": partial(self._save_group, delete=True)},
         )
-        rows = [pn.Row(*(session.page.button(*each, **small) for each in row.items()), **ui.WIDE) for row in actions]
+        rows = [
+            pn.Row(*(session.page.button(*each, **small) for each in row.items()), **ui.FULL_WIDTH) for row in actions
+        ]
         pairs = [pn.Row(*pair, sizing_mode="stretch_width") for pair in (views[2:4], views[4:6])]
         self.controls = [
             pn.Column(self.first, self.second, *pairs, self.inliers, **ui.TOGETHER),

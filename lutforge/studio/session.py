@@ -23,7 +23,7 @@ from lutforge.studio.background import Background
 from lutforge.studio.history import Change, History, exchanged
 from lutforge.studio.opening import Folders, Opened, open_paths
 from lutforge.studio.page_link import PageLink
-from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
+from lutforge.studio.workspace import MODEL_TITLES, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,12 +312,12 @@ class Session:
             now = self.require_workspace()
             if now.samples is not workspace.samples:
                 raise WorkspaceError("other samples were opened meanwhile: compute again")
-            news = f"{MODELS[kind]}: fitted to {int(task.rows.sum()):,} samples"
+            news = f"{MODEL_TITLES[kind]}: fitted to {int(task.rows.sum()):,} samples"
             self.change(now.with_model(kind, replace(fitted, task=task)), news, step="Model")
             if others:
                 self.fit(*others)
 
-        self.work.start(MODELS[kind], done, fit_model, task, workspace.samples)
+        self.work.start(MODEL_TITLES[kind], done, fit_model, task, workspace.samples)
 
     def take_response(self, request: ResponseRequest, fitted: FittedResponse) -> None:
         """Take over what was fitted to a bracket."""

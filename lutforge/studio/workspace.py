@@ -31,7 +31,7 @@ from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples
 from lutforge.thesis.options import Options, ThesisOptions, stated_options
 
-MODELS = {"matrix": "Response, matrix and white balance", "lattice": "Lattice"}
+MODEL_TITLES = {"matrix": "Response, matrix and white balance", "lattice": "Lattice"}
 """In the order of the calibration; each is kept as a camera profile."""
 MOST_GROUPS = 100
 SUFFIX = ".workspace"
@@ -329,7 +329,7 @@ def open_workspace(path: str | Path) -> Workspace:
             if document.get("version") != 4:
                 raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 4")
             entries = document["groups"]
-            if len(entries) > MOST_GROUPS or not set(document["models"]) <= set(MODELS):
+            if len(entries) > MOST_GROUPS or not set(document["models"]) <= set(MODEL_TITLES):
                 raise WorkspaceError("it names models or groups that no workspace has")
             samples = read_samples(_extract(archive, SAMPLES, folder))
             marks = np.load(_extract(archive, MARKS, folder), allow_pickle=False)

@@ -33,7 +33,7 @@ from lutforge.thesis.options import ThesisOptions
 from lutforge.thesis.reference_camera import own_raw
 from lutforge.threads import each, one_blas_thread
 
-STEPS: tuple[Step, ...] = (complete_white_balances, drop_small_styles, diagnose, fit_gains)
+THESIS_STEPS: tuple[Step, ...] = (complete_white_balances, drop_small_styles, diagnose, fit_gains)
 """The thesis corrects no vignetting, and leaves no shot out."""
 
 
@@ -107,7 +107,7 @@ def prepared(samples: SampleSet, options: ThesisOptions, given: CameraProfile | 
     """The samples after all steps. Raises CalibrationError."""
     state = State(samples, samples.wb, options.beta, options.curves, given)
     state = reference_raw_by(state, lambda reference: own_raw(reference, options))
-    for step in STEPS:
+    for step in THESIS_STEPS:
         state = step(state)
     return state
 

@@ -15,7 +15,7 @@ from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.colour.srgb import srgb_to_lab
 from lutforge.errors import CalibrationError, ProfileError
 from lutforge.evaluation.evaluation import evaluate
-from lutforge.evaluation.methods import MODEL
+from lutforge.evaluation.methods import CAMERA_MODEL
 from lutforge.model.camera_profile import match
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response_profile import profile_of_response
@@ -54,7 +54,7 @@ def test_refinishing_works_and_the_own_raw_is_refused(samples: SampleSet) -> Non
     error = np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2))
     assert error < 0.04  # the thesis reaches 0.02 with the camera's own RAW; the sensors differ by more than a matrix
     assert error < 0.3 * plain
-    rows = [row for row in evaluate(profile, samples).rows if row.method == MODEL and row.shot == "all"]
+    rows = [row for row in evaluate(profile, samples).rows if row.method == CAMERA_MODEL and row.shot == "all"]
     assert {row.direction for row in rows} == {"render", "linearize"}
     assert all(row.figures.mean < 0.03 for row in rows)
 

@@ -18,12 +18,12 @@ from lutforge.luts.forms import FORMS, Form
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.reading import file_processor
-from lutforge.luts.shaper import MAX_SHAPER_SIZE, SHORT_SHAPER_SIZE
+from lutforge.luts.shaper import MAX_SHAPER_SIZE
 from lutforge.luts.target import Target
 from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
+from lutforge.model.lattice import SHORT_SHAPER_SIZE, Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.response import Response
 from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Purpose, Stage, Transform
 from lutforge.pipeline.baking import bake
