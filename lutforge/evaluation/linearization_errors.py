@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import BETA
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_from_exposures import fit_response_by_least_squares, fit_response_to_exposures
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.predictions import Predictions

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask, Pixels
 from lutforge.calibration.bracket import BracketFit, fit_bracket
-from lutforge.calibration.exposure_pairs import NEAR_AN_END, pairs_of_samples
+from lutforge.calibration.exposure_pairs import NEAR_AN_END
 from lutforge.calibration.one_exposure import fit_one_exposure
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.uneven_light import UnevenLight, fit_uneven_light
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import delta_e_2000, srgb_encode

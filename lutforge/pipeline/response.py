@@ -11,8 +11,9 @@ import numpy as np
 
 from lutforge.arrays import Array, Pixels
 from lutforge.calibration.bracket import BracketFit, fit_bracket
-from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_bracket
+from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.options import BETA
+from lutforge.calibration.pairs_of_bracket import pairs_of_bracket
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
@@ -75,7 +76,7 @@ def response(
     opened = open_bracket(files, exposure_s, camera)
     fit = fit_bracket(_pairs(opened.files, opened.exposure_s, progress), 1.0 if all_colours else BETA)
     profile = profile_of_response(fit.response, opened.camera, opened.style, opened.white_balance, opened.names)
-    profile = replace(profile, notes=(*profile.notes, *fit.told))
+    profile = replace(profile, notes=(*profile.notes, *fit.statements))
     if output is not None:
         profile.save(output)
     return FittedResponse(profile, fit, dict(zip(opened.names, opened.exposure_s, strict=True)))

@@ -6,9 +6,10 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from lutforge.calibration.brightness_transfer import judge, transfer_functions
-from lutforge.calibration.exposure_pairs import pairs_of_samples
+from lutforge.calibration.brightness_transfer import transfer_functions
 from lutforge.calibration.lattice.fit import squares
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
+from lutforge.calibration.response_verdict import judge
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, evaluate
@@ -139,7 +140,7 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
             functions = transfer_functions(pairs)
         except CalibrationError:  # no two shots, or too few, show the same patches at different exposures
             continue
-        yield f"{name}: {verdict.told}."
+        yield f"{name}: {verdict.words}."
         header = ("response fitted to", "red", "green", "blue")
         # In the unit of the evaluation's table on exposures, which has the same error of whole models.
         deltas = response_deltas(pairs)

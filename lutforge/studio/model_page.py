@@ -150,8 +150,8 @@ def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:
     listed = dict[str, tuple[str, str]]()
     if pairs is None:
         return listed
-    for place in np.unique(pairs.of_shots):
-        rows = pairs.of_shots == place
+    for place in np.unique(pairs.shot_pair):
+        rows = pairs.shot_pair == place
         first, second = (pairs.shots[number] for number in divmod(place, len(pairs.shots)))
         ratio = float(np.exp(pairs.log_ratio[rows][0]))
         listed[f"× {ratio:.2f}, {int(rows.sum())} samples: {first} – {second}"] = first, second

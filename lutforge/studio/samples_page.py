@@ -283,14 +283,14 @@ def points(workspace: Workspace, plot: str, channel: int) -> Points:
     number = np.full(len(samples), -1, dtype=np.intp)
     curves = list[Array]()
     if pairs is not None:
-        number[pairs.second_row] = number[pairs.first_row] = pairs.of_shots
+        number[pairs.second_row] = number[pairs.first_row] = pairs.shot_pair
         pairs = pairs.without(workspace.unticked)
         shown["srgb_btf"] = pairs.first, pairs.second, "sRGB, shorter exposure", "sRGB, longer exposure"
         shown["raw_btf"] = pairs.raw_first, pairs.raw_second, "RAW, shorter exposure", "RAW, longer exposure"
         if plot in OF_PAIRS:
             row = pairs.first_row
             partner = pairs.second_row
-            number = pairs.of_shots
+            number = pairs.shot_pair
         if plot == "srgb_btf":
             curves = brightness_transfers(workspace, pairs.log_ratio, channel)
     if fitted is not None:

@@ -134,7 +134,7 @@ class ShotsPage:
         if session.response is not None and profile is not None:
             fit = session.response[1].fit
             self.curves.show(bracket_figure(fit))
-            notes = ui.paragraphs(*dict.fromkeys((*fit.told, fit.verdict.told, *profile.notes)))
+            notes = ui.paragraphs(*dict.fromkeys((*fit.statements, fit.verdict.words, *profile.notes)))
             self.findings.object = ui.html("{}{}", notes, ui.table(response_table(fit)))
         drawn = (bracket, None if workspace is None else workspace.samples, profile)
         if drawn != self._drawn:

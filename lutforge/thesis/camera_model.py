@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import log_emor_basis
-from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.matrix_and_response import (
     LEAST_HUE_SPREAD,
     LEAST_UNSATURATED,
     hue_spread,
     plainly_unsaturated,
 )
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_from_exposures import fit_response_by_least_squares
 from lutforge.errors import CalibrationError
 from lutforge.model.profile import CameraModel
