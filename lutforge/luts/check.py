@@ -15,7 +15,7 @@ from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.readers import readers_of
 from lutforge.luts.reading import is_read_by_ocio, read_lut
 from lutforge.luts.sequence import Lut
-from lutforge.luts.text import TEXTS
+from lutforge.luts.text.checked_text import TEXTS
 from lutforge.luts.verification import Colour, colour_of
 from lutforge.luts.writers.spi import SPI_PAIR
 from lutforge.model.lattice import grid, uniform_levels
