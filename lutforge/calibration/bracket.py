@@ -195,13 +195,13 @@ def _choose_curves(pairs: ExposurePairs, plain: Mask, beta: float) -> tuple[int,
     every = 15  # as many as there are
     for count in (3, 6, 10, every):
         parts = []
-        for held in folds:
+        for fold in folds:
             try:
-                fit = fit_response_to_exposures(pairs.select(~held), beta=beta, basis=log_emor_basis(count))
+                fit = fit_response_to_exposures(pairs.select(~fold), beta=beta, basis=log_emor_basis(count))
             except CalibrationError:  # the others span too few tones
                 return every, float("nan")
-            if np.any(held & plain):
-                parts.append(_codes_off(pairs.corrected(fit.shot_error), fit.response, held & plain))
+            if np.any(fold & plain):
+                parts.append(_codes_off(pairs.corrected(fit.shot_error), fit.response, fold & plain))
         errors[count] = float(np.median(np.abs(np.concatenate(parts)))) if parts else float("nan")
     good = [count for count, error in errors.items() if error <= 1.02 * min(errors.values())]
     return (good[0], errors[good[0]]) if good else (every, float("nan"))

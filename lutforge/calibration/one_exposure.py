@@ -59,9 +59,9 @@ def _bent_to(encoded: Array, colours: Array) -> Response:
         missing = np.log(colours[:, channel]) - np.interp(codes, places, basis.mean)
         design.append(curves - curves.mean(axis=0))
         target.append(missing - missing.mean())
-    left, right = np.vstack(design), np.concatenate(target)
+    stacked, targets = np.vstack(design), np.concatenate(target)
     stiffness = np.diag((STIFFNESS * np.arange(1, count + 1) ** 2) ** 2)
-    bend = np.linalg.solve(left.T @ left + stiffness, left.T @ right)
+    bend = np.linalg.solve(stacked.T @ stacked + stiffness, stacked.T @ targets)
 
     inverse = np.exp(basis.mean + bend @ basis.curves[:count])
     inverse[0] = 0.0
@@ -89,8 +89,8 @@ def fit_one_exposure(encoded: Array, colours: Array, grey: Mask, nominal: Array)
 
     # A curve that is bent to the greys always comes nearer to them: it is taken where it halves what is left.
     srgb, bent = srgb_response(), _bent_to(encoded[grey], colours[grey] @ nominal.T)
-    left = {each: _spread(each, encoded[grey], colours[grey] @ nominal.T) for each in (srgb, bent)}
-    response = bent if left[bent] < 0.5 * left[srgb] else srgb
+    spreads = {curve: _spread(curve, encoded[grey], colours[grey] @ nominal.T) for curve in (srgb, bent)}
+    response = bent if spreads[bent] < 0.5 * spreads[srgb] else srgb
     name = "EMoR's mean curve, bent to the chart's greys" if response is bent else "sRGB's curve"
 
     ratio = np.median(response.linearize(encoded[grey]) @ np.linalg.inv(nominal).T / colours[grey], axis=0)
@@ -110,4 +110,4 @@ def fit_one_exposure(encoded: Array, colours: Array, grey: Mask, nominal: Array)
         rows = np.vstack([weighted, np.diag(hold)])
         red, blue = np.linalg.lstsq(rows, np.concatenate([target * weight[:, row], hold * start]))[0]
         matrix[row] = red, 1.0 - red - blue, blue
-    return OneExposure(name, response, matrix, multipliers, scale, left[response])
+    return OneExposure(name, response, matrix, multipliers, scale, spreads[response])

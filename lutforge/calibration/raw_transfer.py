@@ -65,10 +65,10 @@ def fit_raw_transfer(source: str, target: str, x: Array, y: Array, neutral: Arra
     level = np.linalg.norm(y, axis=1)
     weight = 1 / np.maximum(level, NOISE_FLOOR * level.max())
     matrix = _least_squares(x, y, weight)
-    held = predict_held_out(
+    predicted = predict_held_out(
         leave_samples_out(len(x)), lambda train, test: x[test] @ _least_squares(x[train], y[train], weight[train]).T
     )
-    error = float(np.sqrt(np.mean(np.sum(((held - y) * weight[:, None]) ** 2, axis=1))))
+    error = float(np.sqrt(np.mean(np.sum(((predicted - y) * weight[:, None]) ** 2, axis=1))))
     return RawTransfer(source, target, matrix, neutral, error)
 
 

@@ -120,8 +120,8 @@ def transformed(
     exposed = gain[:, None] * samples.raw
     top = np.quantile((exposed @ transfer.T * multipliers)[values.in_gamut > 0.5], 0.999)
     transfer = transfer / max(float(top), float(np.max(values.white / scale)))
-    own = replace(samples, raw=exposed @ transfer.T, wb=multipliers, raw_camera=samples.camera.copy())
-    return own, transfer
+    with_camera_raw = replace(samples, raw=exposed @ transfer.T, wb=multipliers, raw_camera=samples.camera.copy())
+    return with_camera_raw, transfer
 
 
 def gains_and_scale(
@@ -150,12 +150,12 @@ def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: 
     of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + LEAST_WEIGHT) for k in range(len(first))])
     style, balance = samples.style[first], setting[first]
     scale = np.array([np.median(of_shot[style == name]) for name in style])
-    rest = of_shot - scale
-    own = np.array([np.median(rest[balance == name]) for name in balance])
+    remaining = of_shot - scale
+    of_setting = np.array([np.median(remaining[balance == name]) for name in balance])
     count = np.array([np.count_nonzero(balance == name) for name in balance])
-    doubt = 3 * float(np.std(rest - own if np.any(count > 1) else rest)) / np.sqrt(count)
-    kept = np.where((np.abs(own) > doubt) & (count > 1), own, 0.0)
-    return np.exp(rest - kept)[shot], np.exp(scale)[shot]
+    doubt = 3 * float(np.std(remaining - of_setting if np.any(count > 1) else remaining)) / np.sqrt(count)
+    kept = np.where((np.abs(of_setting) > doubt) & (count > 1), of_setting, 0.0)
+    return np.exp(remaining - kept)[shot], np.exp(scale)[shot]
 
 
 def linear_values(
@@ -204,13 +204,13 @@ def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> St
     beta = max(beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
     near = chroma < MOST_BETAS * beta
     is_of = np.eye(len(names))[place]
-    others = np.delete(is_of, first, axis=1)
+    is_of_other = np.delete(is_of, first, axis=1)
 
     def columns(x: Array) -> tuple[Array, Array]:
         # The rows of Ts of the first setting sum to 1, which settles the scale; the coefficients of all others are free
-        known, own = neutral_rows(x * multipliers * is_of[near, first, None])
-        free = (others[near, :, None] * x[:, None, :]).reshape(len(x), 1, -1)
-        return known, np.concatenate([own, np.repeat(free, 3, axis=1)], axis=2)
+        known, of_first = neutral_rows(x * multipliers * is_of[near, first, None])
+        free = (is_of_other[near, :, None] * x[:, None, :]).reshape(len(x), 1, -1)
+        return known, np.concatenate([of_first, np.repeat(free, 3, axis=1)], axis=2)
 
     weights = ToneWeights(encoded[near].mean(axis=1), in_gamut_weight(chroma[near], beta))
     # The changes of the shots' log gains, sample by sample, that RAW and JPEG tell, as columns (n, q). One gain for all

@@ -64,8 +64,8 @@ class UnevenLight:
         bright, dark = _NAMES[int(np.argmax(gains))], _NAMES[int(np.argmin(gains))]
         slopes = self.coefficients[:2]
         axis = int(np.argmax(np.abs(slopes)))
-        others = np.abs(np.delete(self.coefficients, axis)).max()
-        if np.abs(slopes[axis]) > 2.5 * others:  # along one axis alone
+        across = np.abs(np.delete(self.coefficients, axis)).max()
+        if np.abs(slopes[axis]) > 2.5 * across:  # along one axis alone
             low, high = (("left", "right"), ("top", "bottom"))[axis]
             bright, dark = (low, high) if slopes[axis] < 0.0 else (high, low)
         return (
@@ -106,8 +106,8 @@ def _left_out(linear: Array, colours: Array, places: Array, count: int) -> float
     """The median absolute error, in stops, of the brightness of each patch by a fit of `count` terms to the others."""
     errors = np.zeros(len(linear))
     for patch in range(len(linear)):
-        rest = np.arange(len(linear)) != patch
-        _, residual = _fit(linear, colours, places, rest, count)
+        other_patches = np.arange(len(linear)) != patch
+        _, residual = _fit(linear, colours, places, other_patches, count)
         errors[patch] = residual[patch]
     return float(np.median(np.abs(errors)))
 

@@ -73,12 +73,13 @@ class _PartialModel:
 
     def residual(self, columns: Array, weight: Array) -> Array:
         """Fit a function of colour to columns (n, k) with weights (n,), and return the residuals (n, k)."""
-        left = np.empty_like(columns)
-        for mine, design, bending in self.parts:
-            weighted = design * weight[mine, None]
+        residuals = np.empty_like(columns)
+        for of_style, design, bending in self.parts:
+            weighted = design * weight[of_style, None]
             normal = weighted.T @ design + bending
-            left[mine] = columns[mine] - design @ cho_solve(cho_factor(normal), weighted.T @ columns[mine])
-        return left
+            coefficients = cho_solve(cho_factor(normal), weighted.T @ columns[of_style])
+            residuals[of_style] = columns[of_style] - design @ coefficients
+        return residuals
 
     def reweighted(self, residual: Array) -> Array:
         """Weights (n,) of the next round of a robust fit, from the residuals (n,) of this one."""
@@ -93,20 +94,20 @@ def _partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> _Par
     """
     rng, rows, parts, count = np.random.default_rng(0), [], [], 0
     for name in np.unique(samples.style[usable]):
-        mine = np.flatnonzero(usable & (samples.style == name))
-        mine = np.sort(rng.permutation(mine)[:4000])
-        encoded = np.ascontiguousarray(samples.srgb[mine])
-        shots, member = np.unique(samples.shot[mine], return_inverse=True)
-        centres = encoded[farthest_points(encoded, min(150, len(mine) // 8))]
+        of_style = np.flatnonzero(usable & (samples.style == name))
+        of_style = np.sort(rng.permutation(of_style)[:4000])
+        encoded = np.ascontiguousarray(samples.srgb[of_style])
+        shots, member = np.unique(samples.shot[of_style], return_inverse=True)
+        centres = encoded[farthest_points(encoded, min(150, len(of_style) // 8))]
         covariance = np.tril(kriging_covariance(centres))
         covariance += np.tril(covariance, -1).T + 1e-9 * np.eye(len(centres))
         design = np.hstack([kriging_covariance(encoded, centres), np.eye(len(shots))[member]])
         bending = block_diag(
             (SAMPLE_NOISE / VIGNETTING_SPREAD) ** 2 * covariance, (SAMPLE_NOISE / OF_SHOT) ** 2 * np.eye(len(shots))
         )
-        parts.append((slice(count, count + len(mine)), design, bending))
-        rows.append(mine)
-        count += len(mine)
+        parts.append((slice(count, count + len(of_style)), design, bending))
+        rows.append(of_style)
+        count += len(of_style)
     if not parts:
         return None
     places = np.concatenate(rows)
@@ -243,29 +244,29 @@ def _fit(model: _PartialModel, places: Array, settings: Sequence[_Setting]) -> l
     Unknowns are, of each setting, the coefficients and the two coordinates of the centre. The prior of a coefficient is
     a stop around 0, which a handful of samples outweighs.
     """
-    each, step, weight = VIGNETTING_DEGREE + 2, 1e-4, model.precision
+    unknown_count, step, weight = VIGNETTING_DEGREE + 2, 1e-4, model.precision
     prior = SAMPLE_NOISE / np.tile([1.0] * VIGNETTING_DEGREE + [CENTRE_SPREAD] * 2, len(settings))
 
     def terms(unknowns: Array) -> tuple[Array, Array]:
         """The vignetting at each sample (n,), and its slopes (n, unknowns)."""
         stops, slopes = np.zeros(len(places)), np.zeros((len(places), len(unknowns)))
         for place, setting in enumerate(settings):
-            mine = slice(each * place, each * (place + 1))
-            coefficients, centre = unknowns[mine][:VIGNETTING_DEGREE], unknowns[mine][VIGNETTING_DEGREE:]
+            of_setting = slice(unknown_count * place, unknown_count * (place + 1))
+            coefficients, centre = unknowns[of_setting][:VIGNETTING_DEGREE], unknowns[of_setting][VIGNETTING_DEGREE:]
             offset = places[setting.member] - centre
             basis, right, down = (
                 vignetting_basis(np.sum((offset - d) ** 2, axis=1)) for d in ((0, 0), (step, 0), (0, step))
             )
             stops[setting.member] = basis @ coefficients
             moved = np.stack([(right - basis) @ coefficients, (down - basis) @ coefficients], axis=1) / step
-            slopes[setting.member, mine] = np.hstack([basis, moved])
+            slopes[setting.member, of_setting] = np.hstack([basis, moved])
         return stops, slopes
 
     def linearize(unknowns: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
         stops, slopes = terms(unknowns[0])
-        left = model.residual(np.column_stack([model.y + stops, slopes]), weight) * np.sqrt(weight)[:, None]
-        residual = np.concatenate([left[:, 0], prior * unknowns[0]])
-        return residual[None], np.vstack([left[:, 1:], np.diag(prior)])[None]
+        residuals = model.residual(np.column_stack([model.y + stops, slopes]), weight) * np.sqrt(weight)[:, None]
+        residual = np.concatenate([residuals[:, 0], prior * unknowns[0]])
+        return residual[None], np.vstack([residuals[:, 1:], np.diag(prior)])[None]
 
     lower = np.tile([0.0] * VIGNETTING_DEGREE + [-FARTHEST_CENTRE] * 2, len(settings))
     upper = np.tile([4] * VIGNETTING_DEGREE + [FARTHEST_CENTRE] * 2, len(settings))
@@ -274,7 +275,7 @@ def _fit(model: _PartialModel, places: Array, settings: Sequence[_Setting]) -> l
         value = gauss_newton(linearize, value[None], lower=lower, upper=upper, most=20).value[0]
         weight = model.reweighted(model.residual((model.y + terms(value)[0])[:, None], weight)[:, 0])
     vignettings = []
-    for setting, (a, b, c, x, y) in zip(settings, value.reshape(-1, each).tolist(), strict=True):
+    for setting, (a, b, c, x, y) in zip(settings, value.reshape(-1, unknown_count).tolist(), strict=True):
         vignettings.append(Vignetting((a, b, c), (x, y), setting.lens, setting.focal_mm, setting.aperture))
     return vignettings
 

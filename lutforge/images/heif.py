@@ -85,12 +85,12 @@ class HeifDescription:
 
 def read_heif_description(path: Path) -> HeifDescription:
     """What a file says of its picture. Raises ImageError as `read_heif`."""
-    told = _opened(path).info
-    codes = told.get("nclx_profile") or {}
+    info = _opened(path).info
+    codes = info.get("nclx_profile") or {}
     return HeifDescription(
-        _exif_of(told),
-        bytes(told.get("xmp") or b""),
-        bytes(told.get("icc_profile") or b""),
+        _exif_of(info),
+        bytes(info.get("xmp") or b""),
+        bytes(info.get("icc_profile") or b""),
         int(codes.get("color_primaries", 0)),
         int(codes.get("transfer_characteristics", 0)),
     )

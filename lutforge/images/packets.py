@@ -121,8 +121,8 @@ def _png_packets(data: bytes | mmap) -> Packets:
         body = data[place]
         if name == b"iTXt" and body.startswith(_PNG_XMP) and not xmp:
             # compressed or not, the method, two texts that end in a null
-            packed, rest = body[len(_PNG_XMP)] == 1, body[len(_PNG_XMP) + 2 :].split(b"\0", 2)[-1]
-            xmp = _unpacked(rest) if packed else rest
+            packed, body_text = body[len(_PNG_XMP)] == 1, body[len(_PNG_XMP) + 2 :].split(b"\0", 2)[-1]
+            xmp = _unpacked(body_text) if packed else body_text
         elif name != b"iTXt" and body.startswith(_PNG_IPTC) and not iptc:
             text = body[len(_PNG_IPTC) :] if name == b"tEXt" else _unpacked(body[len(_PNG_IPTC) + 1 :])
             # a line with a name, one with the length, and hexadecimal digits
@@ -250,7 +250,7 @@ def add_packets(path: Path, format: str, spec: oiio.ImageSpec, xmp: bytes, iptc:
             if name == b"jp2h" and profile is not None:
                 colour = _box(b"colr", b"\2\0\0" + bytes(profile))
                 boxes = _records(body, 0, _box_at)
-                body = b"".join(colour if each == b"colr" else _box(each, body[part]) for each, part in boxes)
+                body = b"".join(colour if kind == b"colr" else _box(kind, body[part]) for kind, part in boxes)
             if name == b"jp2c":
                 parts.append(added)
             parts.append(_box(name, body))

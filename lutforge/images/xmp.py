@@ -47,8 +47,8 @@ def without_further_pictures(xmp: bytes) -> bytes:
         xmp = declared.sub(b"", xmp)
 
     # Behind the last end of a list no search for one begins, which would go through the rest of the packet in vain.
-    ends = [end.end() for end in _DIRECTORY_END.finditer(xmp)]
-    last = ends[-1] if ends else 0
+    list_ends = [end.end() for end in _DIRECTORY_END.finditer(xmp)]
+    last = list_ends[-1] if list_ends else 0
     return _DIRECTORY.sub(b"", xmp[:last]) + xmp[last:]
 
 

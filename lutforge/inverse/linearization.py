@@ -150,10 +150,12 @@ def _pairs(render: BakedRender, base: Linearization, jpeg: Array, layer: float) 
     raw[lost], residual[lost] = preimages(render, just[lost], near_scenes)
     clipped = np.flatnonzero(np.any(just != jpeg, axis=1))
     raw[clipped], residual[clipped] = preimages(render, jpeg[clipped], raw[clipped], MARGIN)
-    ends = np.abs(clipped_sides(jpeg).sum(axis=1)) == 3
-    neutral = np.where(jpeg[ends] > 0, raw[ends].max(axis=1, keepdims=True), raw[ends].min(axis=1, keepdims=True))
-    as_good = np.linalg.norm(render(neutral) - jpeg[ends], axis=1) <= 2e-3
-    raw[ends] = np.where(as_good[:, None], neutral, raw[ends])
+    extremes = np.abs(clipped_sides(jpeg).sum(axis=1)) == 3
+    brightest = raw[extremes].max(axis=1, keepdims=True)
+    darkest = raw[extremes].min(axis=1, keepdims=True)
+    neutral = np.where(jpeg[extremes] > 0, brightest, darkest)
+    as_good = np.linalg.norm(render(neutral) - jpeg[extremes], axis=1) <= 2e-3
+    raw[extremes] = np.where(as_good[:, None], neutral, raw[extremes])
     half_a_code = 3**0.5 * 0.5 / 255
     trust = (half_a_code / np.maximum(residual, half_a_code)) ** OUTSIDE
     has_weight = trust > PRIOR_WEIGHT

@@ -29,7 +29,7 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
     where the render makes the colour at all. O(n) time.
     """
     lattice_values, sides, axes = render.to_values(jpeg), clipped_sides(jpeg), indexed(render.levels)
-    ends = np.array([axis[[0, -1]] for axis in render.levels])
+    axis_ends = np.array([axis[[0, -1]] for axis in render.levels])
     matrix = render.input_matrix
     weights, raw = render.slope(lattice_values), np.empty(jpeg.shape)
 
@@ -39,7 +39,7 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
         def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
             residual, slope = np.empty(raw.shape), np.empty((*raw.shape, 3))
             places = render.on_axes(raw)
-            within = np.clip(places, ends[:, 0], ends[:, 1])
+            within = np.clip(places, axis_ends[:, 0], axis_ends[:, 1])
             _residual_and_slope(
                 render.values, axes, render.interpolation == "tetrahedral", within, rows.start + which, lattice_values,
                 weights, sides, margin, residual, slope,
@@ -49,7 +49,7 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
             return residual, slope
 
         # RAW is limited by the ends of the axes, or by the sensor's where these are linear values.
-        lower, upper = (ends[:, 0], ends[:, 1]) if matrix is None else (0.0, 1.0)
+        lower, upper = (axis_ends[:, 0], axis_ends[:, 1]) if matrix is None else (0.0, 1.0)
         raw[rows] = gauss_newton(linearize, start[rows], lower=lower, upper=upper).value
 
     at_once = 8192  # colours whose slopes stay in a core's cache

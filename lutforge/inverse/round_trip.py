@@ -27,20 +27,20 @@ def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:
     nodes = grid(levels).reshape(-1, 3)
     r, g, b = (axis[1:-1] for axis in levels)
     levels = (r, g, b)
-    sides = [ends for ends in product((None, 0.0, 1.0), repeat=3) if None in ends]
-    return np.concatenate([nodes, *(_within(levels, ends, rng) for ends in sides)])
+    parts = [fixed for fixed in product((None, 0.0, 1.0), repeat=3) if None in fixed]
+    return np.concatenate([nodes, *(_within(levels, fixed, rng) for fixed in parts)])
 
 
-def _within(levels: Levels, ends: tuple[float | None, ...], rng: np.random.Generator) -> Array:
-    """Return a colour in each part of each cell, (n, 3). ends: the value 0 or 1 of a channel, None where it is free."""
-    free = [channel for channel, end in enumerate(ends) if end is None]
+def _within(levels: Levels, fixed: tuple[float | None, ...], rng: np.random.Generator) -> Array:
+    """Return a colour in each part of each cell, (n, 3). fixed: the value 0 or 1 of a channel; None: it is free."""
+    free = [channel for channel, end in enumerate(fixed) if end is None]
     sizes = [len(levels[channel]) - 1 for channel in free]
     cells = np.stack([index.ravel() for index in np.indices(sizes)], axis=1)
     found = []
     for order in permutations(range(len(free))):
         place = np.sort(rng.random(cells.shape), axis=1)[:, order]  # falling fractions tell the tetrahedra apart
         colours = np.empty((len(cells), 3))
-        for channel, end in enumerate(ends):
+        for channel, end in enumerate(fixed):
             if end is not None:
                 colours[:, channel] = end
         for number, channel in enumerate(free):

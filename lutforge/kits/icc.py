@@ -115,8 +115,8 @@ def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
         nodes = [0]
         while nodes[-1] < len(x) - 1 and len(nodes) <= most:
             start = nodes[-1]
-            ends = range(start + 1, max(int(np.searchsorted(x, x[start] + widest)), start + 2))
-            nodes.append(start + max(bisect_right(ends, tolerance, key=lambda end: distance(start, end)), 1))
+            next_nodes = range(start + 1, max(int(np.searchsorted(x, x[start] + widest)), start + 2))
+            nodes.append(start + max(bisect_right(next_nodes, tolerance, key=lambda end: distance(start, end)), 1))
         return nodes
 
     low = 0.0

@@ -35,9 +35,9 @@ def write_lut(look: Look, path: Path, source: str, target: str, size: int | None
     return error_of_lut(path, jpeg, source, target, lut.interpolation)
 
 
-def described(look: Look, lut: Lut, ends: InputAndOutput, place: str = "") -> Lut:
+def described(look: Look, lut: Lut, stated: InputAndOutput, place: str = "") -> Lut:
     """Return a LUT with the look's title, and comments that describe it."""
-    return replace(lut, title=look.title, comments=description(ends, place, look.details))
+    return replace(lut, title=look.title, comments=description(stated, place, look.details))
 
 
 def baked(function: ColourFunction, path: Path, size: int) -> Lut:

@@ -188,8 +188,8 @@ def _problems(
 
         # Per output channel of the whole LUT, the input channel with which it changes most, on average.
         colours = lut(np.array(domain[0]) + grid(uniform_levels(9)) * np.subtract(domain[1], domain[0]))
-        ends = [np.abs(np.take(colours, -1, axis) - np.take(colours, 0, axis)) for axis in range(3)]
-        follows = tuple(np.argmax([change.reshape(-1, 3).mean(axis=0) for change in ends], axis=0).tolist())
+        changes = [np.abs(np.take(colours, -1, axis) - np.take(colours, 0, axis)) for axis in range(3)]
+        follows = tuple(np.argmax([change.reshape(-1, 3).mean(axis=0) for change in changes], axis=0).tolist())
         if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
             pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
             problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
@@ -255,6 +255,6 @@ def _domain(lut: Lut) -> tuple[Colour, Colour]:
     scale = np.diag(matrix.matrix)
     if not matrix.is_diagonal or np.any(scale <= 0):
         return (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
-    ends = ((end - matrix.offset) / scale for end in (low, high))
-    first, last = (colour_of(np.round(end, 9) + 0.0) for end in ends)
+    limits = ((end - matrix.offset) / scale for end in (low, high))
+    first, last = (colour_of(np.round(end, 9) + 0.0) for end in limits)
     return first, last

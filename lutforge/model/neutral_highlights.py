@@ -58,9 +58,9 @@ class NeutralHighlights:
         """Balanced linear light (…, 3) → the same, no channel of the output lower."""
         least = np.min(self.shown(balanced), axis=-1, keepdims=True)
         nearness = np.clip((least - WHITE_FROM) / (1.0 - WHITE_FROM), 0.0, 1.0)
-        wanted = apply_curve(self.floor, np.repeat(nearness, 3, axis=-1))
-        missing = wanted - np.minimum(balanced, self.highest) @ self.to_linear.T
-        bend = np.maximum(SOFTNESS * wanted * (1.0 - nearness), 1e-9)
+        least_output = apply_curve(self.floor, np.repeat(nearness, 3, axis=-1))
+        missing = least_output - np.minimum(balanced, self.highest) @ self.to_linear.T
+        bend = np.maximum(SOFTNESS * least_output * (1.0 - nearness), 1e-9)
         missing = np.where(missing < bend, np.maximum(missing + bend, 0.0) ** 2 / (4.0 * bend), missing)
         # Light outside the gamut of the output is below any floor, so that it has to rise from where it is.
         missing *= 1.0 - (1.0 - nearness) ** 2

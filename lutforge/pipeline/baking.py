@@ -203,7 +203,7 @@ class _Task:
 class _Plan:
     """The LUTs to bake, and the metadata of their files.
 
-    ends: input and output, where they are known; scenes: inputs are scene-linear; program: the name of the program that
+    input_and_output: where they are known; scenes: inputs are scene-linear; program: the name of the program that
     reads the files, or None.
     """
 
@@ -213,7 +213,7 @@ class _Plan:
     title: str
     comments: tuple[str, ...]
     metadata: Mapping[str, str]
-    ends: InputAndOutput | None
+    input_and_output: InputAndOutput | None
     scenes: bool
     program: str | None
     tolerance: float | None
@@ -263,15 +263,15 @@ def _plan(
         _Task(target_of(path, name, size, method, scenes), path, exact and path.suffix.lower() in PROCESS_LISTS)
         for path, name in named.items()
     ]
-    ends = _ends(purpose)
+    input_and_output = _input_and_output(purpose)
     return _Plan(
         transform=transform,
         purpose=purpose,
         tasks=tuple(tasks) or (_Task(Target(form, size, method)),),
         title=title,
-        comments=_comments(purpose, ends, reader, title),
+        comments=_comments(purpose, input_and_output, reader, title),
         metadata=_clf_metadata(clf_version, named),
-        ends=ends,
+        input_and_output=input_and_output,
         scenes=scenes,
         program=program,
         tolerance=tolerance,
@@ -301,7 +301,7 @@ def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict
     return named, notes
 
 
-def _ends(purpose: Purpose) -> InputAndOutput | None:
+def _input_and_output(purpose: Purpose) -> InputAndOutput | None:
     """The input and output of a transform of a profile; None for any other function."""
     if not purpose.kind:
         return None
@@ -309,11 +309,13 @@ def _ends(purpose: Purpose) -> InputAndOutput | None:
     return input_and_output_of(purpose.kind, purpose.light, ADOBE_RGB if is_adobe_rgb else ENCODED)
 
 
-def _comments(purpose: Purpose, ends: InputAndOutput | None, reader: Program | None, title: str) -> tuple[str, ...]:
+def _comments(
+    purpose: Purpose, input_and_output: InputAndOutput | None, reader: Program | None, title: str
+) -> tuple[str, ...]:
     """The comments of the files."""
     place = "" if reader is None else reader.use
     settings = [f"camera and settings: {title}"] if purpose.kind else []
-    return description(ends, place, [*settings, *purpose.comments])
+    return description(input_and_output, place, [*settings, *purpose.comments])
 
 
 def _clf_metadata(version: str | None, paths: Iterable[Path]) -> dict[str, str]:
@@ -374,8 +376,8 @@ def _notes_on(plan: _Plan, files: Sequence[BakedFile]) -> list[str]:
             loss = "whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
             notes.append(f"{file.path}: {loss}")
         notes += _notes_on_difference(plan.purpose, file)
-    if files and plan.ends is not None and plan.purpose.kind in ("render", "linearize"):
-        notes.append("; ".join(plan.ends.comments))
+    if files and plan.input_and_output is not None and plan.purpose.kind in ("render", "linearize"):
+        notes.append("; ".join(plan.input_and_output.comments))
     if files and plan.program is not None:
         first = files[0].path
         use = program_named(plan.program).advice(first)

@@ -302,7 +302,8 @@ def _readme(kit: Kit, looks: Sequence[Look], written: Sequence[KitFiles], files:
         "",
     ]
     if len(looks) > 1:
-        lines += [f"The files of the other styles are used alike: {', '.join(other.title for other in looks[1:])}.", ""]
+        titles = ", ".join(more.title for more in looks[1:])
+        lines += [f"The files of the other styles are used alike: {titles}.", ""]
     if SCRIPT in files:
         lines += ["On the command line: `./develop.sh RAW OUT.tif [LOOK]` (sRGB, 16 bit).", ""]
     errors = {name: error for kit_files in written for name, error in kit_files.errors.items()}

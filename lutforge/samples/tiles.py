@@ -127,8 +127,8 @@ def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
     result = np.empty_like(std)
     for channel in range(3):
         x, variance = mean[..., channel][usable], std[..., channel][usable] ** 2
-        ends = np.linspace(0, len(x), max(1, min(12, len(x) // 50)) + 1).astype(np.intp)[1:-1]
-        groups = np.split(np.argpartition(x, ends), ends)
+        group_limits = np.linspace(0, len(x), max(1, min(12, len(x) // 50)) + 1).astype(np.intp)[1:-1]
+        groups = np.split(np.argpartition(x, group_limits), group_limits)
         centres = np.array([np.median(x[group]) for group in groups])
         envelope = np.array([np.quantile(variance[group], 0.1) for group in groups])
         if photons:

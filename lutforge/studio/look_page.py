@@ -71,16 +71,16 @@ class SettingControl:
             kelvins = None if through_reference else temperature_range(profile.white_balances)
         self.tint.disabled = self.kelvin.disabled = kelvins is None
         self.multipliers.disabled = through_reference
-        others = [
+        other_ways = [
             LABEL_AS_SHOT,
             *([BY_TEMPERATURE] if kelvins else []),
             *([] if through_reference else [BY_MULTIPLIERS]),
         ]
         styles = sorted(profile.styles, key=lambda name: name.lower() != "standard")
         usual = usual_setting(profile)
-        offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
-        for (widget, values), one in zip(offered.items(), usual.rsplit("/", 1), strict=True):
-            chosen = widget.value if widget.value in values else "" if self.unknown else one
+        offered = {self.style: styles, self.balance: [*profile.white_balances, *other_ways]}
+        for (widget, values), usual_value in zip(offered.items(), usual.rsplit("/", 1), strict=True):
+            chosen = widget.value if widget.value in values else "" if self.unknown else usual_value
             widget.options = {**self.unknown, **{value: value for value in values}}
             widget.value = chosen
         if kelvins is not None:
@@ -435,8 +435,9 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
 
     def _set(self, side: str, lut: Lut | None, **more: Any) -> None:
         """Set a LUT, with other parameters; the page gets the tables that it has not."""
-        sides = {name: ([], {}) if one is None else packed(one) for name, one in {**self._luts, side: lut}.items()}
-        self._luts[side] = lut
+        luts = {**self._luts, side: lut}
+        sides = {name: ([], {}) if of_side is None else packed(of_side) for name, of_side in luts.items()}
+        self._luts = luts
         sent = self._tables
         self._tables = {key: table for _, tables in sides.values() for key, table in tables.items()}
         self._handle_msg([key for key in self._tables if key not in sent])

@@ -27,8 +27,8 @@ NO_PROFILE = "Compute a model, or open a profile."
 
 def with_preset(now: Workspace, preset: type[CalibrationOptions] | type[ThesisOptions]) -> Workspace:
     """The workspace with the options of another calibration, which keep the numbers that both have."""
-    both = {field.name for field in fields(CalibrationOptions)}
-    return replace(now, options=preset(**{name: getattr(now.options, name) for name in both}))
+    shared_names = {field.name for field in fields(CalibrationOptions)}
+    return replace(now, options=preset(**{name: getattr(now.options, name) for name in shared_names}))
 
 
 class ModelPage:

@@ -85,7 +85,8 @@ class SamplesPage:
             {"Save group": self._save_group, "Delete group": partial(self._save_group, delete=True)},
         )
         rows = [
-            pn.Row(*(session.page.button(*each, **small) for each in row.items()), **ui.FULL_WIDTH) for row in actions
+            pn.Row(*(session.page.button(label, action, **small) for label, action in row.items()), **ui.FULL_WIDTH)
+            for row in actions
         ]
         pairs = [pn.Row(*pair, sizing_mode="stretch_width") for pair in (views[2:4], views[4:6])]
         self.controls = [

@@ -145,8 +145,8 @@ class Figures:
             self.layout[:] = [pn.Row(*(panel.figure for panel in row), **FILL) for row in self._panels]
         if not rows and missing:
             self.layout[:] = [text(paragraphs(missing))]
-        for held, panels in zip(self._panels, rows, strict=True):
-            for shown, panel in zip(held, panels, strict=True):
+        for row_panels, panels in zip(self._panels, rows, strict=True):
+            for shown, panel in zip(row_panels, panels, strict=True):
                 shown.show(panel)
 
 
@@ -193,7 +193,7 @@ def _glyph(mark: Mark, mapper: LinearColorMapper | None = None) -> tuple[dict[st
             columns = {"x": mark.x, "y": mark.y}
             return columns, "line", {**look, **named}
         case Lines():
-            columns = {"xs": [one[:, 0] for one in mark.curves], "ys": [one[:, 1] for one in mark.curves]}
+            columns = {"xs": [curve[:, 0] for curve in mark.curves], "ys": [curve[:, 1] for curve in mark.curves]}
             return columns, "multi_line", {"color": mark.colour, "line_width": 0.9, "alpha": 0.8}
         case Dots():
             columns = {"x": mark.points[:, 0], "y": mark.points[:, 1]}

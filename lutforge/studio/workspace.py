@@ -257,8 +257,8 @@ class Workspace:
 
     def with_limits(self, limits: tuple[float, float], name: str) -> "Workspace":
         """Set the limits of a column; its usual ones are not held."""
-        others = {key: value for key, value in self.limits.items() if key != name}
-        return replace(self, limits=others if limits == COLUMNS[name].usual else {**others, name: limits})
+        other_limits = {key: value for key, value in self.limits.items() if key != name}
+        return replace(self, limits=other_limits if limits == COLUMNS[name].usual else {**other_limits, name: limits})
 
     def with_active_groups(self, names: list[str]) -> "Workspace":
         """Make just these groups active."""
@@ -349,7 +349,7 @@ def open_workspace(path: str | Path) -> Workspace:
             idle=frozenset(name for name, entry in zip(names, entries, strict=True) if not entry["active"]),
             models=models, model=str(document["model"]), options=stated_options(document["options"]),
             out=frozenset(map(str, document["out"])), own_stages=bool(document["own_stages"]),
-            unticked=frozenset((str(one), str(other)) for one, other in document["unticked"]),
+            unticked=frozenset((str(shot_a), str(shot_b)) for shot_a, shot_b in document["unticked"]),
         )  # fmt: skip
 
 

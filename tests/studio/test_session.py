@@ -846,8 +846,8 @@ def test_a_page_that_loads_does_not_end_with_a_tab_that_is_closed(tmp_path: Path
     for page in (closed, loading):
         kept.add("visitor", page.session, lambda: False)
     kept.show(closed.session)
-    held = next(held for held in kept._held if held.session is closed.session)
-    kept.leave(closed.session, held.is_shown)
+    entry = next(entry for entry in kept._kept if entry.session is closed.session)
+    kept.leave(closed.session, entry.is_shown)
     loading.session.begin(Workspace(chart_samples(patches=9)))
     loading.session.page.on_change()
     assert loading.pages["Shots"].papers  # it still draws what changes
