@@ -19,7 +19,8 @@ from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.emor import inverse_emor
 from lutforge.model.provenance import Chart
 from lutforge.model.response import Response
-from lutforge.pipeline.input_transform import SPACE, write_input_transform
+from lutforge.pipeline.chart_patches import SPACE
+from lutforge.pipeline.input_transform import write_input_transform
 from lutforge.pipeline.response import parse_times
 from lutforge.reports.report import build_report
 from lutforge.samples.chart import ChartKind, chart_kind

@@ -23,7 +23,8 @@ from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.kits.darktable import NEUTRAL_SETTINGS
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.kits import compare_with_jpeg, write_kit
+from lutforge.pipeline.kit_checks import compare_with_jpeg
+from lutforge.pipeline.kits import write_kit
 from lutforge.pipeline.sampling import gather_samples
 
 HERE = Path(__file__).parent

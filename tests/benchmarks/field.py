@@ -34,7 +34,8 @@ from lutforge.errors import LutForgeError
 from lutforge.images.raw import read_raw
 from lutforge.kits.darktable import NEUTRAL_SETTINGS
 from lutforge.kits.kit import look_of
-from lutforge.pipeline.kits import KitCheck, compare_with_jpeg, write_kit
+from lutforge.pipeline.kit_checks import KitCheck, compare_with_jpeg
+from lutforge.pipeline.kits import write_kit
 from tests.benchmarks import common, lattices
 from tests.benchmarks.common import heading, row
 

@@ -16,7 +16,8 @@ from scipy.optimize import least_squares
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.spectra import light, linear_srgb_under, reflectances, surface_reflectances
-from lutforge.pipeline.input_transform import SPACE, write_input_transform
+from lutforge.pipeline.chart_patches import SPACE
+from lutforge.pipeline.input_transform import write_input_transform
 from lutforge.samples.chart import chart_kind
 from lutforge.samples.sample_set import Text
 from lutforge.simulate.camera import LIGHT_OF_WHITE_BALANCE, SimulatedCamera

@@ -17,7 +17,7 @@ from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.images.tiff import read_directory
 from lutforge.images.write import write_image
-from lutforge.pipeline.kits import compare_with_jpeg
+from lutforge.pipeline.kit_checks import compare_with_jpeg
 from lutforge.pipeline.photographs import picture_bytes, read_small
 from lutforge.samples.extract import extract
 from lutforge.shots.read import MIRROR_IMAGE, read_shot

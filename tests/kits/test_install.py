@@ -16,7 +16,8 @@ from lutforge.kits.all_kits import KITS
 from lutforge.kits.install import install, read_journal, uninstall
 from lutforge.kits.places import Machine, place_of
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.kits import install_kit, uninstall_kit, write_kit
+from lutforge.pipeline.kit_installation import install_kit, uninstall_kit
+from lutforge.pipeline.kits import write_kit
 from tests.cases.same_bytes import same_bytes
 from tests.conftest import CommandLine
 

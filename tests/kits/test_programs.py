@@ -20,7 +20,8 @@ from lutforge.images.read import read_image
 from lutforge.kits.all_kits import KITS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.kits import check_kit, write_kit
+from lutforge.pipeline.kit_checks import check_kit
+from lutforge.pipeline.kits import write_kit
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_picture
