@@ -115,9 +115,9 @@ def test_without_the_program_it_says_where_the_files_go(
     monkeypatch.setattr(shutil, "which", lambda command, **_: None)
     profile.save(tmp_path / "camera.npz")
     words = ("kit", "camera.npz", "--to", SETTING, "-o", "kit", "--install", "--for")
-    said = lutforge(*words, "darktable", cwd=tmp_path).stderr
-    assert "is not on this machine" in said
-    assert str(home / ".config" / "darktable" / "color" / "in") in said
+    message = lutforge(*words, "darktable", cwd=tmp_path).stderr
+    assert "is not on this machine" in message
+    assert str(home / ".config" / "darktable" / "color" / "in") in message
     assert "has no folder for them on this system" in lutforge(*words, "lightroom", cwd=tmp_path).stderr
     assert contents(home) == {}
     (tmp_path / "elsewhere").mkdir()  # a folder of settings that is named shows that the program is there

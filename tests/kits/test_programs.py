@@ -154,8 +154,8 @@ def test_blender_renders_with_the_config(profile: CameraProfile, tmp_path: Path)
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     grey = read_image(tmp_path / "picture.png").pixels[16, 16, :3]
-    wanted = profile.render("standard/auto")(np.full(3, 0.18) / profile.multipliers("standard/auto"))
-    assert np.abs(grey - wanted).max() < 0.02
+    expected = profile.render("standard/auto")(np.full(3, 0.18) / profile.multipliers("standard/auto"))
+    assert np.abs(grey - expected).max() < 0.02
 
 
 def test_ffmpeg_runs_the_line_of_the_page(profile: CameraProfile, tmp_path: Path) -> None:

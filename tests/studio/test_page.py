@@ -176,9 +176,9 @@ class Visit:
         """Press buttons of the last step, each of which tells its news."""
         self.step("Export")
         self.write("Name of the files", name)
-        for button, told in news.items():
+        for button, message in news.items():
             self.press(button.replace("_", " "))
-            self.reads(told)
+            self.reads(message)
 
     def reads(self, text: str) -> None:
         expect(self.page.get_by_text(text).first).to_be_visible(timeout=MOST_MS)

@@ -312,7 +312,7 @@ def test_a_shot_keeps_its_box_while_its_card_is_drawn_anew(tmp_path: Path) -> No
     assert len(papers) == len(np.unique(samples.shot))
     session.change(Workspace(samples.select(samples.patch == "0")))
     assert "1 samples" in papers[0][1].object
-    assert all(one is other for one, other in zip(shots.grid, papers, strict=True))
+    assert all(first is second for first, second in zip(shots.grid, papers, strict=True))
     assert all(paper[0] is box for paper, box in zip(shots.grid, boxes, strict=True))
     boxes[0].value = False
     assert session.workspace is not None and session.workspace.out == {next(iter(shots.papers))}
