@@ -1,8 +1,8 @@
 """The ΔE00 that remains after an edit of exposure or white balance, for values recovered from JPEGs and true ones.
 
-The root mean square error of RAW counts an error in the dark as one in the light. An edit does not: two stops more show
-every error of the shadows. Therefore the recovered and the true linear values are both rendered by the model of the
-profile, after the same edit, and compared as pictures.
+In the root mean square error of RAW, an error has the same weight in dark and in bright colours. An edit changes that:
+at two stops more, every error of the shadows is seen. Therefore the recovered and the true linear values get the same
+edit, the model of the profile renders both, and the pictures are compared.
 """
 
 from collections.abc import Iterator

@@ -23,7 +23,7 @@ from lutforge.threads import one_blas_thread
 def measured(
     profile: CameraProfile, data: Mapping[str, StyleData], options: Options, progress: Progress
 ) -> CameraProfile:
-    """Return a profile with its errors on held-out shots of its data, by style, and notes on weak calibrations."""
+    """The profile with its errors on held-out shots, by style, and with notes on styles whose calibration is weak."""
     styles = dict(profile.styles)
     notes = list(profile.notes)
     for index, (name, style) in enumerate(data.items()):

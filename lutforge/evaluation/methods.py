@@ -98,7 +98,7 @@ class Fitter:
     def _methods_of_profile(self, train: StyleData) -> dict[str, Fit]:
         """The methods of the profile's calibration.
 
-        A camera model is measured without its lattices, whose additional error is known without a fit.
+        A camera model is measured without its lattices: the error that they add is known without another fit.
         """
         options = self.options
         if isinstance(options, ThesisOptions):
@@ -134,7 +134,7 @@ def compared_fits(train: StyleData, options: Options) -> dict[str, Fit]:
 
 
 def _thesis_lattices(train: StyleData, options: ThesisOptions) -> dict[str, Fit]:
-    """The lattices of one size in the thesis's tables, and the thesis's baseline: no smoothness but λ_K (5.3)."""
+    """The lattices of one size in the thesis's tables, and its baseline, whose only smoothness term is λ_K (5.3)."""
     fits = {}
     for nonuniform in (False, True):
         lattices = _timed(partial(_thesis_fit, train, replace(options, nonuniform=nonuniform)))

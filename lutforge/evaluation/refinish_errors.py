@@ -1,7 +1,7 @@
 """Errors of refinishing a JPEG from one setting to another, without a picture taken for it (thesis, Fig. 6.2).
 
-A rendering depends on RAW values and settings alone. Two samples whose RAW values have one ratio k in all channels
-are therefore a true pair of refinishing.
+A rendering depends on RAW values and settings only. Two samples whose RAW values have the same ratio k in all channels
+are therefore a pair of source and target for which the true result is known.
 """
 
 from collections.abc import Mapping
@@ -64,9 +64,10 @@ def refinish_errors(styles: Mapping[str, Predictions]) -> tuple[RefinishError, .
 def _pairs_of_settings(
     styles: Mapping[str, Predictions],
 ) -> dict[tuple[str, str, str, str], list[tuple[NDArray[np.intp], NDArray[np.intp], Array]]]:
-    """Pairs of shots that show the same surfaces, by two settings: style and white balance of the first, the second.
+    """Pairs of shots that show the same surfaces, by their settings.
 
-    Of each pair of shots: the rows of the same surfaces in the samples of their styles, and the ratio k (n, 1) of RAW.
+    A key is (style, white balance, style, white balance) of the first and the second shot. A value has for each pair of
+    shots the rows of the common surfaces in the samples of the two styles, and the ratio k (n, 1) of RAW.
     """
     shots = []
     for name, predictions in styles.items():

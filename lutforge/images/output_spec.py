@@ -37,10 +37,10 @@ def describe_output(
     note: str | None = None,
     attributes: Mapping[str, object] | None = None,
 ) -> oiio.ImageSpec:
-    """Describe the file that is written; note, and the metadata that stay, as for `write_image`.
+    """The description of the file to write: the source's metadata, as far as the format holds them.
 
-    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name. attributes:
-    metadata to set, by OpenImageIO's names; None erases one.
+    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name; note: as
+    for `write_image`. attributes: metadata to set, by OpenImageIO's names; None erases one.
     """
     result = _output_spec(path, create_output(path), spec, format)
     if note is not None:

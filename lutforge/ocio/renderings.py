@@ -14,7 +14,7 @@ from lutforge.arrays import Array, ColourFunction
 from lutforge.errors import ConfigError
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.linearization import INVERSE_SIZE, inverse_of
-from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
+from lutforge.inverse.round_trip import measure, raw_colours, rounded_up, searched_near
 from lutforge.luts.bake import bake
 from lutforge.luts.highlight_ops import highlight_ops
 from lutforge.luts.ops import Curve
@@ -224,5 +224,5 @@ def _error(lut: Lut, transform: ColourFunction, rendered_by: Transform | None = 
         unclipped = np.all((jpeg > HALF_CODE) & (jpeg < 1 - HALF_CODE), axis=1)[:count]
         parts = (errors, errors[:count], errors[:count][unclipped])
         means += [float(part.mean()) for part in parts if len(part)]
-        largest = max(largest, float(errors.max()), float(error(climbed(error, colours, errors, seed=7)).max()))
+        largest = max(largest, float(errors.max()), float(error(searched_near(error, colours, errors, seed=7)).max()))
     return f"mean {rounded_up(max(means))}, max {rounded_up(largest)}"

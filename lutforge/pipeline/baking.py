@@ -281,14 +281,20 @@ def _plan(
 
 
 def _require_raw_input(program: str | None, purpose: Purpose, profile: str = "camera.npz") -> None:
-    """Raise SettingsError for a LUT of camera RAW where the program applies none to it. profile: file for a kit."""
+    """Raise SettingsError for a LUT of camera RAW where the program does not apply LUTs to RAW.
+
+    profile: the file that the message names, for a kit.
+    """
     if program is not None and purpose.kind == "render" and program_named(program).develops:
         advice = f"make a kit for it, lutforge kit {profile} --to {purpose.target} --for {program.lower()} -o kit"
         raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {advice}")
 
 
 def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict[Path, str | None], list[str]]:
-    """The files to write, each once, with the program of each; without paths, those for the program; and notes."""
+    """The files to write, each with the program that reads it, and notes; a file that is named twice is written once.
+
+    Without paths they are the files that the program needs.
+    """
     named = {} if paths or program is None else files_for(program, title)
     for path in named:
         check_output(path)
@@ -386,7 +392,7 @@ def _notes_on(plan: _Plan, files: Sequence[BakedFile]) -> list[str]:
 
 
 def _notes_on_difference(purpose: Purpose, file: BakedFile) -> list[str]:
-    """Return a note on the scene-linear input with the largest error of a file, where that is visible, above ΔE00 1."""
+    """A note on the largest error of a file, if it is visible (above ΔE00 1) and its scene is beyond black or white."""
     error = file.error
     if purpose.kind != "render" or purpose.space == "raw" or error.max_de00 is None or error.max_de00 <= 1:
         return []

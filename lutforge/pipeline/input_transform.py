@@ -65,7 +65,7 @@ def write_input_transform(
         colours = colours * uneven.gain(kind.places)[:, None]
     scene = colours[patch] * true_times[shot, None]
 
-    # The camera's rendering of the greys gives its white balance relative to the light, and the level of its white.
+    # The camera's rendering of the greys gives its level of white, and its white balance relative to the illuminant.
     grey = near_neutral(scene)
     if np.count_nonzero(grey) < 6:
         raise CalibrationError(

@@ -32,9 +32,9 @@ NamedValues = Iterator[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Inspection:
-    """The contents of a file. rows: names and values, for a table; lines: of `check`, for a LUT, in place of rows.
+    """The contents of a file. rows: names and values, for a table; lines: the report of `check`, for LUTs and configs.
 
-    profile: of a file that is one.
+    profile: the profile, where the file is one.
     """
 
     rows: tuple[tuple[str, str], ...] = ()

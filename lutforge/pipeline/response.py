@@ -27,11 +27,12 @@ from lutforge.shots.metadata import UNKNOWN, read_picture_settings
 
 @dataclass(frozen=True, eq=False)
 class FittedResponse:
-    """A response that was fitted. profile: which holds it; exposure_s: relative, as stated, by shot.
+    """A response that was fitted, and the profile that holds it. exposure_s: relative exposures as stated, by shot.
 
-    With a chart the profile holds a whole rendering. samples: chart colours in place of RAW, and JPEG values that no
-    shot clips; level: by shot, the linear value of a perfect diffuser beside the chart, where 1 is the camera's white;
-    found: shots in which the chart was detected; in the others its place is that in the shot of the nearest exposure.
+    With a chart the profile holds a whole rendering. samples: colours of the chart in place of RAW, and unclipped JPEG
+    values. level: by shot, the linear value of a perfect diffuser beside the chart, where 1 is the camera's white.
+    found: the shots in which the chart was detected. In each other shot the chart is taken to be where it is in the
+    shot of the nearest exposure.
     """
 
     profile: CameraProfile
