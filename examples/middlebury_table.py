@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, saturation
 from lutforge.calibration.options import BETA
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.style import StyleData
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError

@@ -14,13 +14,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from middlebury_table import read_patches, unclipped
 
-from lutforge.calibration.brightness_transfer import (
-    ResponseVerdict,
-    TransferFunction,
-    judge,
-    transfer_functions,
-)
-from lutforge.calibration.exposure_pairs import pairs_of_samples
+from lutforge.calibration.brightness_transfer import TransferFunction, transfer_functions
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
+from lutforge.calibration.response_verdict import ResponseVerdict, judge
 
 NOTES = """Made by `examples/middlebury_transfer_functions.py` from the photographs named in middlebury_table.md: pairs
 of one chart at two exposures, both lights. A colour is an outlier where it leaves the camera's common function by more

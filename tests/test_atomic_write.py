@@ -76,12 +76,12 @@ def test_folders_that_were_made_for_a_file_go_with_it(tmp_path: Path) -> None:
 def test_what_cannot_be_written_in_a_scratch_folder_is_told_of_what_it_is_for(tmp_path: Path) -> None:
     for words in (("No space left on device",), ("No space left on device", "x.clf")):
         target = tmp_path / "new" / "config.ocioz"
-        with pytest.raises(LutForgeError) as told, scratch_folder(next_to=target) as folder:
+        with pytest.raises(LutForgeError) as raised, scratch_folder(next_to=target) as folder:
             if len(words) == 1:
                 raise OSError(28, *words)
             with atomic_path(folder / words[1]):
                 raise OSError(28, words[0])
-        assert str(told.value) == f"{target}: cannot write (No space left on device)"
+        assert str(raised.value) == f"{target}: cannot write (No space left on device)"
     with pytest.raises(LutForgeError, match=r"^as it is$"), scratch_folder(next_to=target):
         raise LutForgeError("as it is")
     assert list(tmp_path.iterdir()) == []

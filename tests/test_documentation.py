@@ -14,8 +14,8 @@ import pytest
 from packaging.requirements import Requirement
 
 import lutforge as lf
-from lutforge.kits.programs import KITS
-from lutforge.luts.programs import PROGRAMS
+from lutforge.kits.all_kits import KITS
+from lutforge.luts.lut_programs import PROGRAMS
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.page_figures import blocks_of, read_figures, read_templates, with_figures
 from tests.cases.program_table import table

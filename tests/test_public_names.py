@@ -127,8 +127,8 @@ def test_bake_reports_what_the_command_reports(tmp_path: Path, lutforge: Command
     run = lutforge(*words, "-o", "a.cube", "-o", "a.clf", cwd=tmp_path)
     transform = profile.refinish("standard/daylight", "standard/3200K")
     lut = lf.bake(transform, [tmp_path / "b.cube", tmp_path / "b.clf"], program="nuke")
-    told = "\n".join(map(str, lut.files)).replace(f"{tmp_path}{os.sep}b", "a")
-    assert run.stdout.strip() == told
+    output = "\n".join(map(str, lut.files)).replace(f"{tmp_path}{os.sep}b", "a")
+    assert run.stdout.strip() == output
     assert run.stderr.strip().splitlines()[-1].endswith(lut.notes[-1].replace(f"{tmp_path}{os.sep}b", "a"))
     for suffix in (".cube", ".clf"):
         assert same_bytes(tmp_path / f"a{suffix}", tmp_path / f"b{suffix}")

@@ -19,7 +19,8 @@ from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.emor import inverse_emor
 from lutforge.model.provenance import Chart
 from lutforge.model.response import Response
-from lutforge.pipeline.input_transform import SPACE, write_input_transform
+from lutforge.pipeline.chart_patches import SPACE
+from lutforge.pipeline.input_transform import write_input_transform
 from lutforge.pipeline.response import parse_times
 from lutforge.reports.report import build_report
 from lutforge.samples.chart import ChartKind, chart_kind
@@ -54,8 +55,8 @@ def _power(profile: lf.CameraProfile) -> float:
 def test_pictures_become_a_profile_luts_and_a_config(frames: Path, tmp_path: Path, lutforge: CommandLine) -> None:
     camera, curve = tmp_path / "camera.npz", tmp_path / "linear.cube"
     times = ",".join(f"{time:g}" for time in TIMES)
-    said = lutforge("response", str(frames), "--times", times, "--camera", "Drone 7", "-o", str(camera)).stdout
-    assert "Drone 7" in said and "is a fixed property of this camera" in said and "true / stated" in said
+    output = lutforge("response", str(frames), "--times", times, "--camera", "Drone 7", "-o", str(camera)).stdout
+    assert "Drone 7" in output and "is a fixed property of this camera" in output and "true / stated" in output
     assert _power(lf.load_profile(camera)) == pytest.approx(GAMMA, rel=0.02)
     good = " ".join(map(str, build_report(lf.load_profile(camera)).answers["How good is it?"]))
     assert "neighbouring shots agree within" in good and "Not known" not in good
@@ -63,15 +64,15 @@ def test_pictures_become_a_profile_luts_and_a_config(frames: Path, tmp_path: Pat
     text = curve.read_text()
     assert "LUT_1D_SIZE" in text and "LUT_3D_SIZE" not in text and "scene-linear linear-srgb" in text
     codes = np.full((1, 3), 0.5)
-    wanted = lf.load_profile(camera).linearize("standard/auto")(codes)
-    np.testing.assert_allclose(lf.read_lut(curve)(codes), wanted, atol=1e-6)
+    expected = lf.load_profile(camera).linearize("standard/auto")(codes)
+    np.testing.assert_allclose(lf.read_lut(curve)(codes), expected, atol=1e-6)
     lutforge("config", str(camera), "-o", str(tmp_path / "config"))
     config = OCIO.Config.CreateFromFile(str(tmp_path / "config" / "config.ocio"))
     there = config.getProcessor("Drone 7 JPEG standard auto", "Drone 7 linear auto").getDefaultCPUProcessor()
     back = config.getProcessor("Drone 7 linear auto", "Drone 7 JPEG standard auto").getDefaultCPUProcessor()
     grey = np.full(3, 0.5, dtype=np.float32)
     light = np.array(there.applyRGB(grey.tolist()))
-    np.testing.assert_allclose(light, wanted[0], rtol=1e-4)
+    np.testing.assert_allclose(light, expected[0], rtol=1e-4)
     np.testing.assert_allclose(back.applyRGB(light.tolist()), grey, atol=1e-4)
 
 
@@ -110,15 +111,16 @@ def test_the_whole_way_on_the_command_line(tmp_path: Path, lutforge: CommandLine
     files = photograph_chart(camera, kind, chart_reflectances(), tmp_path, (-3, -2, -1, 0, 1))
     profile, clf, cube = tmp_path / "camera.npz", tmp_path / "input.clf", tmp_path / "input.resolve.cube"
     words = ("--chart", "classic", "--light", "5200K", "--camera", "Drone 7", "-o", profile)
-    said = lutforge("response", *files, *words).stdout
-    assert "ColorChecker Classic under 5200K" in said and "is a fixed property" in said and "held-out shots" in said
+    output = lutforge("response", *files, *words).stdout
+    assert "ColorChecker Classic under 5200K" in output
+    assert "is a fixed property" in output and "held-out shots" in output
     lutforge("bake", profile, "linearize", "--from", "standard/auto", "--space", "aces2065-1", "-o", clf, "-o", cube)
     lut = lf.read_lut(clf)
     greys = camera.render(camera.expose(chart_reflectances()[18:23], "daylight"), "standard", "daylight")
     light = lut(greys)
     assert np.abs(light / light[:, 1:2] - 1).max() < 0.05
-    wanted = chart_reflectances()[18:23].mean(axis=1)
-    np.testing.assert_allclose(light[:, 1] / light[2, 1], wanted / wanted[2], rtol=0.06)
+    expected = chart_reflectances()[18:23].mean(axis=1)
+    np.testing.assert_allclose(light[:, 1] / light[2, 1], expected / expected[2], rtol=0.06)
     lutforge("config", profile, "-o", tmp_path / "config")
     config = OCIO.Config.CreateFromFile(str(tmp_path / "config" / "config.ocio"))
     there = config.getProcessor("Drone 7 JPEG standard auto", "ACES2065-1").getDefaultCPUProcessor()
@@ -139,8 +141,8 @@ def test_one_picture_of_a_chart_gives_a_transform_that_is_called_approximate(
     PIL.Image.open(file).save(tmp_path / "no_exif.jpg", quality=98)
     words = ("--chart", "classic", "--light", "5200K", "--corners", outlined(kind), "-o", tmp_path / "camera.npz")
     for picture in (file, tmp_path / "no_exif.jpg"):
-        said = lutforge("response", picture, *words).stdout
-        assert "approximate" in said and "EMoR's mean curve" in said and "ΔE00" in said
+        output = lutforge("response", picture, *words).stdout
+        assert "approximate" in output and "EMoR's mean curve" in output and "ΔE00" in output
     profile = lf.load_profile(tmp_path / "camera.npz")
     assert any("approximate" in note for note in profile.notes)
     assert profile.provenance == Chart("ColorChecker Classic", "5200K", SPACE)
@@ -191,9 +193,9 @@ def test_the_refusal_of_four_pictures_names_those_without_a_chart_in_two_lines(t
             PIL.Image.new("RGB", picture.size, (90, 90, 90)).save(file, exif=exif)
     with pytest.raises(CalibrationError) as raised:
         write_input_transform(files, tmp_path / "camera.npz", kind, "5200K")
-    said = str(raised.value)
-    assert all(file.name in said for file in files[1:]) and files[0].name not in said
-    assert len(said) <= 2 * 120
+    message = str(raised.value)
+    assert all(file.name in message for file in files[1:]) and files[0].name not in message
+    assert len(message) <= 2 * 120
 
 
 def test_light_that_falls_over_the_chart_is_named_and_removed(tmp_path: Path) -> None:
@@ -227,8 +229,8 @@ def test_a_chart_that_no_detector_knows_needs_its_corners(tmp_path: Path) -> Non
     with pytest.raises(CalibrationError, match="no ColorChecker Classic"):  # upside down
         turned = np.roll(corners, 2, axis=0)
         write_input_transform(files, tmp_path / "camera.npz", chart_kind("classic"), "D50", turned)
-    for times, said in (([1.0, 0.0], "not above 0"), ([1.0], "1 exposure times for 2")):
-        with pytest.raises(CalibrationError, match=said):
+    for times, message in (([1.0, 0.0], "not above 0"), ([1.0], "1 exposure times for 2")):
+        with pytest.raises(CalibrationError, match=message):
             write_input_transform(files, tmp_path / "camera.npz", kind, "D50", corners, times)
     with pytest.raises(CalibrationError, match="no SpyderCheckr 24"):
         write_input_transform(files, tmp_path / "camera.npz", kind, "D50", corners + 5000)

@@ -21,9 +21,10 @@ from PIL import Image
 
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
-from lutforge.kits.programs import NEUTRAL
+from lutforge.kits.darktable import NEUTRAL_SETTINGS
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.kits import compare_with_jpeg, write_kit
+from lutforge.pipeline.kit_checks import compare_with_jpeg
+from lutforge.pipeline.kits import write_kit
 from lutforge.pipeline.sampling import gather_samples
 
 HERE = Path(__file__).parent
@@ -101,7 +102,7 @@ def main() -> None:
             print(program, *(f"{compare_with_jpeg(raw, path).mean:.2f}" for path in shown))
             strip(program, *(picture(read_image(path).pixels) for path in shown), jpeg)
 
-        neutral_settings = [word for key, value in NEUTRAL.items() for word in ("--conf", f"{key}={value}")]
+        neutral_settings = [word for key, value in NEUTRAL_SETTINGS.items() for word in ("--conf", f"{key}={value}")]
         run("darktable-cli", raw, work / "neutral.tif", "--icc-type", "SRGB", *own, *neutral_settings)
         neutral = picture(read_image(work / "neutral.tif").pixels)
         neutral.save(work / "IN.png")

@@ -12,7 +12,6 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.brightness_transfer import ResponseVerdict, judge
 from lutforge.calibration.curve_basis import gamma_response, log_emor_basis, log_spline_basis, srgb_response
 from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.matrix_and_response import saturation
@@ -22,6 +21,7 @@ from lutforge.calibration.response_from_exposures import (
     fit_response_by_least_squares,
     fit_response_to_exposures,
 )
+from lutforge.calibration.response_verdict import ResponseVerdict, judge
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out
@@ -75,7 +75,7 @@ class BracketFit:
         return self.curves[0].response
 
     @property
-    def told(self) -> tuple[str, str]:
+    def statements(self) -> tuple[str, str]:
         """The error of the response, and the range of values that it holds for, in words."""
         best, colours = self.curves[0], "all colours" if self.all_colours else "unsaturated colours"
         agreement = f"neighbouring shots agree within {self.agreement:.2f} stops"
@@ -195,13 +195,13 @@ def _choose_curves(pairs: ExposurePairs, plain: Mask, beta: float) -> tuple[int,
     every = 15  # as many as there are
     for count in (3, 6, 10, every):
         parts = []
-        for held in folds:
+        for fold in folds:
             try:
-                fit = fit_response_to_exposures(pairs.select(~held), beta=beta, basis=log_emor_basis(count))
+                fit = fit_response_to_exposures(pairs.select(~fold), beta=beta, basis=log_emor_basis(count))
             except CalibrationError:  # the others span too few tones
                 return every, float("nan")
-            if np.any(held & plain):
-                parts.append(_codes_off(pairs.corrected(fit.shot_error), fit.response, held & plain))
+            if np.any(fold & plain):
+                parts.append(_codes_off(pairs.corrected(fit.shot_error), fit.response, fold & plain))
         errors[count] = float(np.median(np.abs(np.concatenate(parts)))) if parts else float("nan")
     good = [count for count, error in errors.items() if error <= 1.02 * min(errors.values())]
     return (good[0], errors[good[0]]) if good else (every, float("nan"))
@@ -215,4 +215,4 @@ def _residual(pairs: ExposurePairs, response: Response, rows: Mask) -> tuple[flo
 
 def _codes_off(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
     """I' − f(k' f⁻¹(I)) (m, 3) of some rows, in codes."""
-    return np.asarray(255 * (pairs.white - pairs.black) * pairs.select(rows).departure(response))
+    return np.asarray(255 * (pairs.white - pairs.black) * pairs.select(rows).residuals(response))

@@ -7,7 +7,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.coverage_notes import thin_settings
-from lutforge.calibration.each_style import fit_styles, notes_on_fits
+from lutforge.calibration.fit_styles import fit_styles, notes_on_fits
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.steps import (
     State,

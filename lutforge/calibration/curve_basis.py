@@ -71,9 +71,9 @@ class CurveBasis:
 
 OF_VALUES, OF_BENDS = 0.01, 0.003
 """What the prior of a spline weighs beside a sample: of its values, and of the relative changes of its slope."""
-CHANGE = 0.03
-"""Standard deviation of these changes, beside half of what the prior's own are."""
-SLOWEST = 0.05
+BEND_SPREAD = 0.03
+"""Standard deviation of these changes of slope, added in quadrature to half of the prior's own change."""
+LEAST_SPLINE_SLOPE = 0.05
 """Least slope of f⁻¹ that is compared with, and least share of the prior's slope that a spline has."""
 BEND = 40
 """Precision of the bends of log f⁻¹ from knot to knot: those of sRGB's curve are off by 1/6."""
@@ -114,12 +114,12 @@ def spline_basis(like: Array) -> CurveBasis:
     """
     knots = 33
     shape = np.interp(np.linspace(0.0, 1.0, knots), np.linspace(0.0, 1.0, len(like)), like)
-    rate = np.maximum(np.gradient(shape, 1.0 / (knots - 1)), SLOWEST)
+    rate = np.maximum(np.gradient(shape, 1.0 / (knots - 1)), LEAST_SPLINE_SLOPE)
     steps = np.diff(shape)
     change, scale = np.diff(steps) / np.maximum(steps[1:] + steps[:-1], 1e-9), (knots - 1) / rate[1:-1]
     bend, place = np.zeros((knots - 2, knots)), np.arange(knots - 2)
     bend[place, place + 1], bend[place, place + 2] = (-1.0 - change) * scale, (1.0 - change) * scale
-    bend /= np.hypot(1.0, 0.5 * change / CHANGE)[:, None]
+    bend /= np.hypot(1.0, 0.5 * change / BEND_SPREAD)[:, None]
     values = np.tril(np.ones((knots, knots)))
     relative = values / rate[:, None]
     precision = OF_BENDS * bend.T @ bend + OF_VALUES * relative.T @ relative
@@ -130,7 +130,7 @@ def spline_basis(like: Array) -> CurveBasis:
         precision=precision * SAMPLE,
         shift=OF_VALUES * SAMPLE * relative.T @ (shape / rate),
         rising=np.eye(knots),
-        least=np.concatenate([[0.0], np.maximum(SLOWEST * steps, 0.0)]),
+        least=np.concatenate([[0.0], np.maximum(LEAST_SPLINE_SLOPE * steps, 0.0)]),
     )
 
 

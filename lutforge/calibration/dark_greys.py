@@ -9,25 +9,24 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.monochrome import is_monochrome
+from lutforge.calibration.white_balance import LEAST_POSITIVE
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
-LEAST_GREYS = 24
+LEAST_DARK_GREYS = 24
 """Fewer dark greys of a style are not judged."""
-OFFSET = 0.002
+MOST_OFFSET = 0.002
 """Share of white by which dark greys of one channel may be off from those of another; of sound sets at most half."""
 STANDARD_ERRORS = 10
 """An offset is sure beyond so many of its standard errors."""
 OFFSET_WEIGHTS = RobustWeights(cauchy, multiple=2.0, least=1e-4)
-FLAT, STEEP = 0.5, 1.8
-"""RAW rises with the first power of dark JPEG values, about; below or above these, the two do not end together."""
+LEAST_DARK_POWER, MOST_DARK_POWER = 0.5, 1.8
+"""RAW rises about with the first power of dark JPEG values. Beyond these powers the two do not go to black together."""
 LIFTED, VIDEO_BLACK, VIDEO_WHITE = 15.5, 24.0, 235.5
 """Codes: darkest ones above the first are lifted, and below the second they may be those of video levels, if none lies
 above the third."""
 DARK_GREY, NEAR_GREY, NEAR_GREY_SHARE = 110, 8, 0.12
 """Codes below which a grey is dark, and by which channels of a grey differ at most: so many, or so large a share."""
-LEAST_LINEAR = 1e-6
-"""Least RAW value that has a logarithm, as a share of white."""
 
 
 def dark_end_notes(samples: SampleSet, multipliers: Array) -> tuple[str, ...]:
@@ -43,7 +42,7 @@ def dark_end_notes(samples: SampleSet, multipliers: Array) -> tuple[str, ...]:
 
         inside = (codes.min(axis=1) > 0.5) & (codes.max(axis=1) < DARK_GREY) & (samples.raw[rows].max(axis=1) < 0.98)
         grey = inside & (np.ptp(codes, axis=1) < np.maximum(NEAR_GREY, NEAR_GREY_SHARE * codes.max(axis=1)))
-        if np.count_nonzero(grey) < LEAST_GREYS or is_monochrome(balanced[grey], samples.srgb[rows][grey]):
+        if np.count_nonzero(grey) < LEAST_DARK_GREYS or is_monochrome(balanced[grey], samples.srgb[rows][grey]):
             continue
 
         offset = _channel_offset(codes[grey], balanced[grey])
@@ -73,7 +72,7 @@ def _channel_offset(greys: Array, balanced: Array) -> str:
         spread = np.linalg.pinv((columns * weight[:, None]).T @ (columns * weight[:, None]))[1, 1]
         error = np.sqrt(spread * np.mean((weight / weight_of_tone * residual) ** 2))
         offsets[place] = solution[1]
-        sure[place] = abs(solution[1]) > max(OFFSET, STANDARD_ERRORS * error)
+        sure[place] = abs(solution[1]) > max(MOST_OFFSET, STANDARD_ERRORS * error)
 
     if not np.any(sure):
         return ""
@@ -95,16 +94,16 @@ def _black_ends(codes: Array, greys: Array, balanced: Array) -> Iterator[str]:
     if np.ptp(np.log2(level[dark])) < (0.2 if lifted else 1.0):  # too few tones for a power
         power = np.inf if lifted else 1.0
     else:
-        stops = np.log2(np.maximum(balanced[dark].mean(axis=1), LEAST_LINEAR))
+        stops = np.log2(np.maximum(balanced[dark].mean(axis=1), LEAST_POSITIVE))
         power = float(np.polyfit(np.log2(level[dark]), stops, 1)[0])
 
-    if power < FLAT:
+    if power < LEAST_DARK_POWER:
         floor = 100 * float(np.median(balanced[level <= np.percentile(level, 10), 1]))
         yield (
             f"where JPEG values go to black, RAW stays at {floor:.1f} % of white: "
             "a black level left in the RAW, or JPEGs whose contrast was stretched"
         )
-    elif power > STEEP and lifted:
+    elif power > MOST_DARK_POWER and lifted:
         above = " or above 235" if codes.min() < VIDEO_BLACK and codes.max() < VIDEO_WHITE else ""
         reason = "video levels, 16 to 235" if above else "a veil, or black that was lifted"
         yield f"no JPEG value lies below {codes.min():.0f}{above}, though RAW goes to black: {reason}"

@@ -28,6 +28,7 @@ from lutforge.solvers.solution import Status
 from lutforge.threads import one_blas_thread
 
 LEAST_UNSATURATED = 8
+"""Unsaturated colours that a response or a matrix needs at least."""
 LEAST_HUE_SPREAD = 8e-3
 """The chromaticities (shares of r, g, b) of the unsaturated colours must spread in two directions by this much."""
 NEAR_WHITE = 0.97

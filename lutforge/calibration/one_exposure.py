@@ -14,7 +14,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.emor import log_inverse_emor
 from lutforge.model.response import Response
 
-LEAST_GREYS = 3
+LEAST_CHART_GREYS = 3
 """Unclipped greys that are needed: two always lie on some curve. Each further one bends the curve once."""
 
 MOST_CURVES, STIFFNESS = 3, 0.05
@@ -23,8 +23,8 @@ MOST_CURVES, STIFFNESS = 3, 0.05
 FLOOR = 0.02
 """Linear value below which an error of the matrix no longer counts by its ratio: noise and flare are of this size."""
 
-HOLD = 0.05
-"""Weight of the nominal matrix, beside the sum of the patches': colours that no patch shows keep it."""
+NOMINAL_WEIGHT = 0.05
+"""Weight of the nominal matrix, as a share of the summed weight of the patches: colours that no patch shows keep it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def _bent_to(encoded: Array, colours: Array) -> Response:
 
     log f⁻¹ = mean + ξ · curves: a ridge regression of log colours, whose level is free in each channel.
     """
-    count = min(MOST_CURVES, len(encoded) - LEAST_GREYS)
+    count = min(MOST_CURVES, len(encoded) - LEAST_CHART_GREYS)
     basis = log_inverse_emor(MOST_CURVES)
     places = np.linspace(0.0, 1.0, len(basis.mean))
     design, target = [], []
@@ -59,9 +59,9 @@ def _bent_to(encoded: Array, colours: Array) -> Response:
         missing = np.log(colours[:, channel]) - np.interp(codes, places, basis.mean)
         design.append(curves - curves.mean(axis=0))
         target.append(missing - missing.mean())
-    left, right = np.vstack(design), np.concatenate(target)
+    stacked, targets = np.vstack(design), np.concatenate(target)
     stiffness = np.diag((STIFFNESS * np.arange(1, count + 1) ** 2) ** 2)
-    bend = np.linalg.solve(left.T @ left + stiffness, left.T @ right)
+    bend = np.linalg.solve(stacked.T @ stacked + stiffness, stacked.T @ targets)
 
     inverse = np.exp(basis.mean + bend @ basis.curves[:count])
     inverse[0] = 0.0
@@ -81,16 +81,16 @@ def fit_one_exposure(encoded: Array, colours: Array, grey: Mask, nominal: Array)
     nominal: (3, 3), from the space of the colours to the JPEG's primaries. Raises CalibrationError where fewer than
     three greys are unclipped.
     """
-    if np.count_nonzero(grey) < LEAST_GREYS:
+    if np.count_nonzero(grey) < LEAST_CHART_GREYS:
         raise CalibrationError(
-            f"{np.count_nonzero(grey)} unclipped grey patches, and {LEAST_GREYS} are needed: expose the chart so that "
-            "its greys are neither black nor burnt out"
+            f"{np.count_nonzero(grey)} unclipped grey patches, and {LEAST_CHART_GREYS} are needed: expose the chart so "
+            "that its greys are neither black nor burnt out"
         )
 
     # A curve that is bent to the greys always comes nearer to them: it is taken where it halves what is left.
     srgb, bent = srgb_response(), _bent_to(encoded[grey], colours[grey] @ nominal.T)
-    left = {each: _spread(each, encoded[grey], colours[grey] @ nominal.T) for each in (srgb, bent)}
-    response = bent if left[bent] < 0.5 * left[srgb] else srgb
+    spreads = {curve: _spread(curve, encoded[grey], colours[grey] @ nominal.T) for curve in (srgb, bent)}
+    response = bent if spreads[bent] < 0.5 * spreads[srgb] else srgb
     name = "EMoR's mean curve, bent to the chart's greys" if response is bent else "sRGB's curve"
 
     ratio = np.median(response.linearize(encoded[grey]) @ np.linalg.inv(nominal).T / colours[grey], axis=0)
@@ -106,8 +106,8 @@ def fit_one_exposure(encoded: Array, colours: Array, grey: Mask, nominal: Array)
         target = linear[:, row] - balanced[:, 1]
         start = nominal[row, [0, 2]]
         weighted = differences * weight[:, row, None]
-        hold = np.sqrt(HOLD * np.sum(weighted**2, axis=0))
+        hold = np.sqrt(NOMINAL_WEIGHT * np.sum(weighted**2, axis=0))
         rows = np.vstack([weighted, np.diag(hold)])
         red, blue = np.linalg.lstsq(rows, np.concatenate([target * weight[:, row], hold * start]))[0]
         matrix[row] = red, 1.0 - red - blue, blue
-    return OneExposure(name, response, matrix, multipliers, scale, left[response])
+    return OneExposure(name, response, matrix, multipliers, scale, spreads[response])

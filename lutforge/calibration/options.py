@@ -6,6 +6,7 @@ from typing import Any
 
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.model.lattice import SHORT_SHAPER_SIZE
 
 BETA = 0.3
 """HSV saturation β below which a colour is taken to be left alone by the gamut map."""
@@ -16,8 +17,6 @@ MOST_CENTRES = 4_000
 SMALLEST_LATTICE = 3
 LARGEST_LATTICE = 65
 """Nodes per axis."""
-SHAPER_SIZE = 4096
-"""Entries of the shaper whose grid the node levels are snapped to."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class LatticeOptions:
     size: int = 33
     interpolation: Interpolation = "trilinear"
     nonuniform: bool = True
-    shaper_size: int = SHAPER_SIZE
+    shaper_size: int = SHORT_SHAPER_SIZE
 
     def __post_init__(self) -> None:
         if not SMALLEST_LATTICE <= self.size <= LARGEST_LATTICE:

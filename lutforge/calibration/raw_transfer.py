@@ -11,7 +11,7 @@ from lutforge.samples.clipping import SATURATED
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_samples_out, predict_held_out
 
-LEAST_PAIRS = 12
+LEAST_COMMON_COLOURS = 12
 NOISE_FLOOR = 0.05
 """Colours darker than this share of the brightest count by their absolute error, not by their relative one."""
 
@@ -35,10 +35,10 @@ def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Ar
     first, second = (np.array([pair[side] for pair in rows], dtype=np.intp) for side in (0, 1))
     x, y = source.raw[first], target.raw[second]
     usable = np.all((x > 0) & (x < SATURATED) & (y > 0) & (y < SATURATED), axis=1)
-    if usable.sum() < LEAST_PAIRS:
+    if usable.sum() < LEAST_COMMON_COLOURS:
         raise CalibrationError(
-            f"{int(usable.sum())} colours are common to both cameras, at least {LEAST_PAIRS} are needed: photograph "
-            "the same charts with both, and name the shots alike or give as many of each, in the same order"
+            f"{int(usable.sum())} colours are common to both cameras, at least {LEAST_COMMON_COLOURS} are needed: "
+            "photograph the same charts with both, and name the shots alike or give as many of each, in the same order"
         )
     multipliers = source.wb[first][usable]
     known = np.all(np.isfinite(multipliers), axis=1)
@@ -56,19 +56,19 @@ def fit_raw_transfer(source: str, target: str, x: Array, y: Array, neutral: Arra
     relative error; the error of the transfer is that of pairs left out of the fit, in five parts. Raises
     CalibrationError where the colours do not determine it.
     """
-    if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3 or len(x) < LEAST_PAIRS:
+    if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3 or len(x) < LEAST_COMMON_COLOURS:
         raise CalibrationError(
-            f"aligned RAW of shapes {x.shape} and {y.shape}; at least {LEAST_PAIRS} pairs are needed"
+            f"aligned RAW of shapes {x.shape} and {y.shape}; at least {LEAST_COMMON_COLOURS} pairs are needed"
         )
     if np.linalg.matrix_rank(x, tol=1e-4 * np.linalg.norm(x)) < 3:
         raise CalibrationError("the common colours are all alike: photograph a colour chart with both cameras")
     level = np.linalg.norm(y, axis=1)
     weight = 1 / np.maximum(level, NOISE_FLOOR * level.max())
     matrix = _least_squares(x, y, weight)
-    held = predict_held_out(
+    predicted = predict_held_out(
         leave_samples_out(len(x)), lambda train, test: x[test] @ _least_squares(x[train], y[train], weight[train]).T
     )
-    error = float(np.sqrt(np.mean(np.sum(((held - y) * weight[:, None]) ** 2, axis=1))))
+    error = float(np.sqrt(np.mean(np.sum(((predicted - y) * weight[:, None]) ** 2, axis=1))))
     return RawTransfer(source, target, matrix, neutral, error)
 
 

@@ -36,7 +36,7 @@ from lutforge.calibration.matrix_and_response import (
 )
 from lutforge.calibration.options import BETA
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
-from lutforge.calibration.white_balance import DARKEST, LEAST_LINEAR, estimated_multipliers, neutral_weight
+from lutforge.calibration.white_balance import LEAST_POSITIVE, LEAST_RAW, ROUNDED, estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.clipping import unclipped_colours
@@ -45,13 +45,11 @@ from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.reweighted import reweighted
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 
-LEAST_COLOURS = 12
+LEAST_MATCHED_COLOURS = 12
 LEAST_WEIGHT = 1e-9
 """Weight that every colour has at least, so that shots without near-neutral colours have a weighted median."""
 RANK = 1e-6
 """Singular values below this share of the largest are 0."""
-ROUNDED = 0.2
-"""Below this JPEG value rounding rules."""
 WORST_ERROR = 0.08
 """Median encoded error beyond which RAW and JPEG are not of one scene; the chart cameras have 0.002 … 0.03."""
 WIDER = (BETA, 0.4, 0.5, 0.7)
@@ -59,7 +57,7 @@ WIDER = (BETA, 0.4, 0.5, 0.7)
 NOISY_SHARE = 0.05
 """Colours below this share of the bright ones hold noise."""
 LARGEST_CONDITION = 100
-STEP = 1e-6
+DERIVATIVE_STEP = 1e-6
 """Step of a numerical derivative."""
 
 
@@ -105,7 +103,7 @@ def own_raw(samples: SampleSet, beta: float = BETA) -> tuple[SampleSet, Array]:
 def unclipped_pairs(samples: SampleSet) -> SampleSet:
     """The samples that neither the JPEG nor the reference clips. Raises CalibrationError where they are too few."""
     inside = samples.select(unclipped_colours(samples.srgb, samples.raw))
-    if len(inside) < LEAST_COLOURS:
+    if len(inside) < LEAST_MATCHED_COLOURS:
         raise CalibrationError(
             f"{len(inside)} samples are unclipped in both the JPEG and the reference camera's RAW: expose less"
         )
@@ -122,8 +120,8 @@ def transformed(
     exposed = gain[:, None] * samples.raw
     top = np.quantile((exposed @ transfer.T * multipliers)[values.in_gamut > 0.5], 0.999)
     transfer = transfer / max(float(top), float(np.max(values.white / scale)))
-    own = replace(samples, raw=exposed @ transfer.T, wb=multipliers, raw_camera=samples.camera.copy())
-    return own, transfer
+    with_camera_raw = replace(samples, raw=exposed @ transfer.T, wb=multipliers, raw_camera=samples.camera.copy())
+    return with_camera_raw, transfer
 
 
 def gains_and_scale(
@@ -136,8 +134,8 @@ def gains_and_scale(
 ) -> tuple[Array, Array]:
     """The gain of each shot's RAW (n,), and the scale of f⁻¹ of each style (n,), by the levels that are left."""
     balanced = samples.raw @ transfer.T * multipliers
-    rendered = np.maximum((balanced @ matrix.T).sum(axis=1), LEAST_LINEAR)
-    level = np.log(np.maximum(values.linear.sum(axis=1), LEAST_LINEAR) / rendered)
+    rendered = np.maximum((balanced @ matrix.T).sum(axis=1), LEAST_POSITIVE)
+    level = np.log(np.maximum(values.linear.sum(axis=1), LEAST_POSITIVE) / rendered)
     return _gains(samples, setting, level, values.in_gamut * (samples.srgb.max(axis=1) > ROUNDED))
 
 
@@ -152,12 +150,12 @@ def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: 
     of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + LEAST_WEIGHT) for k in range(len(first))])
     style, balance = samples.style[first], setting[first]
     scale = np.array([np.median(of_shot[style == name]) for name in style])
-    rest = of_shot - scale
-    own = np.array([np.median(rest[balance == name]) for name in balance])
+    remaining = of_shot - scale
+    of_setting = np.array([np.median(remaining[balance == name]) for name in balance])
     count = np.array([np.count_nonzero(balance == name) for name in balance])
-    doubt = 3 * float(np.std(rest - own if np.any(count > 1) else rest)) / np.sqrt(count)
-    kept = np.where((np.abs(own) > doubt) & (count > 1), own, 0.0)
-    return np.exp(rest - kept)[shot], np.exp(scale)[shot]
+    doubt = 3 * float(np.std(remaining - of_setting if np.any(count > 1) else remaining)) / np.sqrt(count)
+    kept = np.where((np.abs(of_setting) > doubt) & (count > 1), of_setting, 0.0)
+    return np.exp(remaining - kept)[shot], np.exp(scale)[shot]
 
 
 def linear_values(
@@ -206,20 +204,20 @@ def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> St
     beta = max(beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
     near = chroma < MOST_BETAS * beta
     is_of = np.eye(len(names))[place]
-    others = np.delete(is_of, first, axis=1)
+    is_of_other = np.delete(is_of, first, axis=1)
 
     def columns(x: Array) -> tuple[Array, Array]:
         # The rows of Ts of the first setting sum to 1, which settles the scale; the coefficients of all others are free
-        known, own = neutral_rows(x * multipliers * is_of[near, first, None])
-        free = (others[near, :, None] * x[:, None, :]).reshape(len(x), 1, -1)
-        return known, np.concatenate([own, np.repeat(free, 3, axis=1)], axis=2)
+        known, of_first = neutral_rows(x * multipliers * is_of[near, first, None])
+        free = (is_of_other[near, :, None] * x[:, None, :]).reshape(len(x), 1, -1)
+        return known, np.concatenate([of_first, np.repeat(free, 3, axis=1)], axis=2)
 
     weights = ToneWeights(encoded[near].mean(axis=1), in_gamut_weight(chroma[near], beta))
     # The changes of the shots' log gains, sample by sample, that RAW and JPEG tell, as columns (n, q). One gain for all
     # shots of a white balance is a part of its Tz; gains that go with the light of the shots are hardly told from a
     # power of f, and shutters do not err so.
     _, of_shot, index = np.unique(samples.shot, return_index=True, return_inverse=True)
-    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), DARKEST))) / np.bincount(index)
+    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), LEAST_RAW))) / np.bincount(index)
     untold = np.vstack([np.unique(place)[:, None] == place[of_shot], light])
     changes = np.asarray(null_space(untold, rcond=RANK)[index])
     fit = JointFit(raw[near], encoded[near], weights, columns, changes[near], srgb_response())
@@ -274,11 +272,11 @@ def unsaturated_of_several_hues(linear: Array, chroma: Array, name: str) -> tupl
     """The colours (n,) below the least saturation β by which they are enough, and that β. Raises CalibrationError."""
     for beta in WIDER:
         plain = chroma < beta
-        if plain.sum() >= LEAST_COLOURS and hue_spread(linear[plain]) >= LEAST_HUE_SPREAD:
+        if plain.sum() >= LEAST_MATCHED_COLOURS and hue_spread(linear[plain]) >= LEAST_HUE_SPREAD:
             return plain, beta
     raise CalibrationError(
-        f'white balance "{name}": {int(plain.sum())} unsaturated colours, and {LEAST_COLOURS} of several hues are '
-        "needed: shoot a colour chart with both cameras"
+        f'white balance "{name}": {int(plain.sum())} unsaturated colours, and {LEAST_MATCHED_COLOURS} of several hues '
+        "are needed: shoot a colour chart with both cameras"
     )
 
 
@@ -323,8 +321,10 @@ def jointly_diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Ar
 
     def linearize(unknown: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
         values = residuals(unknown[0])
-        steps = STEP * np.eye(unknown.shape[1])
-        slopes = [(residuals(unknown[0] + step) - residuals(unknown[0] - step)) / (2 * STEP) for step in steps]
+        steps = DERIVATIVE_STEP * np.eye(unknown.shape[1])
+        slopes = [
+            (residuals(unknown[0] + step) - residuals(unknown[0] - step)) / (2 * DERIVATIVE_STEP) for step in steps
+        ]
         return values[None], np.stack(slopes, axis=1)[None]
 
     sums = inverses.sum(axis=2)

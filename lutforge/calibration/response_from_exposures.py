@@ -108,7 +108,7 @@ class _Exposures:
         ruled_out = 1e8 * np.outer(exposure, exposure)
         return np.zeros((0, 3 * basis.design.shape[1])), np.eye(len(exposure)) / self.pairs.spread**2 + ruled_out
 
-    def update(self, curves: Array, own: Array, shared: Array) -> float:
+    def update(self, curves: Array, coefficients: Array, shared: Array) -> float:
         """Take the curves and the errors; the weights stay."""
         self.logs = curves
         self.errors = shared
@@ -129,9 +129,9 @@ class _RobustExposures(_Exposures):
         ties = np.kron(np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]]), middle)
         return ties, super().prior(basis)[1]
 
-    def update(self, curves: Array, own: Array, shared: Array) -> float:
+    def update(self, curves: Array, coefficients: Array, shared: Array) -> float:
         """Take the curves and the errors of a round; the weights follow the residuals from the third on."""
-        super().update(curves, own, shared)
+        super().update(curves, coefficients, shared)
         self.rounds += 1
         codes = np.linspace(0.0, 1.0, len(curves))
         slopes = np.gradient(curves, codes, axis=0)

@@ -24,12 +24,12 @@ ABRUPT = 0.15
 """Error of patches left out, in stops, beyond which light changes as no smooth field does."""
 PREDICTED_BETTER = 0.75
 """Share of the error of patches left out, without a field, that is left with one, at most."""
-PRIOR = 1.0
+FIELD_SPREAD = 1.0
 """Standard deviation of the coefficients of a field, in stops."""
-NOISE = 0.05
+PATCH_NOISE = 0.05
 """Deviation of patches from a matrix, in stops, beside which that prior counts."""
-ROBUST = RobustWeights(cauchy, multiple=2.5, least=0.03)
-ROUNDS = 12
+FIELD_WEIGHTS = RobustWeights(cauchy, multiple=2.5, least=0.03)
+FIELD_ROUNDS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +64,8 @@ class UnevenLight:
         bright, dark = _NAMES[int(np.argmax(gains))], _NAMES[int(np.argmin(gains))]
         slopes = self.coefficients[:2]
         axis = int(np.argmax(np.abs(slopes)))
-        others = np.abs(np.delete(self.coefficients, axis)).max()
-        if np.abs(slopes[axis]) > 2.5 * others:  # along one axis alone
+        across = np.abs(np.delete(self.coefficients, axis)).max()
+        if np.abs(slopes[axis]) > 2.5 * across:  # along one axis alone
             low, high = (("left", "right"), ("top", "bottom"))[axis]
             bright, dark = (low, high) if slopes[axis] < 0.0 else (high, low)
         return (
@@ -106,8 +106,8 @@ def _left_out(linear: Array, colours: Array, places: Array, count: int) -> float
     """The median absolute error, in stops, of the brightness of each patch by a fit of `count` terms to the others."""
     errors = np.zeros(len(linear))
     for patch in range(len(linear)):
-        rest = np.arange(len(linear)) != patch
-        _, residual = _fit(linear, colours, places, rest, count)
+        other_patches = np.arange(len(linear)) != patch
+        _, residual = _fit(linear, colours, places, other_patches, count)
         errors[patch] = residual[patch]
     return float(np.median(np.abs(errors)))
 
@@ -122,7 +122,7 @@ def _fit(linear: Array, colours: Array, places: Array, rows: Mask, count: int) -
     weight = rows.astype(np.float64)
     size = linear.sum(axis=1)
     residual = np.zeros(len(linear))
-    for _ in range(ROUNDS):
+    for _ in range(FIELD_ROUNDS):
         gain = 2.0 ** (terms @ coefficients)
         # Errors are relative, so that dark patches count as bright ones
         scale = np.sqrt(weight) / size
@@ -131,10 +131,10 @@ def _fit(linear: Array, colours: Array, places: Array, rows: Mask, count: int) -
         predicted = np.maximum((colours @ matrix).sum(axis=1), 1e-9)
         brighter = np.log2(size / predicted)
         weighted = terms * weight[:, None]
-        normal = weighted.T @ terms + (NOISE / PRIOR) ** 2 * np.eye(count)
+        normal = weighted.T @ terms + (PATCH_NOISE / FIELD_SPREAD) ** 2 * np.eye(count)
         coefficients = np.linalg.solve(normal, weighted.T @ brighter)
         residual = brighter - terms @ coefficients
-        weight = rows * ROBUST(np.abs(residual), np.abs(residual[rows]))
+        weight = rows * FIELD_WEIGHTS(np.abs(residual), np.abs(residual[rows]))
     return coefficients, residual
 
 

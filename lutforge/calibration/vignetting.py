@@ -28,16 +28,16 @@ from scipy.special import stdtr
 
 from lutforge.arrays import Array, Mask
 from lutforge.model.gamut_map import kriging_covariance
-from lutforge.model.vignetting import DEGREE, NO_SHADING, Vignetting, vignetting_basis, vignetting_of
+from lutforge.model.vignetting import NO_SHADING, VIGNETTING_DEGREE, Vignetting, vignetting_basis, vignetting_of
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.farthest_points import farthest_points
 from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 from lutforge.threads import one_blas_thread
 
-NOISE = 0.03
+SAMPLE_NOISE = 0.03
 """Standard deviation of y, in stops, of bright samples; that of darker ones is larger, because codes are rounded."""
-PRIOR = 10.0
+VIGNETTING_SPREAD = 10.0
 """Standard deviation of λ, in stops, from black to white."""
 OF_SHOT = 0.1
 """That of the offset of a shot, in stops."""
@@ -47,12 +47,12 @@ LEAST_EV = 0.03
 """Least difference between corners and centre, in stops; it moves a bright colour by a code."""
 FARTHEST_CENTRE, CENTRE_SPREAD = 0.15, 0.04
 """Bounds of the centre in each direction; standard deviation of its prior around the middle of the picture."""
-ROBUST = RobustWeights(cauchy, multiple=2.5, least=0.02)
+VIGNETTING_WEIGHTS = RobustWeights(cauchy, multiple=2.5, least=0.02)
 SAME_FOCAL_LENGTH = 0.03
 """Focal lengths within so much are one, as zooms report them in steps."""
 LITTLE_INFORMATION = 0.05
 """Quarters of a shot with less information than this share of the median quarter are left out."""
-TYPICAL_POWER, DARKEST = 2.2, 0.02
+TYPICAL_POWER, LEAST_ROUNDED_VALUE = 2.2, 0.02
 """Rounding of codes is that of a response of this power, and of values of this at least."""
 
 
@@ -73,16 +73,17 @@ class _PartialModel:
 
     def residual(self, columns: Array, weight: Array) -> Array:
         """Fit a function of colour to columns (n, k) with weights (n,), and return the residuals (n, k)."""
-        left = np.empty_like(columns)
-        for mine, design, bending in self.parts:
-            weighted = design * weight[mine, None]
+        residuals = np.empty_like(columns)
+        for of_style, design, bending in self.parts:
+            weighted = design * weight[of_style, None]
             normal = weighted.T @ design + bending
-            left[mine] = columns[mine] - design @ cho_solve(cho_factor(normal), weighted.T @ columns[mine])
-        return left
+            coefficients = cho_solve(cho_factor(normal), weighted.T @ columns[of_style])
+            residuals[of_style] = columns[of_style] - design @ coefficients
+        return residuals
 
     def reweighted(self, residual: Array) -> Array:
         """Weights (n,) of the next round of a robust fit, from the residuals (n,) of this one."""
-        return np.asarray(self.precision * ROBUST(np.abs(residual)))
+        return np.asarray(self.precision * VIGNETTING_WEIGHTS(np.abs(residual)))
 
 
 def _partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> _PartialModel | None:
@@ -93,24 +94,28 @@ def _partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> _Par
     """
     rng, rows, parts, count = np.random.default_rng(0), [], [], 0
     for name in np.unique(samples.style[usable]):
-        mine = np.flatnonzero(usable & (samples.style == name))
-        mine = np.sort(rng.permutation(mine)[:4000])
-        encoded = np.ascontiguousarray(samples.srgb[mine])
-        shots, member = np.unique(samples.shot[mine], return_inverse=True)
-        centres = encoded[farthest_points(encoded, min(150, len(mine) // 8))]
+        of_style = np.flatnonzero(usable & (samples.style == name))
+        of_style = np.sort(rng.permutation(of_style)[:4000])
+        encoded = np.ascontiguousarray(samples.srgb[of_style])
+        shots, member = np.unique(samples.shot[of_style], return_inverse=True)
+        centres = encoded[farthest_points(encoded, min(150, len(of_style) // 8))]
         covariance = np.tril(kriging_covariance(centres))
         covariance += np.tril(covariance, -1).T + 1e-9 * np.eye(len(centres))
         design = np.hstack([kriging_covariance(encoded, centres), np.eye(len(shots))[member]])
-        bending = block_diag((NOISE / PRIOR) ** 2 * covariance, (NOISE / OF_SHOT) ** 2 * np.eye(len(shots)))
-        parts.append((slice(count, count + len(mine)), design, bending))
-        rows.append(mine)
-        count += len(mine)
+        bending = block_diag(
+            (SAMPLE_NOISE / VIGNETTING_SPREAD) ** 2 * covariance, (SAMPLE_NOISE / OF_SHOT) ** 2 * np.eye(len(shots))
+        )
+        parts.append((slice(count, count + len(of_style)), design, bending))
+        rows.append(of_style)
+        count += len(of_style)
     if not parts:
         return None
     places = np.concatenate(rows)
     balanced = samples.raw[places] * multipliers[places]
-    rounding = TYPICAL_POWER / np.log(2.0) * (0.5 / 255) / np.maximum(samples.srgb[places].mean(axis=1), DARKEST)
-    precision = NOISE**2 / (NOISE**2 + rounding**2)
+    rounding = (
+        TYPICAL_POWER / np.log(2.0) * (0.5 / 255) / np.maximum(samples.srgb[places].mean(axis=1), LEAST_ROUNDED_VALUE)
+    )
+    precision = SAMPLE_NOISE**2 / (SAMPLE_NOISE**2 + rounding**2)
     return _PartialModel(places, np.log2(balanced), np.log2(balanced.sum(axis=1)), precision, parts)
 
 
@@ -183,10 +188,10 @@ def _shading(
     setting: _Setting,
     centre: tuple[float, float],
 ) -> tuple[tuple[float, ...], ...]:
-    """The coefficients (3, DEGREE) by which channels are brightened beyond the vignettings of brightness, stops (n, 3).
+    """The coefficients (3, VIGNETTING_DEGREE) by which channels are brightened beyond the vignetting of brightness.
 
-    The prior of a coefficient is a stop around 0. They are all 0 where no channel differs significantly from the mean
-    of the three, or by little.
+    stops: (n, 3), that vignetting at the samples. The prior of a coefficient is a stop around 0. The coefficients are
+    all 0 where no channel differs significantly from the mean of the three, or only by little.
     """
     channels = model.channels + stops
     ratios = channels - channels.mean(axis=1, keepdims=True)
@@ -202,7 +207,9 @@ def _shading(
             residual = model.residual(np.column_stack([basis, channels[:, channel]]), weight)
             columns, values = residual[:, :-1], residual[:, -1]
             weighted = columns * weight[:, None]
-            coefficients = -np.linalg.solve(weighted.T @ columns + NOISE**2 * np.eye(DEGREE), weighted.T @ values)
+            coefficients = -np.linalg.solve(
+                weighted.T @ columns + SAMPLE_NOISE**2 * np.eye(VIGNETTING_DEGREE), weighted.T @ values
+            )
             weight = model.reweighted(values + columns @ coefficients)
         shading.append(tuple(coefficients.tolist()))
     corners = np.sum(shading, axis=1)
@@ -237,38 +244,38 @@ def _fit(model: _PartialModel, places: Array, settings: Sequence[_Setting]) -> l
     Unknowns are, of each setting, the coefficients and the two coordinates of the centre. The prior of a coefficient is
     a stop around 0, which a handful of samples outweighs.
     """
-    each, step, weight = DEGREE + 2, 1e-4, model.precision
-    prior = NOISE / np.tile([1.0] * DEGREE + [CENTRE_SPREAD] * 2, len(settings))
+    unknown_count, step, weight = VIGNETTING_DEGREE + 2, 1e-4, model.precision
+    prior = SAMPLE_NOISE / np.tile([1.0] * VIGNETTING_DEGREE + [CENTRE_SPREAD] * 2, len(settings))
 
     def terms(unknowns: Array) -> tuple[Array, Array]:
         """The vignetting at each sample (n,), and its slopes (n, unknowns)."""
         stops, slopes = np.zeros(len(places)), np.zeros((len(places), len(unknowns)))
         for place, setting in enumerate(settings):
-            mine = slice(each * place, each * (place + 1))
-            coefficients, centre = unknowns[mine][:DEGREE], unknowns[mine][DEGREE:]
+            of_setting = slice(unknown_count * place, unknown_count * (place + 1))
+            coefficients, centre = unknowns[of_setting][:VIGNETTING_DEGREE], unknowns[of_setting][VIGNETTING_DEGREE:]
             offset = places[setting.member] - centre
             basis, right, down = (
                 vignetting_basis(np.sum((offset - d) ** 2, axis=1)) for d in ((0, 0), (step, 0), (0, step))
             )
             stops[setting.member] = basis @ coefficients
             moved = np.stack([(right - basis) @ coefficients, (down - basis) @ coefficients], axis=1) / step
-            slopes[setting.member, mine] = np.hstack([basis, moved])
+            slopes[setting.member, of_setting] = np.hstack([basis, moved])
         return stops, slopes
 
     def linearize(unknowns: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
         stops, slopes = terms(unknowns[0])
-        left = model.residual(np.column_stack([model.y + stops, slopes]), weight) * np.sqrt(weight)[:, None]
-        residual = np.concatenate([left[:, 0], prior * unknowns[0]])
-        return residual[None], np.vstack([left[:, 1:], np.diag(prior)])[None]
+        residuals = model.residual(np.column_stack([model.y + stops, slopes]), weight) * np.sqrt(weight)[:, None]
+        residual = np.concatenate([residuals[:, 0], prior * unknowns[0]])
+        return residual[None], np.vstack([residuals[:, 1:], np.diag(prior)])[None]
 
-    lower = np.tile([0.0] * DEGREE + [-FARTHEST_CENTRE] * 2, len(settings))
-    upper = np.tile([4] * DEGREE + [FARTHEST_CENTRE] * 2, len(settings))
-    value = np.tile([0.1] * DEGREE + [0.0] * 2, len(settings))
+    lower = np.tile([0.0] * VIGNETTING_DEGREE + [-FARTHEST_CENTRE] * 2, len(settings))
+    upper = np.tile([4] * VIGNETTING_DEGREE + [FARTHEST_CENTRE] * 2, len(settings))
+    value = np.tile([0.1] * VIGNETTING_DEGREE + [0.0] * 2, len(settings))
     for _ in range(6):
         value = gauss_newton(linearize, value[None], lower=lower, upper=upper, most=20).value[0]
         weight = model.reweighted(model.residual((model.y + terms(value)[0])[:, None], weight)[:, 0])
     vignettings = []
-    for setting, (a, b, c, x, y) in zip(settings, value.reshape(-1, each).tolist(), strict=True):
+    for setting, (a, b, c, x, y) in zip(settings, value.reshape(-1, unknown_count).tolist(), strict=True):
         vignettings.append(Vignetting((a, b, c), (x, y), setting.lens, setting.focal_mm, setting.aperture))
     return vignettings
 

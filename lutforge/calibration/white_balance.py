@@ -33,17 +33,19 @@ A matrix that is least squares under daylight takes warm light for less warm tha
 spectral sensitivities rawtoaces publishes: 2 % in red and 3 % in blue under tungsten, half of the error there. On 28
 other cameras (Jiang et al. 2013) it takes a third off the error.
 """
-SURE, LEAST_GAIN = 3, 0.01
+SURE, LEAST_LOG_GAIN = 3, 0.01
 """A setting's gain is kept beyond so many standard errors, and beyond what moves no colour by a code."""
 LEAST_READ, MOST_READ, ROUNDED = 0.08, 0.95, 0.2
 """JPEG values between the first two are read for a white balance; below the third rounding rules."""
-NEUTRAL = 0.12
+NEUTRAL_SATURATION = 0.12
 """Standard deviation, in HSV saturation, by which near-neutral colours count."""
 ENOUGH_NEUTRAL = 3
 """Summed weight below which there is nothing neutral to read a white balance from."""
-LEAST_LINEAR, DARKEST = 1e-6, 1e-4
-"""Least linear value that has a logarithm or divides; RAW from which on colours are compared."""
-LEAST_WEIGHT = 0.1
+LEAST_POSITIVE = 1e-6
+"""Smaller linear values are raised to this before a logarithm or a division."""
+LEAST_RAW = 1e-4
+"""RAW values above which colours are compared."""
+LEAST_NEUTRAL_WEIGHT = 0.1
 """Colours of less weight say nothing of a setting."""
 SETTLED = 0.02
 """Gains are settled when they change by less than this share of the least gain."""
@@ -92,8 +94,8 @@ def fitted_gains(
     logs, doubt = _residuals_of_settings(samples, multipliers, usable, bases, list(gains))
     logs -= np.median(logs)
     total = np.log(list(gains.values())) + logs
-    sure = np.abs(total) > np.maximum(SURE * doubt, LEAST_GAIN)
-    if not np.any(sure & (np.abs(logs) > SETTLED * LEAST_GAIN)):
+    sure = np.abs(total) > np.maximum(SURE * doubt, LEAST_LOG_GAIN)
+    if not np.any(sure & (np.abs(logs) > SETTLED * LEAST_LOG_GAIN)):
         return dict(gains)
     return dict(zip(gains, np.where(sure, np.exp(total), 1.0).tolist(), strict=True))
 
@@ -107,13 +109,13 @@ def _residuals_of_settings(
         rows = usable & (samples.style == style)
         encoded = samples.srgb[rows]
         linear = base.response.linearize(encoded).sum(axis=1)
-        predicted = np.maximum((samples.raw[rows] * multipliers[rows]) @ base.matrix.T, DARKEST)
-        ratio[rows] = np.log(np.maximum(linear, LEAST_LINEAR) / predicted.sum(axis=1))
+        predicted = np.maximum((samples.raw[rows] * multipliers[rows]) @ base.matrix.T, LEAST_RAW)
+        ratio[rows] = np.log(np.maximum(linear, LEAST_POSITIVE) / predicted.sum(axis=1))
         weight[rows] = base.in_gamut * (encoded.max(axis=1) > ROUNDED)
 
     logs, doubt = np.zeros(len(names)), np.full(len(names), np.inf)
     for place, name in enumerate(names):
-        rows = (samples.white_balance == name) & (weight > LEAST_WEIGHT)
+        rows = (samples.white_balance == name) & (weight > LEAST_NEUTRAL_WEIGHT)
         shots = [rows & (samples.shot == shot) for shot in np.unique(samples.shot[rows])]
         medians = np.array([weighted_median(ratio[shot], weight[shot]) for shot in shots if shot.sum() >= 3])
         if len(medians):
@@ -147,8 +149,8 @@ def times_gains(samples: SampleSet, multipliers: Array, gains: Mapping[str, floa
 def neutral_weight(raw: Array, srgb: Array) -> Array:
     """How near-neutral JPEG colours (n, 3) vote for the multipliers of their RAW (n, 3): weights (n,) from 0 to 1."""
     high = srgb.max(axis=1)
-    weight = np.exp(-((saturation(srgb) / NEUTRAL) ** 2))
-    weight[(high > MOST_READ) | (high < LEAST_READ) | (raw.min(axis=1) <= DARKEST)] = 0.0
+    weight = np.exp(-((saturation(srgb) / NEUTRAL_SATURATION) ** 2))
+    weight[(high > MOST_READ) | (high < LEAST_READ) | (raw.min(axis=1) <= LEAST_RAW)] = 0.0
     return np.asarray(weight)
 
 
@@ -157,7 +159,7 @@ def estimated_multipliers(raw: Array, srgb: Array) -> tuple[Array, str]:
     weight = neutral_weight(raw, srgb)
     if weight.sum() < ENOUGH_NEUTRAL:
         return multipliers_from_colours(raw, srgb), "colours, none of them neutral"
-    ratios = [weighted_median(raw[:, 1] / np.maximum(raw[:, c], LEAST_LINEAR), weight) for c in range(3)]
+    ratios = [weighted_median(raw[:, 1] / np.maximum(raw[:, c], LEAST_POSITIVE), weight) for c in range(3)]
     return np.array(ratios), "near-neutral colours"
 
 

@@ -31,7 +31,7 @@ PROGRAM_NAMES = (
     "ffmpeg, mpv, mlt, kdenlive, shotcut, obs, darktable, rawtherapee, art, captureone, gmic, gimp, imagemagick, "
     "graphicsmagick, pillow, three, parse-cube-lut"
 )
-"""The choices of `--for`: the programs of `lutforge.luts.programs`, repeated since importing it takes a second."""
+"""The choices of `--for`: the programs of `lutforge.luts.lut_programs`, repeated since importing it takes a second."""
 
 
 def bake(
@@ -111,7 +111,8 @@ def kit(
     uninstall: Annotated[bool, option("Take away what --install put there.", "--uninstall")] = False,
 ) -> None:
     """Write a kit: camera profile or LUT, the preset that places it, and a page that says what to do."""
-    from lutforge.pipeline.kits import check_kit, kit_errors
+    from lutforge.kits.manifest import kit_errors
+    from lutforge.pipeline.kit_checks import check_kit
 
     if install and uninstall:
         raise SettingsError("--install and --uninstall exclude each other")
@@ -147,7 +148,7 @@ def kit(
 
 def _install(folder: Path, into: Path | None) -> None:
     """Copy a kit to where its program looks for it, and print each file."""
-    from lutforge.pipeline.kits import install_kit
+    from lutforge.pipeline.kit_installation import install_kit
 
     installation = install_kit(folder, into)
     program = installation.program
@@ -163,7 +164,7 @@ def _install(folder: Path, into: Path | None) -> None:
 
 def _uninstall(program: str) -> None:
     """Remove the files installed for a program, and print each file."""
-    from lutforge.pipeline.kits import uninstall_kit
+    from lutforge.pipeline.kit_installation import uninstall_kit
 
     removed, changed = uninstall_kit(program)
     say(*(f"removed: {file}" for file in removed))

@@ -211,7 +211,7 @@ def _print_response(fitted: "FittedResponse", output: Path, searched: bool) -> N
     (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
     least = min(exposures.values())
     error = fit.exposure_error
-    on_error, on_range = fit.told
+    on_error, on_range = fit.statements
     columns: dict[str, Iterable[str]] = {
         "shot": exposures,
         "stated, relative": [f"{time / least:.4g}" for time in exposures.values()],
@@ -235,7 +235,7 @@ def _print_response(fitted: "FittedResponse", output: Path, searched: bool) -> N
         say(on_range)
     elif searched and (missed := ", ".join(name for name in exposures if name not in fitted.found)):
         note(f"the chart was not found in {missed}: its place in the nearest exposure was taken; see --corners")
-    say(fit.verdict.told)
+    say(fit.verdict.words)
     if not fit.verdict.fixed:
         note("fix exposure mode, white balance and picture style, and switch off what adapts to the scene (HDR, DRO)")
 

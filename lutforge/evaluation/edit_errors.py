@@ -1,8 +1,8 @@
 """The ΔE00 that remains after an edit of exposure or white balance, for values recovered from JPEGs and true ones.
 
-The root mean square error of RAW counts an error in the dark as one in the light. An edit does not: two stops more show
-every error of the shadows. Therefore the recovered and the true linear values are both rendered by the model of the
-profile, after the same edit, and compared as pictures.
+In the root mean square error of RAW, an error has the same weight in dark and in bright colours. An edit changes that:
+at two stops more, every error of the shadows is seen. Therefore the recovered and the true linear values get the same
+edit, the model of the profile renders both, and the pictures are compared.
 """
 
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lutforge.colour.srgb import delta_e_2000
-from lutforge.evaluation.methods import LATTICE, MODEL
+from lutforge.evaluation.methods import CAMERA_MODEL, LATTICE
 from lutforge.evaluation.predictions import Predictions
 from lutforge.evaluation.raw_errors import MethodError
 
@@ -27,7 +27,7 @@ EDITS = {
 
 def edited_errors(style: str, predictions: Predictions) -> Iterator[MethodError]:
     """The mean ΔE00 of each of EDITS over a style's samples, by method; none where no model of the profile renders."""
-    model = next((name for name in (MODEL, LATTICE) if name in predictions.methods), None)
+    model = next((name for name in (CAMERA_MODEL, LATTICE) if name in predictions.methods), None)
     if model is None:
         return
     data = predictions.data

@@ -41,7 +41,7 @@ from lutforge.errors import CalibrationError
 from lutforge.evaluation.edit_errors import edited_errors
 from lutforge.evaluation.figures import ErrorFigures, error_figures
 from lutforge.evaluation.linearization_errors import linearization_errors
-from lutforge.evaluation.methods import LATTICE, MODEL
+from lutforge.evaluation.methods import CAMERA_MODEL, LATTICE
 from lutforge.evaluation.predictions import Predictions, predict
 from lutforge.evaluation.raw_errors import MethodError, raw_errors
 from lutforge.evaluation.refinish_errors import RefinishError, refinish_errors
@@ -138,7 +138,7 @@ def error_rows(style: str, predictions: Predictions) -> Iterator[EvaluationRow]:
             values = np.clip(predicted[method], 0.0, 1.0)
             finite = np.all(np.isfinite(values), axis=1)
             parts = [("all", True, finite)]
-            if method in (LATTICE, MODEL):
+            if method in (LATTICE, CAMERA_MODEL):
                 parts += [(str(shot), False, finite & (data.shot == shot)) for shot in np.unique(data.shot[finite])]
             for shot, all_shots, rows in parts:
                 figures = error_figures(values[rows], measured[rows], display=display)

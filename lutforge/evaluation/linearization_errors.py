@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import BETA
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_from_exposures import fit_response_by_least_squares, fit_response_to_exposures
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.predictions import Predictions
@@ -21,11 +22,11 @@ def delta(first: Array, second: Array, ratio: Array) -> tuple[float, float, floa
 
 
 def linearization_errors(style: str, predictions: Predictions, matrix: Array) -> Iterator[MethodError]:
-    """δ over all exposure pairs of a style, by method, with each shot linearized by a fit that has not seen it.
+    """δ over all exposure pairs of a style, by method; each shot is linearized by a fit that has not seen it.
 
-    matrix: Ts (3, 3), from a method's prediction of Tw E to linear sRGB, the same for all methods: with the full model
-    the result is h⁻¹(f⁻¹(I)), without h it is f⁻¹(I). A pair is held out where no fit had seen its shots. Without
-    exposure pairs there are no errors.
+    matrix: Ts (3, 3), which takes a method's prediction of Tw E to linear sRGB. It is the same for all methods: with
+    the full model the result is h⁻¹(f⁻¹(I)), without h it is f⁻¹(I). An error is held out where no fit had seen the
+    shots of its pairs. Without exposure pairs there are no errors.
     """
     try:
         pairs = pairs_of_samples(predictions.data.samples)
@@ -52,10 +53,10 @@ def linearization_errors(style: str, predictions: Predictions, matrix: Array) ->
 def response_deltas(pairs: ExposurePairs, scene: Array | None = None) -> dict[str, tuple[float, float, float]]:
     """δ (r, g, b) of f⁻¹ alone, by the colours that f was fitted to (thesis, Fig. 4.2).
 
-    The keys are "outliers removed" and "all colours". δ is of unsaturated colours, which the gamut map does not change;
-    of others f⁻¹ alone is not linear in the scene. scene: linear values (n, 3) of the first of each pair. f⁻¹ is given
-    their scale, because exposures do not determine it; by default that of the first f. Empty where the pairs do not
-    determine a response.
+    The keys are "outliers removed" and "all colours". δ is measured on unsaturated colours, which the gamut map does
+    not change: for saturated colours f⁻¹ alone is not linear in the scene. scene: linear values (n, 3) of the first
+    colour of each pair. Exposures do not determine the scale of f⁻¹, so each f⁻¹ gets the scale of these values, or by
+    default that of the first f⁻¹. The result is empty where the pairs do not determine a response.
     """
     try:
         fits = {

@@ -10,7 +10,7 @@ from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.expected_error import expected_errors, held_out_errors
 from lutforge.evaluation.figures import error_figures
-from lutforge.evaluation.methods import BASELINES, LATTICE, MODEL
+from lutforge.evaluation.methods import BASELINES, CAMERA_MODEL, LATTICE
 from lutforge.evaluation.predictions import Predictions, predict
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile import PictureStyle
@@ -23,7 +23,7 @@ from lutforge.threads import one_blas_thread
 def measured(
     profile: CameraProfile, data: Mapping[str, StyleData], options: Options, progress: Progress
 ) -> CameraProfile:
-    """Return a profile with its errors on held-out shots of its data, by style, and notes on weak calibrations."""
+    """The profile with its errors on held-out shots, by style, and with notes on styles whose calibration is weak."""
     styles = dict(profile.styles)
     notes = list(profile.notes)
     for index, (name, style) in enumerate(data.items()):
@@ -60,7 +60,7 @@ def _measured(
         notes.append("too few samples to leave a shot out: the error is not known")
         return style, notes
 
-    method = LATTICE if LATTICE in predictions.methods else MODEL
+    method = LATTICE if LATTICE in predictions.methods else CAMERA_MODEL
     errors = _errors(predictions, method)
     if not errors:
         reasons = f" ({'; '.join(predictions.notes)})" if predictions.notes else ""

@@ -23,7 +23,7 @@ from lutforge.thesis.lattice import fit_uniform
 from lutforge.thesis.options import Options, ThesisOptions
 
 LATTICE = "lattice"
-MODEL = "camera model"
+CAMERA_MODEL = "camera model"
 THESIS_MODEL = "thesis's camera model"
 NO_GAMUT_MAP = "f and T, no h"
 MATRIX_AND_RESPONSE = "matrix and response"
@@ -53,7 +53,7 @@ def fits_of_profile(style: PictureStyle, model: CameraModel | None) -> dict[str,
     if style.render is not None and style.linearize is not None:
         fits[LATTICE] = Fit(style.render, style.linearize)
     if model is not None:
-        fits |= {MODEL: Fit(model.render, model.linearize), NO_GAMUT_MAP: _without_gamut_map(model)}
+        fits |= {CAMERA_MODEL: Fit(model.render, model.linearize), NO_GAMUT_MAP: _without_gamut_map(model)}
     return fits
 
 
@@ -92,13 +92,13 @@ class Fitter:
             fits |= _thesis_lattices(train, replace(options, size=size))
         if not isinstance(self.options, ThesisOptions):
             thesis = self._thesis_model(train, options)
-            fits |= {THESIS_MODEL: thesis[MODEL]} if thesis else {}
+            fits |= {THESIS_MODEL: thesis[CAMERA_MODEL]} if thesis else {}
         return fits
 
     def _methods_of_profile(self, train: StyleData) -> dict[str, Fit]:
         """The methods of the profile's calibration.
 
-        A camera model is measured without its lattices, whose additional error is known without a fit.
+        A camera model is measured without its lattices: the error that they add is known without another fit.
         """
         options = self.options
         if isinstance(options, ThesisOptions):
@@ -107,7 +107,7 @@ class Fitter:
         if train.monochrome:
             return {LATTICE: _timed(lambda: _as_fit(bake_lattices(train, options)))}
         model = _timed(lambda: Fit(train.model.render, train.model.linearize))  # `train.model` is fitted here
-        return {MODEL: model, NO_GAMUT_MAP: _without_gamut_map(train.model)}
+        return {CAMERA_MODEL: model, NO_GAMUT_MAP: _without_gamut_map(train.model)}
 
     def _thesis_model(self, train: StyleData, options: ThesisOptions) -> dict[str, Fit]:
         """The thesis's camera model, with and without its gamut map; none where f cannot be determined."""
@@ -119,7 +119,7 @@ class Fitter:
             return {}
         half = 0.5 * (time.perf_counter() - start)
         return {
-            MODEL: Fit(model.render, model.linearize, ByDirection(half, half)),
+            CAMERA_MODEL: Fit(model.render, model.linearize, ByDirection(half, half)),
             NO_GAMUT_MAP: _without_gamut_map(model),
         }
 
@@ -130,11 +130,11 @@ def compared_fits(train: StyleData, options: Options) -> dict[str, Fit]:
     name = lattice_name(options.size, nonuniform=False)
     if isinstance(even, ThesisOptions):
         return {name: _as_fit(fit_thesis_lattices(train, even))}
-    return {name: _as_fit(bake_lattices(train, even)), MODEL: Fit(train.model.render, train.model.linearize)}
+    return {name: _as_fit(bake_lattices(train, even)), CAMERA_MODEL: Fit(train.model.render, train.model.linearize)}
 
 
 def _thesis_lattices(train: StyleData, options: ThesisOptions) -> dict[str, Fit]:
-    """The lattices of one size in the thesis's tables, and the thesis's baseline: no smoothness but λ_K (5.3)."""
+    """The lattices of one size in the thesis's tables, and its baseline, whose only smoothness term is λ_K (5.3)."""
     fits = {}
     for nonuniform in (False, True):
         lattices = _timed(partial(_thesis_fit, train, replace(options, nonuniform=nonuniform)))

@@ -1,8 +1,8 @@
 """The colours to photograph next: colours of real surfaces with the largest expected error in a style.
 
-Where no error is known, or samples are near less than half of the colours that real surfaces have, they are the colours
-without a sample nearby: expected errors are measured on held-out samples, and the samples of one chart do not show the
-errors of other colours.
+Expected errors are measured on held-out samples, and the samples of one chart do not show the errors of other colours.
+So colours without a sample nearby are named instead where no error is known, and named in addition where fewer than
+half of the colours of real surfaces have a sample nearby.
 """
 
 from collections.abc import Callable
@@ -32,13 +32,13 @@ HUES = (
 NEAR = 0.1
 """Largest distance, in encoded RGB, at which a sample is near a colour."""
 VISIBLE = 6.0 / 255.0
-"""Least error of encoded RGB that is visible side by side."""
+"""Least error of encoded RGB that is visible when two colours are seen side by side."""
 LEAST_SEEN = 0.5
 """Least share of real colours with a sample nearby, for the expected errors of the others to be valid."""
 MOSTLY_UNSEEN = 0.5
 """Least share of colours without a sample nearby in a region that is a gap."""
 LEAST_UNSEEN = 4
-"""Least number of such colours, so that a region is not a gap for one corner."""
+"""Least number of such colours in a gap: a few at the border of a region are none."""
 MOST_GAPS = 6
 """Most gaps that are reported."""
 
@@ -62,10 +62,10 @@ class Gap:
 def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None) -> tuple[Gap, ...]:
     """The largest gaps between samples' JPEG colours (n, 3), the largest first; empty where there are none.
 
-    expected: encoded colours (m, 3) → the expected error (m,). First come regions where it is visible, by the sum of
-    their errors, then regions without samples, by the number of their colours. The colours are those of sRGB within
-    Pointer's gamut, which real surfaces have (M. R. Pointer, "The gamut of real surface colors", Color Research &
-    Application 5(3), 1980).
+    expected: encoded colours (m, 3) → the expected error (m,). First come regions with a visible error, in the order of
+    the sum of their errors. Then come regions without samples, in the order of the number of their colours. The colours
+    are those of sRGB within Pointer's gamut, which real surfaces have (M. R. Pointer, "The gamut of real surface
+    colors", Color Research & Application 5(3), 1980).
     """
     cells, lab = _real_colours()
     distance, _ = cKDTree(encoded.reshape(-1, 3)).query(cells, distance_upper_bound=NEAR)

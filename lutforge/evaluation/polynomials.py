@@ -13,11 +13,11 @@ Predictor = Callable[[Array], Array]
 ORDER = 6
 """The degree of the polynomial of each channel, as in the thesis."""
 RIDGE = 1e-9
-"""Weight of the squared coefficients relative to a sample: undetermined coefficients stay small."""
+"""Weight of a squared coefficient, where a sample has 1: undetermined coefficients stay small."""
 
 
 def channel_polynomials(x: Array, y: Array) -> Predictor:
-    """Fit one polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x."""
+    """Fit one polynomial per channel, x (n, 3) → y (n, 3). Inputs outside the range of x are clamped to it."""
     # With few tones the coefficients are not determined: `full` takes the smallest, without it NumPy warns.
     fits = [Polynomial.fit(x[:, c], y[:, c], ORDER, full=True)[0] for c in range(3)]
     low = x.min(axis=0)
@@ -33,9 +33,10 @@ def channel_polynomials(x: Array, y: Array) -> Predictor:
 def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
     """Fit JPEG → RAW, E = M p(I): one polynomial per channel, then a 3 × 3 matrix (Chakrabarti et al. 2009).
 
-    The solution is found by alternating least squares. The start is the best sum of one-channel terms, with the
-    coefficients (3, ORDER) of each channel reduced to rank one. All systems are sums over products of terms, which are
-    computed from the samples once.
+    The curves and the matrix are fitted in turn by least squares. The start is the best fit with a curve of its own
+    from each channel of the JPEG to each of the RAW; for each channel of the JPEG the coefficients of its three curves
+    are then reduced to a matrix of rank one: one curve with three factors. All linear systems consist of sums of
+    products of terms, which are computed from the samples once.
     """
     powers = np.arange(1, ORDER + 1)
     terms = encoded[:, :, None] ** powers  # (n, 3, ORDER)
@@ -64,7 +65,10 @@ def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
 
 
 def colour_polynomial(x: Array, y: Array) -> Predictor:
-    """Fit one polynomial of all three channels: of degree 4 (35 terms), or less with fewer than four samples a term."""
+    """Fit one polynomial of all three channels.
+
+    Its degree is 4 (35 terms), or the highest at which there are four samples for each term.
+    """
     degree = 4
     while degree > 1 and len(x) < 4 * len(_terms(degree)):
         degree -= 1

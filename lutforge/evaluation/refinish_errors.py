@@ -1,7 +1,7 @@
 """Errors of refinishing a JPEG from one setting to another, without a picture taken for it (thesis, Fig. 6.2).
 
-A rendering depends on RAW values and settings alone. Two samples whose RAW values have one ratio k in all channels
-are therefore a true pair of refinishing.
+A rendering depends on RAW values and settings only. Two samples whose RAW values have the same ratio k in all channels
+are therefore a pair of source and target for which the true result is known.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.evaluation.figures import ErrorFigures, error_figures
-from lutforge.evaluation.methods import LATTICE, MODEL, NO_GAMUT_MAP
+from lutforge.evaluation.methods import CAMERA_MODEL, LATTICE, NO_GAMUT_MAP
 from lutforge.evaluation.predictions import Predictions
 
 UNCHANGED = "unchanged"
@@ -47,7 +47,7 @@ def refinish_errors(styles: Mapping[str, Predictions]) -> tuple[RefinishError, .
         gain_before = before.data.balanced[a] / before.data.samples.raw[a]
         gain_after = after.data.balanced[b] / after.data.samples.raw[b]
         refinished = {UNCHANGED: before.data.encoded[a]}
-        for method in (MODEL, NO_GAMUT_MAP, LATTICE):
+        for method in (CAMERA_MODEL, NO_GAMUT_MAP, LATTICE):
             if method in before.methods and method in after.methods:
                 # (6.1); the camera clips RAW after white balance
                 balanced = before.predicted.linearize[method][a] / gain_before * k * gain_after
@@ -64,9 +64,10 @@ def refinish_errors(styles: Mapping[str, Predictions]) -> tuple[RefinishError, .
 def _pairs_of_settings(
     styles: Mapping[str, Predictions],
 ) -> dict[tuple[str, str, str, str], list[tuple[NDArray[np.intp], NDArray[np.intp], Array]]]:
-    """Pairs of shots that show the same surfaces, by two settings: style and white balance of the first, the second.
+    """Pairs of shots that show the same surfaces, by their settings.
 
-    Of each pair of shots: the rows of the same surfaces in the samples of their styles, and the ratio k (n, 1) of RAW.
+    A key is (style, white balance, style, white balance) of the first and the second shot. A value has for each pair of
+    shots the rows of the common surfaces in the samples of the two styles, and the ratio k (n, 1) of RAW.
     """
     shots = []
     for name, predictions in styles.items():

@@ -123,15 +123,15 @@ class LutRecipe(Recipe):
             report = check_lut(self.path)
             lut = report.lut
             problems = report.problems
-        ends = None if lut is None else read_input_and_output(lut.comments)
-        takes_linear, gives_linear = (False, False) if ends is None else ends.are_linear
+        stated = None if lut is None else read_input_and_output(lut.comments)
+        takes_linear, gives_linear = (False, False) if stated is None else stated.are_linear
         grade = Grade(
             None,
             f"graded with {self.path.name}",
             notes=tuple(f"{self.path}: {problem}" for problem in problems),
             takes_linear=takes_linear,
             gives_linear=gives_linear,
-            for_srgb=ends is not None and ends.input == ENCODED,
+            for_srgb=stated is not None and stated.input == ENCODED,
         )
         if lut is not None and not is_read_by_ocio(self.path, lut):
             if lut.size > MAX_SIZE:

@@ -34,7 +34,7 @@ from lutforge.images.packets import Packets, read_packets
 from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
 from lutforge.images.write import ImageWriter, image_writer
 from lutforge.images.xmp import without_further_pictures
-from lutforge.model.highlights import clipped
+from lutforge.samples.clipping import clipped
 from lutforge.shots.discover import RAW_SUFFIXES
 
 REGION_SAMPLES = 8_000_000

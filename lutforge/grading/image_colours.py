@@ -13,7 +13,8 @@ from lutforge.images.heif import is_heif
 from lutforge.images.icc import is_srgb, mean_code_change, stored_profile
 from lutforge.images.jpeg import JpegHeader
 from lutforge.images.output_spec import IN_ANOTHER_SPACE
-from lutforge.images.packets import LARGEST_JPEG_PACKET, Packets, holds_packets
+from lutforge.images.packet_writer import LARGEST_JPEG_PACKET, holds_packets
+from lutforge.images.packets import Packets
 from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.images.xmp import declares_film
 

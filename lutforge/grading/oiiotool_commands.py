@@ -12,7 +12,7 @@ from lutforge.grading.grade import Grade, Recipe
 from lutforge.grading.image_colours import check_colours
 from lutforge.grading.inputs import Failure
 from lutforge.grading.jobs import Job
-from lutforge.images.output_spec import SOFTWARE, describe_output, keeps_orientation
+from lutforge.images.output_spec import SOFTWARE_NAME, describe_output, keeps_orientation
 from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.luts.sequence import Lut
 
@@ -85,7 +85,7 @@ def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
     command += [f"{word}:unpremult=1" if word in conversions else word for word in words]
     if turned:
         command += ["--reorient"]
-    command += ["--nosoftwareattrib", "--sattrib", "Software", SOFTWARE]
+    command += ["--nosoftwareattrib", "--sattrib", "Software", SOFTWARE_NAME]
     command += ["--sattrib", "Exif:ImageHistory", " ".join(grade.history.split())]
     command += _attributes(grade.attributes)
     command += ["-d", str(described.format)]

@@ -13,7 +13,7 @@ from lutforge.grading.pixels import grade_codes
 from lutforge.images.jpeg import APP1, APP2, JpegHeader
 from lutforge.images.jpeg_copy import stored_metadata, with_colours
 from lutforge.images.jpeg_pixels import decode, encode
-from lutforge.images.output_spec import IN_ANOTHER_SPACE, SOFTWARE
+from lutforge.images.output_spec import IN_ANOTHER_SPACE, SOFTWARE_NAME
 from lutforge.images.xmp import XMP_SEGMENT, without_further_pictures
 
 
@@ -29,7 +29,7 @@ def jpeg_metadata(header: JpegHeader, grade: Grade) -> bytes:
         new = attributes["ICCProfile"]
         adobe_rgb = attributes.get("Exif:ColorSpace") == IN_ANOTHER_SPACE
         segments = with_colours(segments, new if isinstance(new, bytes) else None, adobe_rgb)
-    comment = f"{attributes.get('Software', SOFTWARE)}\n{' '.join(grade.history.split())}"
+    comment = f"{attributes.get('Software', SOFTWARE_NAME)}\n{' '.join(grade.history.split())}"
 
     # A gain map or film after the picture is left out, so XMP must not declare it.
     retained = []

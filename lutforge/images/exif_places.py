@@ -1,4 +1,4 @@
-"""Places of values in an EXIF block, so that they can be changed without moving anything else."""
+"""The places of some values in an EXIF block, which can then be changed without moving anything else."""
 
 import struct
 

@@ -1,4 +1,4 @@
-"""HEIF pictures (.heic, .heif, .hif) of cameras and phones, by libheif: 8 to 12 bits a channel, turned as they say.
+"""HEIF pictures (.heic, .heif, .hif) of cameras and phones, read by libheif: 8 to 12 bits a channel, upright.
 
 pillow-heif, an optional package, brings libheif. A picture is decoded to RGB in its own encoding; nothing is converted.
 """
@@ -51,7 +51,7 @@ def read_heif(path: Path) -> Heif:
             raise ImageError(f"{path}: its colours are {opened.mode[:20]}, not RGB")
         pixels = np.asarray(opened)[..., :3]
         bits = int(opened.info.get("bit_depth", 8))
-        if pixels.dtype == np.uint16:  # libheif's values stand in the upper bits
+        if pixels.dtype == np.uint16:  # libheif puts values of fewer bits into the upper ones
             steps = 2**bits - 1
             wide = ((pixels >> (16 - bits)).astype(np.uint32) * 65535 + steps // 2) // steps
         else:
@@ -71,9 +71,9 @@ def read_heif_exif(path: Path) -> bytes:
 
 @dataclass(frozen=True)
 class HeifDescription:
-    """What a file says of its picture, without decoding it.
+    """The metadata of a picture, without its pixels.
 
-    exif: its TIFF structure; primaries, transfer: code points of ITU-T H.273, 0 where it states none.
+    exif: its TIFF structure; primaries, transfer: code points of ITU-T H.273, 0 where the file states none.
     """
 
     exif: bytes
@@ -84,20 +84,20 @@ class HeifDescription:
 
 
 def read_heif_description(path: Path) -> HeifDescription:
-    """What a file says of its picture. Raises ImageError as `read_heif`."""
-    told = _opened(path).info
-    codes = told.get("nclx_profile") or {}
+    """Read the metadata of a picture. Raises ImageError as `read_heif`."""
+    info = _opened(path).info
+    codes = info.get("nclx_profile") or {}
     return HeifDescription(
-        _exif_of(told),
-        bytes(told.get("xmp") or b""),
-        bytes(told.get("icc_profile") or b""),
+        _exif_of(info),
+        bytes(info.get("xmp") or b""),
+        bytes(info.get("icc_profile") or b""),
         int(codes.get("color_primaries", 0)),
         int(codes.get("transfer_characteristics", 0)),
     )
 
 
 def _exif_of(info: dict[str, Any]) -> bytes:
-    """The TIFF structure in what pillow-heif tells of a picture."""
+    """The TIFF structure of EXIF in pillow-heif's information on a picture."""
     block = bytes(info.get("exif") or b"")
     return block[6:] if block.startswith(b"Exif\0\0") else block
 

@@ -9,7 +9,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.errors import ImageError
 
-SOFTWARE = "LutForge"
+SOFTWARE_NAME = "LutForge"
 IN_SRGB, IN_ANOTHER_SPACE = 1, 0xFFFF
 """Values of the Exif tag ColorSpace (Exif 2.32, 4.6.5)."""
 
@@ -37,14 +37,14 @@ def describe_output(
     note: str | None = None,
     attributes: Mapping[str, object] | None = None,
 ) -> oiio.ImageSpec:
-    """Describe the file that is written; note, and the metadata that stay, as for `write_image`.
+    """The description of the file to write: the source's metadata, as far as the format holds them.
 
-    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name. attributes:
-    metadata to set, by OpenImageIO's names; None erases one.
+    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name; note: as
+    for `write_image`. attributes: metadata to set, by OpenImageIO's names; None erases one.
     """
     result = _output_spec(path, create_output(path), spec, format)
     if note is not None:
-        result.attribute("Software", SOFTWARE)
+        result.attribute("Software", SOFTWARE_NAME)
         history = result.get_string_attribute("Exif:ImageHistory")
         line = " ".join(note.split())
         result.attribute("Exif:ImageHistory", f"{history}\n{line}" if history else line)

@@ -1,6 +1,6 @@
-"""What a picture's file states of its encoding without an ICC profile, where that is not sRGB's.
+"""The encoding that a picture's file states by other means than an ICC profile, where it is not sRGB.
 
-Each function returns a few words, "" for sRGB and for all that shows as sRGB does on a usual screen.
+Each function returns it in a few words, or "" for sRGB and for encodings that look the same on a usual screen.
 """
 
 import numpy as np
@@ -13,11 +13,11 @@ PQ, HLG = 16, 18
 
 _TRANSFERS = {5: "gamma 2.80", 8: "linear light", PQ: "PQ", HLG: "HLG"}
 _PRIMARIES = {9: "the primaries of BT.2020", 11: "the primaries of DCI-P3", 12: "the primaries of Display P3"}
-"""Codes of H.273 (tables 2 and 3) for other colours than sRGB's. Those of television are near, or not stated at all."""
+"""Codes of H.273 (tables 2 and 3) for other colours than sRGB's. The primaries of television are near those of sRGB."""
 
-_NAMED = {"Display P3": "linear-p3", "BT.2020": "linear-rec2020", "Adobe RGB": "linear-adobe-rgb"}
+_NAMED_SPACES = {"Display P3": "linear-p3", "BT.2020": "linear-rec2020", "Adobe RGB": "linear-adobe-rgb"}
 _EQUAL_GAMMA, _EQUAL_XY = 0.05, 0.01
-"""Relative difference of two exponents, and difference of two chromaticities, up to which libpng takes them for one."""
+"""Relative difference of exponents, and difference of chromaticities, up to which libpng treats two as equal."""
 
 
 def of_codes(primaries: int, transfer: int, is_full_range: bool = True) -> str:
@@ -39,7 +39,10 @@ def of_gamma_and_primaries(exponent: float, chromaticities: tuple[float, ...]) -
     if not chromaticities:
         return ""
     white, *primaries = np.reshape(chromaticities, (4, 2))
-    for name, known in (("", SRGB_CHROMATICITIES), *((name, CHROMATICITIES[space]) for name, space in _NAMED.items())):
+    for name, known in (
+        ("", SRGB_CHROMATICITIES),
+        *((name, CHROMATICITIES[space]) for name, space in _NAMED_SPACES.items()),
+    ):
         if np.abs(np.array([*primaries, white]) - known).max() <= _EQUAL_XY:
             return f"the primaries of {name}" if name else ""
     return "other primaries than sRGB's"

@@ -17,7 +17,7 @@ from lutforge.errors import ImageError
 from lutforge.images.jpeg import metadata_end
 from lutforge.images.orientation import upright
 from lutforge.images.output_spec import create_output, describe_output, format_of, keeps_orientation, with_shape
-from lutforge.images.packets import add_packets
+from lutforge.images.packet_writer import add_packets
 from lutforge.images.read import Image, ImageReader, Region
 
 _REPORT_FAILURES = frozenset({"openexr", "dpx", "hdr", "pnm", "jpegxl"})

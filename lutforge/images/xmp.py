@@ -1,7 +1,7 @@
-"""XMP packets: what they declare besides the picture, and the two parts in which a JPEG holds one beyond 64 kB.
+"""XMP packets: further pictures and films that they declare, and the two parts of a packet beyond 64 kB in a JPEG.
 
-XMP Specification, Part 3 (2020), 1.1.3: the packet in a JPEG's first segment names an extension by a checksum, and
-segments of their own hold the extension, a packet by itself, in pieces.
+By the XMP Specification, Part 3 (2020), 1.1.3, the packet in a JPEG's first segment names an extension by a checksum.
+The extension is a packet itself, and further segments hold it in pieces.
 """
 
 import hashlib
@@ -23,8 +23,8 @@ _PIECE = 65_000
 _LARGEST_EXTENSION = 1 << 24
 """Bytes of an extension that is read."""
 
-# A packet is padded with tens of thousands of spaces, and one that is not trusted may repeat anything: each pattern
-# looks at a byte a fixed number of times. (?<!\s) begins at the first space of a run alone.
+# A packet is padded with tens of thousands of spaces, and an untrusted one may repeat anything. Therefore each pattern
+# reads a byte only a fixed number of times: with (?<!\s), a match begins only at the first space of a run.
 _GAIN_MAP = re.compile(rb"(?<!\s)\s+hdrgm:\w+\s*=\s*(\"[^\"]*\"|'[^']*')")
 _MOTION = re.compile(
     rb"(?<!\s)\s+(?:GCamera|Camera|OpCamera|MiCamera):(?:MotionPhoto|MicroVideo)\w*\s*=\s*(\"[^\"]*\"|'[^']*')"
@@ -33,7 +33,7 @@ _MOTION_ELEMENT = re.compile(rb"<((?:GCamera|Camera):(?:MotionPhoto|MicroVideo)\
 _DIRECTORY = re.compile(rb"<Container:Directory\b.*?</Container:Directory\s*>", re.DOTALL)
 _DIRECTORY_END = re.compile(rb"</Container:Directory\s*>")
 
-_NAMED = re.compile(rb"HasExtendedXMP(?:\s*=\s*[\"']|>)([0-9A-F]{32})")
+_EXTENSION_CHECKSUM = re.compile(rb"HasExtendedXMP(?:\s*=\s*[\"']|>)([0-9A-F]{32})")
 _NAMES_IT = re.compile(
     rb"(?<!\s)\s+xmpNote:HasExtendedXMP\s*=\s*(\"[^\"]*\"|'[^']*')|<(xmpNote:HasExtendedXMP)>[^<]*</\2>"
 )
@@ -46,30 +46,30 @@ def without_further_pictures(xmp: bytes) -> bytes:
     for declared in (_GAIN_MAP, _MOTION, _MOTION_ELEMENT):
         xmp = declared.sub(b"", xmp)
 
-    # Behind the last end of a list no search for one begins, which would go through the rest of the packet in vain.
-    ends = [end.end() for end in _DIRECTORY_END.finditer(xmp)]
-    last = ends[-1] if ends else 0
+    # The search for lists stops at the end of the last one: after it, it would read the rest of the packet in vain.
+    list_ends = [end.end() for end in _DIRECTORY_END.finditer(xmp)]
+    last = list_ends[-1] if list_ends else 0
     return _DIRECTORY.sub(b"", xmp[:last]) + xmp[last:]
 
 
 def declares_film(xmp: bytes) -> bool:
-    """Whether an XMP packet says that a film follows the picture."""
+    """True where an XMP packet declares that a film follows the picture."""
     return bool(_MOTION.search(xmp) or _MOTION_ELEMENT.search(xmp))
 
 
 def with_extension(xmp: bytes, segments: Sequence[Segment]) -> bytes | None:
-    """A packet of a JPEG together with the extension that it names; None where that is damaged, or in another form.
+    """A packet of a JPEG joined with its extension; None where the extension is damaged or cannot be joined.
 
     Both are lists of descriptions of one picture (rdf:RDF): those of the extension follow those of the packet.
     """
-    named = _NAMED.search(xmp)
+    named = _EXTENSION_CHECKSUM.search(xmp)
     extension = _joined(named[1], segments) if named is not None else None
     if extension is None:
         return None
     start, last = _START.search(extension), extension.rfind(_END)
     end = xmp.rfind(_END)
 
-    # Names of spaces that the extension declares around its descriptions would be lost with what is around them.
+    # Namespaces that the extension declares outside of its descriptions would be lost, since only these are kept.
     if start is None or last < start.end() or end < 0 or set(_NAMESPACES.findall(start[1])) - {b"rdf"}:
         return None
     return _NAMES_IT.sub(b"", xmp[:end]) + extension[start.end() : last] + xmp[end:]

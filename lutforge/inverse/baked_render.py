@@ -1,4 +1,4 @@
-"""A baked render in its parts: a matrix, node levels, a cube and an output curve, as the file of a render has them."""
+"""A baked render as its parts: a matrix, node levels, a cube and an output curve, in the order of its file."""
 
 from functools import cached_property
 
@@ -69,7 +69,7 @@ class BakedRender(Lattice):
 
 
 def _only_spreads(front: Curve, cube: Cube) -> bool:
-    """True where a curve takes node levels to even steps and runs straight between them, to a sixtieth of a cell."""
+    """True where a curve maps node levels to even steps, and is straight between them, within a sixtieth of a cell."""
     at, levels = np.linspace(front.low, front.high, len(front.outputs)), node_levels(front, cube)
     straight = [np.interp(at, axis, np.linspace(0.0, 1.0, len(axis))) for axis in levels]
     return front.inputs is None and np.abs(np.stack(straight, axis=1) - front.outputs).max() * cube.size < 1 / 60

@@ -1,10 +1,11 @@
-"""The lookup table JPEG → RAW that undoes a baked render: how a config's linearization is made.
+"""The linearization of a config: a lookup table JPEG → RAW that inverts a baked render.
 
-Colours from the whole cube of JPEG values are inverted exactly, one by one (`preimages`), and the table is fitted to
-the RAW found for them by lattice regression, behind the inverse of the render's output curve, so that only the bends of
-the render's lattice are left to it. Errors count as the render shows them. From fit to fit the largest errors count
-more (Lawson's algorithm, see `solvers/robust_weights.py`), which brings the maximum down. Beyond the colours that the
-render makes the table continues smoothly.
+First the RAW of JPEG colours from the whole cube is found exactly, colour by colour (`preimages`). Then a table is
+fitted to these pairs by lattice regression. The inverse of the render's output curve comes before the table, which
+therefore has to follow the render's lattice only. The residual of a colour is weighted by the slope of the render, so
+that it has the size that it has in the rendered picture. Each further fit gives the largest errors of the last one more
+weight (Lawson's algorithm, see `solvers/robust_weights.py`), which lowers the maximum. For colours that the render does
+not make, the table continues smoothly.
 """
 
 from collections.abc import Callable
@@ -21,50 +22,50 @@ from lutforge.inverse.round_trip import in_every_cell, raw_colours
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import shaper
-from lutforge.model.lattice import grid, snap_levels
+from lutforge.model.lattice import SHORT_SHAPER_SIZE, grid, snap_levels
 from lutforge.solvers.lattice_regression import Prior, Regularization, fit_lattice
 
 PRIOR_WEIGHT = 1e-5
-"""Weight of the prior mean at a node, where a colour that the render makes has 1. Colours of less are left out."""
+"""Weight of the prior mean at a node; a colour that the render makes has 1. Colours of a lower weight are left out."""
 
 
-SIZE = 49
+INVERSE_SIZE = 49
 """Nodes per axis. A file of 49³ has 0.9 MB, one of 65³ has 2."""
 
 ROUNDS = 2
 """The number of fits; each gives the largest errors of the one before more weight.
 
-The second takes the largest loss on the published D40 from 0.027 to 0.014. Five instead of two change it at random (D40
-0.015, S40 0.018 to 0.038, demo 0.033 to 0.037; of four unseen cameras 0.34 to 0.18, 0.31 to 0.35, two alike).
+The second fit lowers the largest error of the round trip on the published D40 from 0.027 to 0.014. Five fits instead of
+two have no consistent effect (D40 0.015; S40 0.018 to 0.038; demo 0.033 to 0.037; of four unseen cameras one 0.34 to
+0.18, one 0.31 to 0.35, two unchanged).
 """
 
 SMOOTHNESS = 1e-3
-"""Weight of second differences, where a colour has 1. With a hundredth of it the edge of the gamut shows ringing."""
+"""Weight of second differences; a colour has 1. With a hundredth of this weight the edge of the gamut shows ringing."""
 
 MARGIN = 0.005
-"""How far beyond the end of the output curve the lattice values of a clipped colour's scene lie.
+"""Distance of the lattice values of a clipped colour beyond the end of the output curve.
 
-So it stays clipped between nodes. With four times as much the largest loss of the demo's styles doubles.
+The RAW that is chosen for such a colour has this distance, so that the colour stays clipped between nodes. With four
+times as much, the largest error of the demo's styles doubles.
 """
 
 OUTSIDE = 8.0
-"""A colour that the render cannot make is given the scene whose colour is nearest, with a weight.
+"""Exponent of the weight of colours that the render cannot make.
 
-It is the ratio of half a code to the distance of that colour, to this power. Without such colours the table leaves RAW
-0 to 1 in the cells at the edge of the gamut, where the render clamps, and hues change: the largest loss is 0.056
-instead of 0.015 on the D40 under fluorescent light. With a power of 2 they distort small tables inside the gamut.
+Such a colour gets the RAW whose rendering is nearest to it. Its weight is the ratio of half a code to the distance of
+the two, to this power. Without such colours the table leaves RAW 0 to 1 in the cells at the edge of the gamut, where
+the render clamps, and hues change: the largest error is 0.056 instead of 0.015 on the D40 under fluorescent light. With
+a power of 2 they distort small tables inside the gamut.
 """
-
-ENTRIES = 4096
-"""Entries of the shaper that holds the node levels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Linearization:
-    """A cube that takes JPEG (…, 3) to RAW.
+    """A curve per channel and a cube after it: JPEG (…, 3) → RAW.
 
-    levels: of the JPEG, three axes; curve: (m, 3), in front of the cube, which is linear on it between nodes; values:
-    (N, N, N, 3).
+    levels: node levels of the three axes, as JPEG values; curve: (m, 3), at m even steps of the JPEG value; between two
+    nodes the cube is linear in the values of this curve. values: (N, N, N, 3), RAW at the nodes.
     """
 
     levels: Levels
@@ -80,10 +81,11 @@ class Linearization:
         return Lut((shaper(self.levels, len(self.curve), self.curve), Cube(self.values)), title)
 
 
-def inverse_of(render: BakedRender, near: Callable[[Array], Array], size: int = SIZE) -> Linearization:
-    """The inverse of a render. The same render makes the same table. O(n + N³) time.
+def inverse_of(render: BakedRender, near: Callable[[Array], Array], size: int = INVERSE_SIZE) -> Linearization:
+    """The inverse of a render. It is deterministic, and takes O(n + N³) time.
 
-    near: a function JPEG (…, 3) → RAW, followed beyond the colours that the render makes. size: N nodes per axis.
+    near: a function JPEG (…, 3) → RAW, which the table follows for colours that the render does not make. size: N nodes
+    per axis.
     """
     levels = spaced_levels(render, size)
     knots = _on_axes(render.curve, levels)
@@ -111,8 +113,10 @@ def inverse_of(render: BakedRender, near: Callable[[Array], Array], size: int = 
             break
         lawson_weight = lawson_weight * (error + 2e-3)  # half a code: smaller errors do not matter
         lawson_weight = np.minimum(lawson_weight / lawson_weight.mean(), 1e3)
+
+        # Many RAW colours render to a clipped colour: the one near the table is taken. A search that led to a wrong RAW
+        # is repeated from the table, too.
         again = clipped | ((error > 5e-3) & np.all(side == 0, axis=1))
-        # Many RAW colours render to a clipped one: take the one near the table. The same where a search went astray.
         raw[again] = preimages(render, jpeg[again], reached[again], MARGIN)[0]
         slope[again] = render.slope(render.cube_values(raw[again]))
     assert best is not None
@@ -125,11 +129,11 @@ def spaced_levels(render: BakedRender, size: int) -> Levels:
     The second and the last but one stand within half an 8-bit code of the ends, so that clipped codes have a layer of
     their own.
     """
-    layer, axes = 8 / (ENTRIES - 1), []
+    layer, axes = 8 / (SHORT_SHAPER_SIZE - 1), []
     even = np.linspace(0.0, 1.0, size - 2)
     for bent in apply_curve(render.output_curve, even[:, None].repeat(3, axis=1)).T:
         inside = np.clip(0.75 * even + 0.25 * bent, 1.5 * layer, 1 - 1.5 * layer)[1:-1]
-        axes.append(snap_levels(np.concatenate([[0.0, layer], inside, [1 - layer, 1.0]]), ENTRIES))
+        axes.append(snap_levels(np.concatenate([[0.0, layer], inside, [1 - layer, 1.0]]), SHORT_SHAPER_SIZE))
     return axes[0], axes[1], axes[2]
 
 
@@ -140,23 +144,31 @@ def _on_axes(curve: Array, levels: Levels) -> Levels:
 
 
 def _pairs(render: BakedRender, base: Linearization, jpeg: Array, layer: float) -> tuple[Array, Array, Array]:
-    """Choose the JPEG colours (n, 3) that the render makes or comes near to, the RAW for them, and their weights (n,).
+    """The JPEG colours (n, 3) that the render makes or nearly makes, their RAW (n, 3), and their weights (n,).
 
-    Clipped colours are sought from the scenes of those that are just not clipped, so that the inverse runs on smoothly
-    where channels clip. White is as bright as its brightest channel then is, and neutral, as is black.
+    layer: the distance of the second node level from the end of an axis.
     """
-    just = np.clip(jpeg, layer, 1 - layer)
-    raw, residual = preimages(render, just, base(just))
-    lost = np.flatnonzero(residual > 1e-3)  # the search begins again at the scene of the nearest colour
+    # Colours that are not clipped. Where the search fails, it begins again at the RAW of the nearest colour.
+    unclipped = np.clip(jpeg, layer, 1 - layer)
+    raw, residual = preimages(render, unclipped, base(unclipped))
+    not_found = np.flatnonzero(residual > 1e-3)
     scenes = raw_colours(4096, seed=5)
-    near_scenes = scenes[scipy.spatial.cKDTree(render(scenes)).query(just[lost], workers=-1)[1]]
-    raw[lost], residual[lost] = preimages(render, just[lost], near_scenes)
-    clipped = np.flatnonzero(np.any(just != jpeg, axis=1))
+    near_scenes = scenes[scipy.spatial.cKDTree(render(scenes)).query(unclipped[not_found], workers=-1)[1]]
+    raw[not_found], residual[not_found] = preimages(render, unclipped[not_found], near_scenes)
+
+    # The search for a clipped colour begins at the RAW of the colour next to it that is not clipped, so that the
+    # inverse continues smoothly where channels clip.
+    clipped = np.flatnonzero(np.any(unclipped != jpeg, axis=1))
     raw[clipped], residual[clipped] = preimages(render, jpeg[clipped], raw[clipped], MARGIN)
-    ends = np.abs(clipped_sides(jpeg).sum(axis=1)) == 3
-    neutral = np.where(jpeg[ends] > 0, raw[ends].max(axis=1, keepdims=True), raw[ends].min(axis=1, keepdims=True))
-    as_good = np.linalg.norm(render(neutral) - jpeg[ends], axis=1) <= 2e-3
-    raw[ends] = np.where(as_good[:, None], neutral, raw[ends])
+
+    # White and black become neutral: white with the value of its brightest channel, black with that of its darkest.
+    extremes = np.abs(clipped_sides(jpeg).sum(axis=1)) == 3
+    brightest = raw[extremes].max(axis=1, keepdims=True)
+    darkest = raw[extremes].min(axis=1, keepdims=True)
+    neutral = np.where(jpeg[extremes] > 0, brightest, darkest)
+    as_good = np.linalg.norm(render(neutral) - jpeg[extremes], axis=1) <= 2e-3
+    raw[extremes] = np.where(as_good[:, None], neutral, raw[extremes])
+
     half_a_code = 3**0.5 * 0.5 / 255
     trust = (half_a_code / np.maximum(residual, half_a_code)) ** OUTSIDE
     has_weight = trust > PRIOR_WEIGHT

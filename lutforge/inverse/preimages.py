@@ -1,8 +1,8 @@
-"""The RAW that a baked render takes to a JPEG colour, colour by colour.
+"""The preimages of JPEG colours under a baked render: for each colour a RAW that renders to it.
 
-A baked render is a lattice with a curve per channel behind it, so its value and its slope at any RAW are known in
-closed form, and Levenberg–Marquardt steps (Nocedal & Wright, Numerical Optimization, 2006, section 10.3) reach the RAW
-to rounding. A channel that is clipped says only that the lattice is at or beyond the end of its curve.
+A baked render is a lattice followed by a curve per channel, so that its value and its slope at any RAW are known in
+closed form. Levenberg–Marquardt steps (Nocedal & Wright, Numerical Optimization, 2006, section 10.3) find the RAW
+within rounding errors. A clipped channel only shows that the lattice value is at the end of its curve or beyond.
 """
 
 import numpy as np
@@ -17,19 +17,19 @@ from lutforge.threads import each, slabs
 
 
 def clipped_sides(jpeg: Array) -> Index:
-    """Tell where channels of JPEG colours (n, 3) are clipped: 1 at white, −1 at black, else 0."""
+    """Where channels of JPEG colours (n, 3) are clipped: 1 at white, −1 at black, else 0."""
     return np.where(jpeg >= 1 - 1e-7, 1, np.where(jpeg <= 1e-7, -1, 0)).astype(np.int64)
 
 
 def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.0) -> tuple[Array, Array]:
-    """RAW (n, 3) that the render takes to JPEG colours (n, 3), searched from `start` (n, 3) within the RAW range.
+    """RAW (n, 3) that renders to JPEG colours (n, 3), searched from `start` (n, 3) within the RAW range.
 
-    Of all scenes of a clipped colour it is one near the start, with the lattice `margin` beyond the end of its curve
-    where that costs the other channels nothing. Also returned: the residual that is left, encoded (n,), 0 to rounding
-    where the render makes the colour at all. O(n) time.
+    Many RAW colours render to a clipped colour. The one that is found is near the start, and its lattice value is
+    `margin` beyond the end of the curve, as far as that does not change the other channels. Also returned is the
+    remaining residual (n,), encoded: 0 up to rounding for a colour that the render makes. O(n) time.
     """
     lattice_values, sides, axes = render.to_values(jpeg), clipped_sides(jpeg), indexed(render.levels)
-    ends = np.array([axis[[0, -1]] for axis in render.levels])
+    axis_ends = np.array([axis[[0, -1]] for axis in render.levels])
     matrix = render.input_matrix
     weights, raw = render.slope(lattice_values), np.empty(jpeg.shape)
 
@@ -39,17 +39,17 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
         def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
             residual, slope = np.empty(raw.shape), np.empty((*raw.shape, 3))
             places = render.on_axes(raw)
-            within = np.clip(places, ends[:, 0], ends[:, 1])
+            within = np.clip(places, axis_ends[:, 0], axis_ends[:, 1])
             _residual_and_slope(
                 render.values, axes, render.interpolation == "tetrahedral", within, rows.start + which, lattice_values,
                 weights, sides, margin, residual, slope,
             )  # fmt: skip
-            if matrix is not None:  # what is beyond the axes changes nothing
+            if matrix is not None:  # beyond the ends of the axes the slope is 0
                 slope = (slope * (places == within)[:, None, :]) @ matrix[:, :3]
             return residual, slope
 
         # RAW is limited by the ends of the axes, or by the sensor's where these are linear values.
-        lower, upper = (ends[:, 0], ends[:, 1]) if matrix is None else (0.0, 1.0)
+        lower, upper = (axis_ends[:, 0], axis_ends[:, 1]) if matrix is None else (0.0, 1.0)
         raw[rows] = gauss_newton(linearize, start[rows], lower=lower, upper=upper).value
 
     at_once = 8192  # colours whose slopes stay in a core's cache
@@ -73,7 +73,7 @@ def _value_and_slope(
         fractions, per_width = (r, g, b), (per_r, per_g, per_b)
         for c in range(3):
             y[c] = values[i, j, k, c]
-        # The axes in falling order of the fractions along them: the way through a cell from its low corner.
+        # The axes in falling order of their fractions: the path through the cell from its lowest corner.
         if r >= g:
             order = (0, 1, 2) if g >= b else (0, 2, 1) if r >= b else (2, 0, 1)
         else:

@@ -1,6 +1,6 @@
-"""The round trip of a JPEG that is linearized and rendered again, and the colours that it is fitted to and measured on.
+"""The round trip JPEG → RAW → JPEG: its errors, and the colours on which a linearization is fitted and measured.
 
-It is measured on colours that a render makes of RAW, and on the 8-bit codes nearest to them, as files hold them.
+The errors are measured on colours that a render makes of RAW, and on the 8-bit codes nearest to them, as files have.
 """
 
 from collections.abc import Callable
@@ -16,31 +16,29 @@ from lutforge.sobol import sobol
 
 
 def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:
-    """Return colours (n, 3) in every cell of a lattice.
+    """Colours (n, 3) in every cell of a lattice, which determine its interpolation.
 
-    They are its nodes, one colour in each tetrahedron of each cell, and one in each such part of its faces and edges.
-
-    On faces and edges of the cube channels are clipped. The first and the last cell of each axis separate clipped
-    colours from others, and have no colours but their nodes. In all other cells these colours determine the
-    interpolation.
+    They are the nodes, and one colour in each tetrahedron of each cell. On the faces and the edges of the cube, where
+    channels are clipped, they are one colour in each triangle or segment. The first and the last cell of each axis
+    separate clipped colours from others; they have no colours but their nodes.
     """
     nodes = grid(levels).reshape(-1, 3)
     r, g, b = (axis[1:-1] for axis in levels)
     levels = (r, g, b)
-    sides = [ends for ends in product((None, 0.0, 1.0), repeat=3) if None in ends]
-    return np.concatenate([nodes, *(_within(levels, ends, rng) for ends in sides)])
+    parts = [fixed for fixed in product((None, 0.0, 1.0), repeat=3) if None in fixed]
+    return np.concatenate([nodes, *(_within(levels, fixed, rng) for fixed in parts)])
 
 
-def _within(levels: Levels, ends: tuple[float | None, ...], rng: np.random.Generator) -> Array:
-    """Return a colour in each part of each cell, (n, 3). ends: the value 0 or 1 of a channel, None where it is free."""
-    free = [channel for channel, end in enumerate(ends) if end is None]
+def _within(levels: Levels, fixed: tuple[float | None, ...], rng: np.random.Generator) -> Array:
+    """Return a colour in each part of each cell, (n, 3). fixed: the value 0 or 1 of a channel; None: it is free."""
+    free = [channel for channel, end in enumerate(fixed) if end is None]
     sizes = [len(levels[channel]) - 1 for channel in free]
     cells = np.stack([index.ravel() for index in np.indices(sizes)], axis=1)
     found = []
     for order in permutations(range(len(free))):
-        place = np.sort(rng.random(cells.shape), axis=1)[:, order]  # falling fractions tell the tetrahedra apart
+        place = np.sort(rng.random(cells.shape), axis=1)[:, order]  # each order of the fractions is one tetrahedron
         colours = np.empty((len(cells), 3))
-        for channel, end in enumerate(ends):
+        for channel, end in enumerate(fixed):
             if end is not None:
                 colours[:, channel] = end
         for number, channel in enumerate(free):
@@ -72,15 +70,16 @@ def as_8_bit(jpeg: Array) -> Array:
     return np.asarray(np.rint(jpeg * 255) / 255)
 
 
-def climbed(error: Callable[[Array], Array], x: Array, errors: Array, seed: int) -> Array:
-    """Search near the colours of largest error for larger ones, so that no narrow peak is overlooked.
+def searched_near(error: Callable[[Array], Array], x: Array, errors: Array, seed: int) -> Array:
+    """Search near the colours of largest error for larger errors, so that no narrow peak is overlooked.
 
     errors: (n,), of x (n, 3) in [0, 1]. The search begins at the worst colour of each of 33³ boxes, 512 at most, and
-    tries random steps around it in six rounds, each with half the reach. Returns the colours found, (up to 512, 3).
+    tries random steps around it in six rounds; each round has half the step of the one before. Returned are the colours
+    of the largest errors that were found, (up to 512, 3).
     """
     rng = np.random.default_rng(seed)
     count = min(32768, len(errors))
-    worst = np.flatnonzero(errors >= np.partition(errors, -count)[-count])  # sorted are these alone
+    worst = np.flatnonzero(errors >= np.partition(errors, -count)[-count])  # only these are sorted, which is faster
     worst = worst[np.argsort(-errors[worst], kind="stable")][:count]
     boxes = (x[worst] * 32).astype(np.int64) @ np.array([1089, 33, 1])
     at = x[worst[np.sort(np.unique(boxes, return_index=True)[1])]][:512]
@@ -93,16 +92,16 @@ def climbed(error: Callable[[Array], Array], x: Array, errors: Array, seed: int)
 
 
 MAX_GOAL = 0.02
-"""The most that a round trip should lose, RGB norm of encoded values: five codes."""
+"""The largest acceptable error of a round trip, RGB norm of encoded values: five codes."""
 
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """JPEG → RAW → JPEG: mean, 99.9th percentile and maximum of the RGB norm of the encoded difference.
+    """The error of JPEG → RAW → JPEG: mean, 99.9th percentile and maximum of the RGB norm, encoded.
 
-    All of the colours that the render makes. beyond: the share of the whole JPEG cube that comes back with more than
-    MAX_GOAL, the colours that no RAW renders to. worst: the 8-bit code nearest to the colour of the maximum; shown: the
-    maximum of the colours that samples showed, 0 where it is within the goal, None where the samples are not known.
+    These are over colours that the render makes. worst: the 8-bit code nearest to the colour of the maximum. shown: the
+    maximum over colours that the samples contain, 0 where it is at most MAX_GOAL, None where the samples are not known.
+    beyond: the share of the whole JPEG cube whose error is above MAX_GOAL, because no RAW renders to these colours.
     """
 
     mean: float
@@ -144,9 +143,10 @@ def measure(
     seed: int = 11,
     shown: Callable[[Array], Mask] | None = None,
 ) -> RoundTrip:
-    """Measure the round trip of the JPEG of 5 · `count` RAW colours, in floats and in 8 bits, and near the worst ones.
+    """Measure the round trip of the renderings of 5 · `count` RAW colours, in floats and in 8 bits, and near the worst.
 
-    render, linearize: as their files evaluate them; shown: tells of JPEG colours (n, 3) whether samples showed them.
+    render, linearize: as their files evaluate them; shown: a function of JPEG colours (n, 3) that returns the mask (n,)
+    of those that the samples contain.
     """
 
     def error_of(jpeg: Array) -> Array:
@@ -158,7 +158,7 @@ def measure(
     raw = raw_colours(count, seed)
     jpeg = rendered(raw)
     errors, of_codes = error_of(jpeg), error_of(as_8_bit(jpeg))
-    climb = rendered(climbed(lambda near: error_of(rendered(near)), raw, errors, seed))
+    climb = rendered(searched_near(lambda near: error_of(rendered(near)), raw, errors, seed))
     every = np.concatenate([errors, of_codes, error_of(climb)])
     colours = np.concatenate([jpeg, as_8_bit(jpeg), climb])
     largest, beyond = int(every.argmax()), every > MAX_GOAL

@@ -15,7 +15,7 @@ from lutforge.kits.camera_profiles import write_icc_profiles
 from lutforge.kits.icc import VARIANTS
 from lutforge.kits.kit import KitFiles, Look
 
-NEUTRAL = {
+NEUTRAL_SETTINGS = {
     "plugins/darkroom/workflow": "none",
     "plugins/darkroom/chromatic-adaptation": "legacy",
     "plugins/imageio/format/tiff/bpp": "16",
@@ -114,9 +114,9 @@ def _style(title: str, name: str) -> str:
     )
 
 
-_CONFIGURATION = " ".join(f'--conf "{key}={value}"' for key, value in NEUTRAL.items())
+_CONFIGURATION = " ".join(f'--conf "{key}={value}"' for key, value in NEUTRAL_SETTINGS.items())
 _TONES = "\\|".join(TONE_MODULES)
-SCRIPT_LINES = (
+DARKTABLE_LINES = (
     'mkdir -p "$work/config/color/in"\ncp "$here"/*.icc "$work/config/color/in"\n'
     'darktable-cli "$raw" "$here/$look.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
     f'--library :memory: {_CONFIGURATION} >"$work/log" 2>&1 || true\n'

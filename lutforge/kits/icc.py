@@ -26,7 +26,7 @@ from lutforge.luts.fit_cube import Axes, fit_cube
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.writers.text import plain
 
-ENTRIES = 4096
+CURVE_ENTRIES = 4096
 """Entries of an input curve: the most that a lut16Type has."""
 
 NODES = 65
@@ -45,8 +45,8 @@ _LAB_ZERO = np.array([0.0, 128.0, 128.0])
 """What is added to L*, a* and b* before they are encoded."""
 _LAB_CODES = np.array([652.8, 256.0, 256.0])
 """16-bit codes per unit of L*, a* and b*."""
-_ROOTS = np.linspace(0.0, 1.0, ENTRIES) ** (1 / GAMMA)
-"""The roots of the inputs of a curve's entries, (ENTRIES,)."""
+_ROOTS = np.linspace(0.0, 1.0, CURVE_ENTRIES) ** (1 / GAMMA)
+"""The roots of the inputs of a curve's entries, (CURVE_ENTRIES,)."""
 _SRGB = rgb_space("srgb")
 _XYZ_FROM_SRGB = to_xyz_d50("linear-srgb")
 
@@ -115,8 +115,8 @@ def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
         nodes = [0]
         while nodes[-1] < len(x) - 1 and len(nodes) <= most:
             start = nodes[-1]
-            ends = range(start + 1, max(int(np.searchsorted(x, x[start] + widest)), start + 2))
-            nodes.append(start + max(bisect_right(ends, tolerance, key=lambda end: distance(start, end)), 1))
+            next_nodes = range(start + 1, max(int(np.searchsorted(x, x[start] + widest)), start + 2))
+            nodes.append(start + max(bisect_right(next_nodes, tolerance, key=lambda end: distance(start, end)), 1))
         return nodes
 
     low = 0.0
@@ -137,7 +137,7 @@ def scene_linear(look: Look) -> Callable[[Array], Array]:
     that the look renders as large as that channel. The scale is the one that takes the brightest of these three greys
     from its rendered luminance back to its linear value.
     """
-    grey = np.linspace(0.0, 1.0, 4 * ENTRIES)[1:] ** GAMMA
+    grey = np.linspace(0.0, 1.0, 4 * CURVE_ENTRIES)[1:] ** GAMMA
     luminance = to_xyz("linear-srgb")[1]
     rendered = _SRGB.linearize(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
     tones = np.maximum.accumulate(rendered)
@@ -172,7 +172,9 @@ def read_icc(path: str | Path) -> IccProfile:
     table = tags.get(b"A2B0", b"")
     with reading(path, "an ICC profile", LutError):
         kind, inputs, outputs, nodes, *_, entries, after = struct.unpack_from(">4s4x3Bx36x2H", table)
-        if (kind, inputs, outputs, after) != (b"mft2", 3, 3, 2) or not (2 <= nodes <= 129 and 2 <= entries <= ENTRIES):
+        if (kind, inputs, outputs, after) != (b"mft2", 3, 3, 2) or not (
+            2 <= nodes <= 129 and 2 <= entries <= CURVE_ENTRIES
+        ):
             kind_of_table = "table of 16 bits from RGB to Lab with straight output curves"
             raise LutError(f"{path}: no {kind_of_table}, as LutForge writes")
         numbers = np.frombuffer(table, ">u2", 3 * (entries + nodes**3), 52) / 65535

@@ -102,14 +102,14 @@ def uninstall(program: str, journal: Path) -> tuple[list[Path], list[Path]]:
         else:
             changed.append(path)
 
-    others = {name: entry for name, entry in installed.items() if name != program}
-    write_journal(journal, others)
+    of_other_programs = {name: entry for name, entry in installed.items() if name != program}
+    write_journal(journal, of_other_programs)
     remaining = remove_empty(installed[program].folders)
-    if others and remaining:
+    if of_other_programs and remaining:
         # Folders that hold files of other programs are handed on to one of these, and removed with the last of them.
-        heir, entry = next(iter(others.items()))
+        heir, entry = next(iter(of_other_programs.items()))
         folders = tuple(sorted({*remaining, *entry.folders}))
-        write_journal(journal, {**others, heir: Installed(entry.files, folders)})
+        write_journal(journal, {**of_other_programs, heir: Installed(entry.files, folders)})
     return removed, changed
 
 

@@ -58,17 +58,17 @@ def lumix_kit(camera: CameraProfile | None = None, base: str = "") -> Kit:
             )
 
         if camera is None:
-            ends = InputAndOutput(input_and_output_of("render", "vlog").input, ENCODED)
+            stated = InputAndOutput(input_and_output_of("render", "vlog").input, ENCODED)
             model = look.seen_from("vlog")
             x = colours_of("vlog", model)
         else:
-            ends = InputAndOutput(ENCODED, ENCODED)
+            stated = InputAndOutput(ENCODED, ENCODED)
             model = over_base(camera, setting_of(camera, base), look)
             x = colours_of_style(camera, setting_of(camera, base))
         errors = {}
         for suffix, size in FILES:
             path = folder / f"{name}{suffix}"
-            lut = described(look, baked(model, path, size), ends)
+            lut = described(look, baked(model, path, size), stated)
             if base in PHOTO_STYLES:
                 lut = replace(lut, metadata={PHOTO_STYLE: PHOTO_STYLES[base]})
             lut.write(path)

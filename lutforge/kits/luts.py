@@ -13,10 +13,10 @@ from lutforge.luts.bake import bake_to
 from lutforge.luts.description import description
 from lutforge.luts.input_and_output import ENCODED, InputAndOutput, input_and_output_of
 from lutforge.luts.ops import Curve, Matrix
-from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHORT_SHAPER_SIZE
+from lutforge.luts.target import Target, target_of
 from lutforge.luts.verification import FileError
+from lutforge.model.lattice import SHORT_SHAPER_SIZE
 
 
 def write_lut(look: Look, path: Path, source: str, target: str, size: int | None = None, place: str = "") -> FileError:
@@ -35,9 +35,9 @@ def write_lut(look: Look, path: Path, source: str, target: str, size: int | None
     return error_of_lut(path, jpeg, source, target, lut.interpolation)
 
 
-def described(look: Look, lut: Lut, ends: InputAndOutput, place: str = "") -> Lut:
+def described(look: Look, lut: Lut, stated: InputAndOutput, place: str = "") -> Lut:
     """Return a LUT with the look's title, and comments that describe it."""
-    return replace(lut, title=look.title, comments=description(ends, place, look.details))
+    return replace(lut, title=look.title, comments=description(stated, place, look.details))
 
 
 def baked(function: ColourFunction, path: Path, size: int) -> Lut:

@@ -50,7 +50,7 @@ def write_rawtherapee(look: Look, folder: Path) -> KitFiles:
     return KitFiles(steps, errors)
 
 
-SCRIPT_LINES = (
+RAWTHERAPEE_LINES = (
     # The processing profile is copied to another folder, so it must name the whole path of the camera profile.
     "place=$(printf '%s' \"$here\" | sed 's/[&|\\\\]/\\\\&/g')\n"
     'sed "s|^InputProfile=file:|&$place/|" "$here/$look.pp3" >"$work/kit.pp3"\n'

@@ -20,9 +20,9 @@ from lutforge.luts.fit_segments import fit_segments
 from lutforge.luts.forms import MAX_SIZE
 from lutforge.luts.lower import lower, lower_steps, takes_scenes
 from lutforge.luts.ops import Op
-from lutforge.luts.programs import Target, target_of
 from lutforge.luts.refinish import keeps_neutrals, refinish_lut
 from lutforge.luts.sequence import Lut
+from lutforge.luts.target import Target, target_of
 from lutforge.model.transform import Transform
 from lutforge.progress import Progress, silent
 from lutforge.sobol import sobol

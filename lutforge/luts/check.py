@@ -15,7 +15,7 @@ from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.readers import readers_of
 from lutforge.luts.reading import is_read_by_ocio, read_lut
 from lutforge.luts.sequence import Lut
-from lutforge.luts.text import TEXTS
+from lutforge.luts.text.checked_text import TEXTS
 from lutforge.luts.verification import Colour, colour_of
 from lutforge.luts.writers.spi import SPI_PAIR
 from lutforge.model.lattice import grid, uniform_levels
@@ -30,8 +30,9 @@ FLOAT_FORMATS = (".clf", ".ctf", ".spi1d", ".spi3d", ".spimtx", ".cc", ".ccc", "
 """Formats whose readers all compute in floats, and clip nothing."""
 CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
 """The highest code of integers, and their bits."""
-LEAST_CODES, EVEN = 64.0, 0.2
-"""Numbers that are not whole are codes, too, if they reach the first of these, and half of them that share of it."""
+LEAST_HIGHEST_CODE, LEAST_MEDIAN_SHARE = 64.0, 0.2
+"""Numbers that are not whole are codes, too, if the highest is at least the first of these, and the median is at least
+that share of the highest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,8 +188,8 @@ def _problems(
 
         # Per output channel of the whole LUT, the input channel with which it changes most, on average.
         colours = lut(np.array(domain[0]) + grid(uniform_levels(9)) * np.subtract(domain[1], domain[0]))
-        ends = [np.abs(np.take(colours, -1, axis) - np.take(colours, 0, axis)) for axis in range(3)]
-        follows = tuple(np.argmax([change.reshape(-1, 3).mean(axis=0) for change in ends], axis=0).tolist())
+        changes = [np.abs(np.take(colours, -1, axis) - np.take(colours, 0, axis)) for axis in range(3)]
+        follows = tuple(np.argmax([change.reshape(-1, 3).mean(axis=0) for change in changes], axis=0).tolist())
         if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
             pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
             problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
@@ -218,7 +219,9 @@ def _problems_of_range(
         )
     whole = bool(np.all(outputs == np.rint(outputs)))
     # Scene-linear light reaches as high, and in nits higher, but half of such a table is dark.
-    codes = highest >= LEAST_CODES and float(np.median(outputs)) > EVEN * highest and states is None
+    codes = (
+        highest >= LEAST_HIGHEST_CODE and float(np.median(outputs)) > LEAST_MEDIAN_SHARE * highest and states is None
+    )
     if highest > 1 and clipped is None and (whole or codes):
         top = next((code for code in CODES if code >= highest), highest)
         are = "are whole and run" if whole else "run"
@@ -252,6 +255,6 @@ def _domain(lut: Lut) -> tuple[Colour, Colour]:
     scale = np.diag(matrix.matrix)
     if not matrix.is_diagonal or np.any(scale <= 0):
         return (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
-    ends = ((end - matrix.offset) / scale for end in (low, high))
-    first, last = (colour_of(np.round(end, 9) + 0.0) for end in ends)
+    limits = ((end - matrix.offset) / scale for end in (low, high))
+    first, last = (colour_of(np.round(end, 9) + 0.0) for end in limits)
     return first, last

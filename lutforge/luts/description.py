@@ -12,15 +12,15 @@ LICENCE = "CC0 1.0, no rights reserved"
 """The licence of files that are made with LutForge."""
 
 
-def description(ends: InputAndOutput | None, place: str = "", details: Iterable[str] = ()) -> tuple[str, ...]:
+def description(stated: InputAndOutput | None, place: str = "", details: Iterable[str] = ()) -> tuple[str, ...]:
     """Comment lines of a file: version, input, output and range, where to put it, details, and the licence.
 
-    ends: input and output, where they are known; place: where its program takes the file; details: camera and settings,
-    held-out errors.
+    stated: input and output, where they are known; place: where its program takes the file; details: camera and
+    settings, held-out errors.
     """
     lines = [f"LutForge {__version__}"]
-    if ends is not None:
-        lines += [*ends.comments, "range: full, not video levels"]
+    if stated is not None:
+        lines += [*stated.comments, "range: full, not video levels"]
     if place:
         lines.append(f"place: {place}")
     return (*lines, *details, f"licence: {LICENCE}")

@@ -19,8 +19,8 @@ from lutforge.arrays import Array
 from lutforge.interpolation import Levels, apply_curve
 from lutforge.luts.fit_cube import Axes, Function
 from lutforge.luts.ops import Op
-from lutforge.luts.shaper import MAX_SHAPER_SIZE, SHORT_SHAPER_SIZE, is_even, shaper, shaper_error
-from lutforge.model.lattice import snapped
+from lutforge.luts.shaper import MAX_SHAPER_SIZE, is_even, shaper, shaper_error
+from lutforge.model.lattice import SHORT_SHAPER_SIZE, snapped
 from lutforge.sobol import sobol
 
 LINES = 64

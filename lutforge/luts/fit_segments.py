@@ -10,8 +10,8 @@ from lutforge.luts.fit_axes import fit_axes, fit_axes_before_curve, slope_weight
 from lutforge.luts.fit_cube import Axes, Share, fit_cube, fit_cube_before_curve
 from lutforge.luts.lower import EvenSegment, Part, Segment, SegmentBeforeCurve, SegmentOnLevels, WholeSegment
 from lutforge.luts.ops import Cube, Op, joined
-from lutforge.luts.shaper import MAX_SHAPER_SIZE, SHORT_SHAPER_SIZE, levels_before_gain, shaper
-from lutforge.model.lattice import nodes_at, resized_levels, snapped, uniform_levels, with_level_at
+from lutforge.luts.shaper import MAX_SHAPER_SIZE, levels_before_gain, shaper
+from lutforge.model.lattice import SHORT_SHAPER_SIZE, nodes_at, resized_levels, snapped, uniform_levels, with_level_at
 from lutforge.progress import Progress
 
 
@@ -54,12 +54,12 @@ def _share(size: int, progress: Progress) -> Share:
 def _fitted_on_levels(part: SegmentOnLevels, size: int, method: Interpolation, share: Share) -> tuple[Op, ...]:
     """A segment fitted at `size` node levels as dense as its own."""
     levels = snapped(resized_levels(part.levels, size), SHORT_SHAPER_SIZE)
-    ends = [np.rint(place * (SHORT_SHAPER_SIZE - 1)) / (SHORT_SHAPER_SIZE - 1) for place in (part.black, part.white)]
-    for place in ends:
+    on_grid = [np.rint(place * (SHORT_SHAPER_SIZE - 1)) / (SHORT_SHAPER_SIZE - 1) for place in (part.black, part.white)]
+    for place in on_grid:
         levels = with_level_at(levels, place)
     weight = slope_weight(part.output_curve)
     values = fit_cube_before_curve(part.function, Axes(levels, levels, lambda x: x), method, np.ones(3), weight, share)
-    for place, exact in zip(ends, (part.black, part.white), strict=True):
+    for place, exact in zip(on_grid, (part.black, part.white), strict=True):
         values[nodes_at(levels, place)] = part.function(exact[None])
     return shaper(levels, SHORT_SHAPER_SIZE), Cube(values, method)
 

@@ -13,12 +13,15 @@ from lutforge.colour.rgb_spaces import rgb_space
 
 ENCODED = "the camera's JPEG, encoded, 0 to 1"
 ADOBE_RGB = "the camera's JPEG in Adobe RGB, encoded, 0 to 1"
-RAW = "linear camera RAW, black 0, saturation 1, before white balance"
+CAMERA_RAW = "linear camera RAW, black 0, saturation 1, before white balance"
 
 
 @dataclass(frozen=True)
 class InputAndOutput:
-    """Input and output of a LUT: ENCODED, ADOBE_RGB, RAW, or scene-linear or scene-referred and the space's name."""
+    """Input and output of a LUT.
+
+    Each is ENCODED, ADOBE_RGB, CAMERA_RAW, or "scene-linear" or "scene-referred" with the name of the colour space.
+    """
 
     input: str
     output: str
@@ -26,12 +29,12 @@ class InputAndOutput:
     @property
     def takes_raw(self) -> bool:
         """True where the input is camera RAW before white balance."""
-        return self.input.startswith(RAW)
+        return self.input.startswith(CAMERA_RAW)
 
     @property
     def are_linear(self) -> tuple[bool, bool]:
         """Whether the input, and whether the output, is linear."""
-        takes, gives = (end == RAW or end.startswith("scene-linear") for end in (self.input, self.output))
+        takes, gives = (end == CAMERA_RAW or end.startswith("scene-linear") for end in (self.input, self.output))
         return takes, gives
 
     @property
@@ -50,7 +53,7 @@ def input_and_output_of(kind: str, space: str, encoded: str = ENCODED) -> InputA
     space: of the scene's values, "raw" or a name; encoded: the encoding of the input JPEG, ENCODED or ADOBE_RGB.
     """
     linear = space == "raw" or rgb_space(space).is_linear
-    scene = RAW if space == "raw" else f"scene-{'linear' if linear else 'referred'} {space}"
+    scene = CAMERA_RAW if space == "raw" else f"scene-{'linear' if linear else 'referred'} {space}"
     return InputAndOutput(scene if kind == "render" else encoded, scene if kind == "linearize" else ENCODED)
 
 

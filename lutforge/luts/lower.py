@@ -16,9 +16,9 @@ from lutforge.interpolation import Levels
 from lutforge.luts.fit_cube import Function
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range, joined
 from lutforge.luts.parts import Parts, checked, curve_alone, parts_of
-from lutforge.luts.programs import Target
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import MAX_SHAPER_SIZE, lattice_ops, levels_before_gain, node_levels, shaper
+from lutforge.luts.target import Target
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.transform import Clip, Decode, MatrixStage, Transform
 

@@ -30,9 +30,9 @@ def group_of(ops: Sequence[Op]) -> OCIO.GroupTransform:
             case Matrix():
                 group.appendTransform(matrix_transform(op.matrix, op.offset))
             case Range():
-                ends = {f"{end}{side}Value": value for end, value in (("min", op.low), ("max", op.high))
+                limits = {f"{end}{side}Value": value for end, value in (("min", op.low), ("max", op.high))
                         for side in ("In", "Out") if value is not None}  # fmt: skip
-                group.appendTransform(OCIO.RangeTransform(**ends))
+                group.appendTransform(OCIO.RangeTransform(**limits))
             case Curve():
                 if op.inputs is not None:
                     raise LutError("LUT: OpenColorIO has no curves at free knots; read the file with it instead")

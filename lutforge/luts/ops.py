@@ -68,8 +68,8 @@ class Range:
         return np.asarray(np.clip(numbers, self.low, self.high)) if (self.low, self.high) != (None, None) else numbers
 
     def __repr__(self) -> str:
-        ends = ("open" if end is None else f"{end:g}" for end in (self.low, self.high))
-        return f"Range {' to '.join(ends)}"
+        limits = ("open" if end is None else f"{end:g}" for end in (self.low, self.high))
+        return f"Range {' to '.join(limits)}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,6 +1,6 @@
 """What programs other than OpenColorIO do with a LUT file, looked up in the table of programs."""
 
-from lutforge.luts.programs import verdicts_on
+from lutforge.luts.lut_programs import verdicts_on
 from lutforge.luts.sequence import Lut
 from lutforge.luts.verification import Colour
 

@@ -23,7 +23,8 @@ from lutforge.luts.ocio_transforms import OCIO_ERRORS, evaluate
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.picture import SUFFIXES, read_picture
 from lutforge.luts.sequence import Lut
-from lutforge.luts.text import checked_text, decoded
+from lutforge.luts.text.checked_text import checked_text
+from lutforge.luts.text.encoding import decoded
 from lutforge.luts.vlt import read_vlt
 
 OWN_READERS: dict[str, Callable[[Path], Lut]] = {".vlt": read_vlt, **dict.fromkeys(SUFFIXES, read_picture)}

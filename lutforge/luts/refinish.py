@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.highlights import highlight_ops
+from lutforge.luts.highlight_ops import highlight_ops
 from lutforge.luts.ops import Cube, Range
 from lutforge.luts.sequence import Lut
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.neutral_highlights import NeutralHighlights
 from lutforge.model.transform import Stage, Transform, through_stages
 
 

@@ -12,13 +12,10 @@ from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Levels
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
-from lutforge.model.lattice import Lattice, grid
+from lutforge.model.lattice import SHORT_SHAPER_SIZE, Lattice, grid
 
 MAX_SHAPER_SIZE = 65536
 """Entries of a shaper: the most that DaVinci Resolve and OpenColorIO read in a .cube file."""
-
-SHORT_SHAPER_SIZE = 4096
-"""Entries of a short shaper. The node levels of profiles lie on its grid."""
 
 
 def shaper(levels: Levels, size: int = MAX_SHAPER_SIZE, axis_curve: Array | None = None, high: float = 1.0) -> Curve:

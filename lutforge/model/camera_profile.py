@@ -13,8 +13,8 @@ from lutforge.arrays import Array
 from lutforge.boundary import path_of
 from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError, alternatives
-from lutforge.model.highlights import neutral_highlights as highlights_between
 from lutforge.model.lattice import grid, uniform_levels
+from lutforge.model.neutral_highlights import neutral_highlights as highlights_between
 from lutforge.model.profile import CameraModel, ProfileData
 from lutforge.model.profile_file import described, read_profile, write_profile
 from lutforge.model.provenance import Pictures, ReferenceRaw

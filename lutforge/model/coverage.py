@@ -9,10 +9,9 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array, Mask
 from lutforge.interpolation import interpolate
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.highlights import clipped
 from lutforge.model.lattice import Lattice, grid
 from lutforge.model.profile import CameraModel, PictureStyle
-from lutforge.samples.clipping import HALF_CODE
+from lutforge.samples.clipping import HALF_CODE, clipped
 
 FARTHEST = 24.0 / 255.0
 """Default limit: distance to the nearest sample, in encoded RGB."""

@@ -12,6 +12,9 @@ from lutforge.arrays import Array
 from lutforge.errors import LutError, ProfileError
 from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
 
+SHORT_SHAPER_SIZE = 4096
+"""Entries of a short shaper. The node levels of profiles are snapped to its grid, so that it holds them exactly."""
+
 
 @dataclass(frozen=True, eq=False)
 class Lattice:

@@ -29,13 +29,13 @@ from lutforge.model.response import Response
 from lutforge.model.vignetting import Vignetting
 from lutforge.model.white_balance import WhiteBalance
 
-FORMAT = "lutforge-profile"
-FORMAT_VERSION = 10
+PROFILE_FORMAT = "lutforge-profile"
+PROFILE_VERSION = 10
 """The one version that is read: profiles are quickly calibrated again."""
 
 MOST_VALUES = {1: 1 << 16, 2: 3 << 16, 3: 129**3, 4: 3 * 129**3}
 """Numbers of an array by its dimensions: a level axis; a table or centres, 65,536 rows; coverage and values of 129³."""
-MOST_CENTRES = 20_000
+MOST_STORED_CENTRES = 20_000
 """Centres of a gamut map: a fit takes 4,000, and each costs time at every node that is baked."""
 MOST_ENTRIES = {
     "white_balances": 200, "styles": 100, "shots": 20_000, "notes": 2_000, "vignettings": 2_000, "diagnoses": 100,
@@ -57,7 +57,7 @@ MAP_ARRAYS = ("centres", "coefficients", "polynomial")
 def write_profile(path: str | Path, profile: ProfileData) -> None:
     """Write a profile (.npz), atomically: equal profiles are equal files."""
     document, arrays = described(profile)
-    stated = {"format": FORMAT, "version": FORMAT_VERSION, "software": f"LutForge {__version__}"} | document
+    stated = {"format": PROFILE_FORMAT, "version": PROFILE_VERSION, "software": f"LutForge {__version__}"} | document
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         text = json.dumps(stated, indent=1, ensure_ascii=False, allow_nan=False)
         archive.writestr(zipfile.ZipInfo("profile.json"), text, zipfile.ZIP_DEFLATED)
@@ -281,14 +281,14 @@ def _read_document(archive: zipfile.ZipFile, size: int) -> dict[str, Any]:
     if any(entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for entry in archive.infolist()):
         raise ProfileError("refused, it is packed as no profile is")
     document = json.loads(archive.read("profile.json"))
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
+    if not isinstance(document, dict) or document.get("format") != PROFILE_FORMAT:
         raise ProfileError("profile.json is not a LutForge profile")
     version = document.get("version")
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise ProfileError(f"damaged profile, its version is {version!r:.60}; calibrate again, or find a good copy")
-    if version != FORMAT_VERSION:
-        advice = "update it" if version > FORMAT_VERSION else "calibrate again"
-        raise ProfileError(f"profile version {version}; this LutForge reads version {FORMAT_VERSION}: {advice}")
+    if version != PROFILE_VERSION:
+        advice = "update it" if version > PROFILE_VERSION else "calibrate again"
+        raise ProfileError(f"profile version {version}; this LutForge reads version {PROFILE_VERSION}: {advice}")
     if not isinstance(document["options"], dict):
         raise ProfileError("damaged profile, its options are no table")
     for part, most in MOST_ENTRIES.items():
@@ -329,7 +329,7 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> Array:
         shape, _, dtype = npy.read_array_header_1_0(stream)
         if dtype != np.float64 or math.prod(shape) * 8 > size:
             raise ProfileError(f"damaged profile, the array {name} is not float64 of its stated shape")
-        rows = MOST_CENTRES if name.endswith("_centres") else MOST_VALUES[1]
+        rows = MOST_STORED_CENTRES if name.endswith("_centres") else MOST_VALUES[1]
         if math.prod(shape) > MOST_VALUES.get(len(shape), 0) or (len(shape) == 2 and shape[0] > rows):
             raise ProfileError(f"refused, the array {name} of shape {shape} is larger than any profile's")
     with archive.open(entry) as stream:

@@ -148,9 +148,10 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
         known = {name: profile.white_balances[name] for name in model.white_balances}
         numbered = {name: re.fullmatch(r"light source (\d{1,5})", name) for name in known}
         lights = {name: LIGHTS.get(name, int(number[1]) if number else 255) for name, number in numbered.items()}
-        others = [name for name, light in lights.items() if list(lights.values()).count(light) > 1]
-        if others:
-            raise ProfileError(f"white balances {', '.join(others)}: EXIF has one code for them all; export fewer")
+        shared_lights = [name for name, light in lights.items() if list(lights.values()).count(light) > 1]
+        if shared_lights:
+            names = ", ".join(shared_lights)
+            raise ProfileError(f"white balances {names}: EXIF has one code for them all; export fewer")
 
         transform: list[Sequence[float] | Array] = [[len(known)], *model.matrix]
         for name, balance in known.items():

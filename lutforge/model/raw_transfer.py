@@ -15,8 +15,8 @@ from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ProfileError
 from lutforge.model.provenance import is_invertible
 
-FORMAT = "lutforge-raw-transfer"
-FORMAT_VERSION = 3
+RAW_TRANSFER_FORMAT = "lutforge-raw-transfer"
+RAW_TRANSFER_VERSION = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,8 @@ class RawTransfer:
     def save(self, path: str | Path) -> None:
         """Write the transfer (.json), atomically; `load_transfer` reads it."""
         document = {
-            "format": FORMAT,
-            "version": FORMAT_VERSION,
+            "format": RAW_TRANSFER_FORMAT,
+            "version": RAW_TRANSFER_VERSION,
             "software": f"LutForge {__version__}",
             "source": self.source,
             "target": self.target,
@@ -88,9 +88,9 @@ def load_transfer(path: str | Path) -> RawTransfer:
     with reading(path, "a RAW transfer", ProfileError):
         require_file(path, "a RAW transfer", ProfileError, most=1 << 20)
         document = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
+        if not isinstance(document, dict) or document.get("format") != RAW_TRANSFER_FORMAT:
             raise ProfileError(f"{path}: not a RAW transfer; make one with `lutforge transfer`")
-        if document["version"] != FORMAT_VERSION:
+        if document["version"] != RAW_TRANSFER_VERSION:
             raise ProfileError(f"{path}: of another version of LutForge; make it anew with `lutforge transfer`")
         matrix, neutral = (np.array(document[name], dtype=np.float64) for name in ("matrix", "neutral"))
         error = None if document["error"] is None else float(document["error"])

@@ -14,9 +14,9 @@ from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.colour.srgb import checked_colours
 from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice
+from lutforge.model.neutral_highlights import NeutralHighlights
 from lutforge.model.response import Response
 
 

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array
 from lutforge.errors import ProfileError
 
-DEGREE = 3
-NO_SHADING = ((0.0,) * DEGREE,) * 3
+VIGNETTING_DEGREE = 3
+NO_SHADING = ((0.0,) * VIGNETTING_DEGREE,) * 3
 
 
 def vignetting_basis(q: Array) -> Array:
-    """Rising polynomials of squared distances q (n,) ≥ 0, (n, DEGREE), that are 0 at 0 and 1 at 1, straight beyond.
+    """Rising polynomials (n, VIGNETTING_DEGREE) of squared distances q (n,) ≥ 0: 0 at 0, 1 at 1, straight beyond.
 
     They are integrals of Bernstein's polynomials (Farouki 2012, https://doi.org/10.1016/j.cagd.2012.03.001). A sum with
     coefficients that are not negative never falls, and nearly every rising polynomial of that degree is such a sum.
@@ -23,7 +23,7 @@ def vignetting_basis(q: Array) -> Array:
     rest = 1.0 - inside
     cubic = inside**3
     second = cubic + 3.0 * inside**2 * rest
-    return np.stack([second + 3.0 * inside * rest**2, second, cubic + DEGREE * beyond], axis=-1)
+    return np.stack([second + 3.0 * inside * rest**2, second, cubic + VIGNETTING_DEGREE * beyond], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -46,10 +46,10 @@ class Vignetting:
 
     def __post_init__(self) -> None:
         if not (
-            len(self.coefficients) == DEGREE
+            len(self.coefficients) == VIGNETTING_DEGREE
             and all(0.0 <= value <= 20.0 for value in self.coefficients)
             and all(-1.0 <= value <= 1.0 for value in self.centre)
-            and [len(channel) for channel in self.shading] == [DEGREE] * 3
+            and [len(channel) for channel in self.shading] == [VIGNETTING_DEGREE] * 3
             and all(-20.0 <= value <= 20.0 for channel in self.shading for value in channel)
             and not any(value <= 0.0 for value in (self.focal_mm, self.aperture))  # NaN is unknown
             and len(self.lens) <= 200

@@ -89,7 +89,7 @@ def config_names(config: OCIO.Config) -> set[str]:
     return {name.lower() for name in (*names, *config.getRoleNames())}
 
 
-JPEG, RAW, LINEAR = "JPEG", "RAW", "linear"
+JPEG, RAW_KIND, LINEAR = "JPEG", "RAW", "linear"
 """Kinds of colour spaces: of finished pictures, of RAW values, of the linear values of a camera without RAW."""
 UNBALANCED = "unbalanced"
 """The word for RAW before white balance, in place of the name of one."""
@@ -123,7 +123,7 @@ class Camera:
 
     def raw(self, balance: str | None = None) -> str:
         """The colour space of its RAW, or of its JPEGs' linear values, before white balance or after one."""
-        kind = LINEAR if isinstance(self.profile.provenance, ReferenceRaw | ResponseOnly) else RAW
+        kind = LINEAR if isinstance(self.profile.provenance, ReferenceRaw | ResponseOnly) else RAW_KIND
         return space_name(self.name, kind, self.balances[balance] if balance is not None else UNBALANCED)
 
     def jpeg(self, style: str, balance: str) -> str:

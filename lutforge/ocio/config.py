@@ -11,7 +11,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.errors import ConfigError
-from lutforge.inverse.linearization import SIZE
+from lutforge.inverse.linearization import INVERSE_SIZE
 from lutforge.luts.ocio_transforms import OCIO_ERRORS
 from lutforge.luts.writers.process_list import clf_text
 from lutforge.model.camera_profile import CameraProfile
@@ -44,7 +44,7 @@ def build_config(
     merge: str | Path | None = None,
     looks: Sequence[str] = (),
     profile_version: str = spaces.OLDEST,
-    inverse_size: int = SIZE,
+    inverse_size: int = INVERSE_SIZE,
     progress: Progress = silent,
 ) -> OCIO.Config:
     """Build an OpenColorIO config with the given cameras in memory, with its LUTs, so that it can convert at once.
@@ -81,7 +81,7 @@ def write_config(
     replace: bool = False,
     looks: Sequence[str] = (),
     profile_version: str = spaces.OLDEST,
-    inverse_size: int = SIZE,
+    inverse_size: int = INVERSE_SIZE,
     progress: Progress = silent,
 ) -> Path:
     """Write a config and its LUTs, to a folder (config.ocio, luts/) or to one archive (.ocioz).

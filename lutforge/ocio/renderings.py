@@ -13,15 +13,15 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array, ColourFunction
 from lutforge.errors import ConfigError
 from lutforge.inverse.baked_render import BakedRender
-from lutforge.inverse.linearization import SIZE, inverse_of
-from lutforge.inverse.round_trip import climbed, measure, raw_colours, rounded_up
+from lutforge.inverse.linearization import INVERSE_SIZE, inverse_of
+from lutforge.inverse.round_trip import measure, raw_colours, rounded_up, searched_near
 from lutforge.luts.bake import bake
-from lutforge.luts.highlights import highlight_ops
+from lutforge.luts.highlight_ops import highlight_ops
 from lutforge.luts.ops import Curve
 from lutforge.luts.refinish import steps_of
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import SHORT_SHAPER_SIZE
 from lutforge.model.coverage import uncovered
+from lutforge.model.lattice import SHORT_SHAPER_SIZE
 from lutforge.model.transform import Gain, Transform
 from lutforge.ocio.cameras import Camera, UniqueNames, file_stem
 from lutforge.samples.clipping import HALF_CODE
@@ -43,7 +43,7 @@ def with_short_curves(lut: Lut) -> Lut:
     return replace(lut, ops=tuple(ops))
 
 
-NEAR_WHITE = 2.0 / 255
+MOST_BELOW_WHITE = 2.0 / 255
 """Saturated RAW that a model renders as near to white as this becomes white; a style with a darker white keeps it."""
 
 
@@ -54,7 +54,7 @@ def with_white(lut: Lut) -> Lut:
     neutral.
     """
     below_white = 1.0 - lut(np.ones((1, 3)))
-    if lut.cube is None or below_white.max() > NEAR_WHITE:
+    if lut.cube is None or below_white.max() > MOST_BELOW_WHITE:
         return lut
     values = lut.cube.values.copy()
     values[-1, -1, -1] = np.maximum(values[-1, -1, -1], 1.0)
@@ -142,7 +142,7 @@ BAKE_STEPS = 4
 
 
 def baked(
-    rendering: Rendering, inverse_size: int = SIZE, report_step: Callable[[str], None] = lambda step: None
+    rendering: Rendering, inverse_size: int = INVERSE_SIZE, report_step: Callable[[str], None] = lambda step: None
 ) -> tuple[dict[str, Lut], tuple[str, ...]]:
     """Bake the render, and the linearization as its exact inverse, so that JPEG → reference → JPEG changes nothing.
 
@@ -224,5 +224,5 @@ def _error(lut: Lut, transform: ColourFunction, rendered_by: Transform | None = 
         unclipped = np.all((jpeg > HALF_CODE) & (jpeg < 1 - HALF_CODE), axis=1)[:count]
         parts = (errors, errors[:count], errors[:count][unclipped])
         means += [float(part.mean()) for part in parts if len(part)]
-        largest = max(largest, float(errors.max()), float(error(climbed(error, colours, errors, seed=7)).max()))
+        largest = max(largest, float(errors.max()), float(error(searched_near(error, colours, errors, seed=7)).max()))
     return f"mean {rounded_up(max(means))}, max {rounded_up(largest)}"

@@ -22,8 +22,9 @@ from lutforge.luts.formats import format_of, write
 from lutforge.luts.forms import FORMS, Form
 from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, InputAndOutput, input_and_output_of
 from lutforge.luts.lower import takes_scenes
-from lutforge.luts.programs import Program, Target, files_for, program_named, target_of
+from lutforge.luts.lut_programs import Program, program_named
 from lutforge.luts.sequence import Lut
+from lutforge.luts.target import Target, files_for, target_of
 from lutforge.luts.verification import FileError, verify
 from lutforge.luts.writers.process_list import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
 from lutforge.model.camera_profile import CameraProfile, as_profile
@@ -202,7 +203,7 @@ class _Task:
 class _Plan:
     """The LUTs to bake, and the metadata of their files.
 
-    ends: input and output, where they are known; scenes: inputs are scene-linear; program: the name of the program that
+    input_and_output: where they are known; scenes: inputs are scene-linear; program: the name of the program that
     reads the files, or None.
     """
 
@@ -212,7 +213,7 @@ class _Plan:
     title: str
     comments: tuple[str, ...]
     metadata: Mapping[str, str]
-    ends: InputAndOutput | None
+    input_and_output: InputAndOutput | None
     scenes: bool
     program: str | None
     tolerance: float | None
@@ -262,15 +263,15 @@ def _plan(
         _Task(target_of(path, name, size, method, scenes), path, exact and path.suffix.lower() in PROCESS_LISTS)
         for path, name in named.items()
     ]
-    ends = _ends(purpose)
+    input_and_output = _input_and_output(purpose)
     return _Plan(
         transform=transform,
         purpose=purpose,
         tasks=tuple(tasks) or (_Task(Target(form, size, method)),),
         title=title,
-        comments=_comments(purpose, ends, reader, title),
+        comments=_comments(purpose, input_and_output, reader, title),
         metadata=_clf_metadata(clf_version, named),
-        ends=ends,
+        input_and_output=input_and_output,
         scenes=scenes,
         program=program,
         tolerance=tolerance,
@@ -280,14 +281,20 @@ def _plan(
 
 
 def _require_raw_input(program: str | None, purpose: Purpose, profile: str = "camera.npz") -> None:
-    """Raise SettingsError for a LUT of camera RAW where the program applies none to it. profile: file for a kit."""
+    """Raise SettingsError for a LUT of camera RAW where the program does not apply LUTs to RAW.
+
+    profile: the file that the message names, for a kit.
+    """
     if program is not None and purpose.kind == "render" and program_named(program).develops:
         advice = f"make a kit for it, lutforge kit {profile} --to {purpose.target} --for {program.lower()} -o kit"
         raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {advice}")
 
 
 def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict[Path, str | None], list[str]]:
-    """The files to write, each once, with the program of each; without paths, those for the program; and notes."""
+    """The files to write, each with the program that reads it, and notes; a file that is named twice is written once.
+
+    Without paths they are the files that the program needs.
+    """
     named = {} if paths or program is None else files_for(program, title)
     for path in named:
         check_output(path)
@@ -300,7 +307,7 @@ def _files(paths: Sequence[Path], program: str | None, title: str) -> tuple[dict
     return named, notes
 
 
-def _ends(purpose: Purpose) -> InputAndOutput | None:
+def _input_and_output(purpose: Purpose) -> InputAndOutput | None:
     """The input and output of a transform of a profile; None for any other function."""
     if not purpose.kind:
         return None
@@ -308,11 +315,13 @@ def _ends(purpose: Purpose) -> InputAndOutput | None:
     return input_and_output_of(purpose.kind, purpose.light, ADOBE_RGB if is_adobe_rgb else ENCODED)
 
 
-def _comments(purpose: Purpose, ends: InputAndOutput | None, reader: Program | None, title: str) -> tuple[str, ...]:
+def _comments(
+    purpose: Purpose, input_and_output: InputAndOutput | None, reader: Program | None, title: str
+) -> tuple[str, ...]:
     """The comments of the files."""
     place = "" if reader is None else reader.use
     settings = [f"camera and settings: {title}"] if purpose.kind else []
-    return description(ends, place, [*settings, *purpose.comments])
+    return description(input_and_output, place, [*settings, *purpose.comments])
 
 
 def _clf_metadata(version: str | None, paths: Iterable[Path]) -> dict[str, str]:
@@ -373,8 +382,8 @@ def _notes_on(plan: _Plan, files: Sequence[BakedFile]) -> list[str]:
             loss = "whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
             notes.append(f"{file.path}: {loss}")
         notes += _notes_on_difference(plan.purpose, file)
-    if files and plan.ends is not None and plan.purpose.kind in ("render", "linearize"):
-        notes.append("; ".join(plan.ends.comments))
+    if files and plan.input_and_output is not None and plan.purpose.kind in ("render", "linearize"):
+        notes.append("; ".join(plan.input_and_output.comments))
     if files and plan.program is not None:
         first = files[0].path
         use = program_named(plan.program).advice(first)
@@ -383,7 +392,7 @@ def _notes_on(plan: _Plan, files: Sequence[BakedFile]) -> list[str]:
 
 
 def _notes_on_difference(purpose: Purpose, file: BakedFile) -> list[str]:
-    """Return a note on the scene-linear input with the largest error of a file, where that is visible, above ΔE00 1."""
+    """A note on the largest error of a file, if it is visible (above ΔE00 1) and its scene is beyond black or white."""
     error = file.error
     if purpose.kind != "render" or purpose.space == "raw" or error.max_de00 is None or error.max_de00 <= 1:
         return []

@@ -87,9 +87,9 @@ def inspect_scene(
 class Predicted:
     """The predictions of a profile for samples, all (n, 3); NaN where it lacks their style or white balance.
 
-    scene: Ts Tw E, linear sRGB, from RAW; linearized: the same predicted from the JPEG value. rendered: the JPEG value
-    predicted from RAW. transformed, decoded: the rendered and the measured JPEG value through the inverse of the
-    response (of a lattice, of its grey axis), that is h(Ts Tw E) and its measured counterpart.
+    scene: Ts Tw E, linear sRGB, from RAW; linearized: the same, predicted from the JPEG value. rendered: the JPEG value
+    predicted from RAW. transformed: h(Ts Tw E), which is the rendered value through the inverse of the response;
+    decoded: the measured JPEG value through the same inverse. A lattice has its grey axis in place of the response.
     """
 
     scene: Array

@@ -32,9 +32,9 @@ NamedValues = Iterator[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Inspection:
-    """The contents of a file. rows: names and values, for a table; lines: of `check`, for a LUT, in place of rows.
+    """The contents of a file. rows: names and values, for a table; lines: the report of `check`, for LUTs and configs.
 
-    profile: of a file that is one.
+    profile: the profile, where the file is one.
     """
 
     rows: tuple[tuple[str, str], ...] = ()
@@ -248,8 +248,8 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
         missing = [str(problem) for problem in found if problem.is_missing_file]
         lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all found'}")
         # OpenColorIO's errors on the same files are left out.
-        others = [str(problem) for problem in found if not problem.is_missing_file]
-        problems = [*missing, *(text for text in others if "could not be located" not in text)]
+        other_problems = [str(problem) for problem in found if not problem.is_missing_file]
+        problems = [*missing, *(text for text in other_problems if "could not be located" not in text)]
     lines += [f"  problem   {one_line(text, 300)}" for text in problems[:20]]
     if len(problems) > 20:
         lines.append(f"  problem   and {len(problems) - 20} others")

@@ -1,4 +1,4 @@
-"""Use case: pictures in place of RAW: a program's developments, or any two renderings of the same frames."""
+"""Use case: pictures in place of RAW: those that a program developed, or any two renderings of the same frames."""
 
 from __future__ import annotations  # so that help() shows the names of types
 

@@ -11,8 +11,9 @@ import numpy as np
 
 from lutforge.arrays import Array, Pixels
 from lutforge.calibration.bracket import BracketFit, fit_bracket
-from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_bracket
+from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.options import BETA
+from lutforge.calibration.pairs_of_bracket import pairs_of_bracket
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
@@ -26,11 +27,12 @@ from lutforge.shots.metadata import UNKNOWN, read_picture_settings
 
 @dataclass(frozen=True, eq=False)
 class FittedResponse:
-    """A response that was fitted. profile: which holds it; exposure_s: relative, as stated, by shot.
+    """A response that was fitted, and the profile that holds it. exposure_s: relative exposures as stated, by shot.
 
-    With a chart the profile holds a whole rendering. samples: chart colours in place of RAW, and JPEG values that no
-    shot clips; level: by shot, the linear value of a perfect diffuser beside the chart, where 1 is the camera's white;
-    found: shots in which the chart was detected; in the others its place is that in the shot of the nearest exposure.
+    With a chart the profile holds a whole rendering. samples: colours of the chart in place of RAW, and unclipped JPEG
+    values. level: by shot, the linear value of a perfect diffuser beside the chart, where 1 is the camera's white.
+    found: the shots in which the chart was detected. In each other shot the chart is taken to be where it is in the
+    shot of the nearest exposure.
     """
 
     profile: CameraProfile
@@ -75,7 +77,7 @@ def response(
     opened = open_bracket(files, exposure_s, camera)
     fit = fit_bracket(_pairs(opened.files, opened.exposure_s, progress), 1.0 if all_colours else BETA)
     profile = profile_of_response(fit.response, opened.camera, opened.style, opened.white_balance, opened.names)
-    profile = replace(profile, notes=(*profile.notes, *fit.told))
+    profile = replace(profile, notes=(*profile.notes, *fit.statements))
     if output is not None:
         profile.save(output)
     return FittedResponse(profile, fit, dict(zip(opened.names, opened.exposure_s, strict=True)))

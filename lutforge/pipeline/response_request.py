@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.errors import CalibrationError
-from lutforge.pipeline.input_transform import ApproximateTransform, write_approximate_transform, write_input_transform
+from lutforge.pipeline.approximate_transform import ApproximateTransform, write_approximate_transform
+from lutforge.pipeline.input_transform import write_input_transform
 from lutforge.pipeline.response import FittedResponse, parse_times, response
 from lutforge.progress import Progress
 from lutforge.samples.chart import chart_kind, parse_corners

@@ -96,7 +96,7 @@ def brightness_transfer_figure(functions: Sequence[TransferFunction]) -> Drawing
             even = np.linspace(0, 1, len(function.curve))
             label = f"{function.stops:+.1f} stops" if channel == 0 else ""
             marks.append(Line(even, function.curve[:, channel], colour, label=label))
-            marks.append(Line(even, function.of_all[:, channel], colour, "dashed", 0.8))
+            marks.append(Line(even, function.curve_with_outliers[:, channel], colour, "dashed", 0.8))
         panels.append(Panel(name, tuple(marks), "shorter exposure", "longer exposure", equal=True))
     return Drawing((tuple(panels),))
 

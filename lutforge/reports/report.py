@@ -6,14 +6,15 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from lutforge.calibration.brightness_transfer import judge, transfer_functions
-from lutforge.calibration.exposure_pairs import pairs_of_samples
+from lutforge.calibration.brightness_transfer import transfer_functions
 from lutforge.calibration.lattice.fit import squares
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
+from lutforge.calibration.response_verdict import judge
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, evaluate
 from lutforge.evaluation.linearization_errors import response_deltas
-from lutforge.evaluation.methods import LATTICE, MODEL, compared_fits, lattice_name
+from lutforge.evaluation.methods import CAMERA_MODEL, LATTICE, compared_fits, lattice_name
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.inverse_gamut_map import SolvedInverse
@@ -62,8 +63,8 @@ def build_report(
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
         methods = {row.method for row in evaluation.rows}
-        if MODEL in methods and not isinstance(options, ThesisOptions):
-            method = MODEL
+        if CAMERA_MODEL in methods and not isinstance(options, ThesisOptions):
+            method = CAMERA_MODEL
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*profile.notes, *evaluation.notes)))
         progress("error maps", 0.8)
@@ -139,7 +140,7 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
             functions = transfer_functions(pairs)
         except CalibrationError:  # no two shots, or too few, show the same patches at different exposures
             continue
-        yield f"{name}: {verdict.told}."
+        yield f"{name}: {verdict.words}."
         header = ("response fitted to", "red", "green", "blue")
         # In the unit of the evaluation's table on exposures, which has the same error of whole models.
         deltas = response_deltas(pairs)

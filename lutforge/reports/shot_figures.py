@@ -9,7 +9,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.colour.srgb import srgb_encode
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
-from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, MODEL, lattice_name
+from lutforge.evaluation.methods import CAMERA_MODEL, COLOUR_POLYNOMIAL, LATTICE, lattice_name
 from lutforge.evaluation.predictions import Predictions, with_compared
 from lutforge.images.orientation import upright
 from lutforge.model.camera_profile import CameraProfile
@@ -22,7 +22,7 @@ from lutforge.settings import setting_name
 from lutforge.shots.read import read_shot
 from lutforge.thesis.options import stated_options
 
-MAP_NAMES = {MODEL: "camera model", COLOUR_POLYNOMIAL: "polynomial"}
+MAP_NAMES = {CAMERA_MODEL: "camera model", COLOUR_POLYNOMIAL: "polynomial"}
 """Short names of methods, for the titles of small pictures."""
 
 MAPS_TEXT = (
@@ -135,7 +135,7 @@ def error_map(
     cells = ShotCells(profile, predictions, name, raw_file, MAPPED_ROWS)
     fits = predictions.fits[predictions.fold[cells.samples[0]]]
     uniform = lattice_name(options.size, nonuniform=False)
-    candidates = dict.fromkeys((method, LATTICE, uniform, MODEL, COLOUR_POLYNOMIAL))
+    candidates = dict.fromkeys((method, LATTICE, uniform, CAMERA_MODEL, COLOUR_POLYNOMIAL))
     methods = [candidate for candidate in candidates if candidate in fits]
 
     # The RAW is shown scaled such that its brightest percent is white.

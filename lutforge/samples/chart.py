@@ -15,7 +15,7 @@ from lutforge.arrays import Array
 from lutforge.errors import CalibrationError, alternatives
 
 CIE_D50 = "D50"
-"""The light of published colours, by its name in colour-science."""
+"""The illuminant of published colours, by its name in colour-science."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +53,10 @@ class ChartKind:
         return np.asarray(self.centres / (self.outline[2] / 2) - 1.0)
 
     def linear_srgb(self, light: str = CIE_D50) -> Array:
-        """Colours (n, 3) of the patches under a light, adapted to it: a perfect diffuser is 1, 1, 1.
+        """Colours (n, 3) of the patches under an illuminant, adapted to it: a perfect diffuser is 1, 1, 1.
 
-        light: such as "5500K", "D55", "A" or "LED-B3". Charts without published reflectances have their colours under
-        D50 for any light. Raises CalibrationError on an unknown light.
+        light: the illuminant, such as "5500K", "D55", "A" or "LED-B3". A chart without published reflectances has its
+        colours under D50, whatever the illuminant. Raises CalibrationError on an unknown illuminant.
         """
         import colour  # a second to import
 

@@ -1,7 +1,8 @@
 """The search for a chart in a JPEG, its verification, and the statistics of its patches.
 
-The search is OpenCV's (Macbeth chart detection, in its objdetect module since version 5), an optional package. A chart
-is only believed where the patches have its colours in its places: a false chart is worse than none.
+The search is that of OpenCV, an optional package (Macbeth chart detection, in its objdetect module since version 5). A
+chart that it finds is accepted only where its patches have the published colours in their places, because samples of a
+false chart would be worse than none.
 """
 
 import importlib
@@ -28,8 +29,8 @@ RESEMBLANCE = 0.85
 class Chart:
     """A chart that was found in a JPEG.
 
-    corners: (4, 2) x, y in JPEG pixels, at the outer corners of the corner patches' pitch (top left, top right, bottom
-    right, bottom left of the upright chart; of a ColorChecker dark skin, bluish green, black and white).
+    corners: (4, 2), x and y in JPEG pixels, half a pitch outwards from the centres of the corner patches: top left, top
+    right, bottom right, bottom left of the upright chart (of a ColorChecker dark skin, bluish green, black and white).
     """
 
     corners: Array
@@ -76,10 +77,10 @@ def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference
 
 
 def likeness(codes: Array, deviation: Array, reference: Array) -> float:
-    """The likeness of patches to a chart, at most 1, and 0 where they are not plain or hardly have colours.
+    """The likeness of patches to a chart: at most 1, and 0 where the patches are textured or nearly grey.
 
-    codes, deviation: (n, 3) mean and standard deviation of JPEG codes; their median deviation is 12 codes at most.
-    reference: (n, 3) the chart's codes.
+    codes, deviation: (n, 3), mean and standard deviation of the JPEG codes of each patch. Patches are textured where
+    the median deviation is above 12 codes. reference: (n, 3), the chart's codes.
     """
     plain = bool(np.isfinite(codes).all()) and float(np.median(deviation.max(axis=1))) <= 12.0
     return resemblance(codes, reference) if plain else 0.0
@@ -135,9 +136,10 @@ def _detect(jpeg: NDArray[np.uint8], kind: ChartKind) -> list[Array]:
 
 def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
     """The corners (4, 2), moved to where the patches of a grey picture (h, w) are plainest."""
-    # OpenCV's are off by up to a quarter of a pitch. Points over most of each patch should have the patch's mean.
+    # OpenCV's corners are off by up to a quarter of a pitch. At the right corners, points over most of a patch have the
+    # mean of the patch.
     pitch = float(np.linalg.norm(corners[2] - corners[0]) / np.linalg.norm(kind.outline[2]))
-    blurred = gaussian_filter(grey, 0.08 * pitch)  # so that edges pull from afar
+    blurred = gaussian_filter(grey, 0.08 * pitch)  # so that the gradient shows the way to a far edge, too
     side = np.linspace(-0.38, 0.38, 7)
     points = kind.centres[:, None, :] + np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
 

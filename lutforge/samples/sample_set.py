@@ -33,7 +33,8 @@ class SampleSet:
     raw_camera: the camera that the RAW is of; equal to `camera` unless a reference camera's RAW replaces it.
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. d65_r,
-    d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
+    d65_b: (n,), the multipliers under which illuminant D65 is neutral, by the maker or LibRaw, green = 1; NaN where
+    unknown.
     from_xyz: (n, 9), the rows of the matrix XYZ → RAW of any scale that LibRaw or a DNG file has; NaN where unknown.
     raw_space: where the linear values are no RAW, the RGB space in which they were encoded; "" for RAW. developer: the
     program whose pictures replace the RAW; chart, chart_light: the chart whose known colours do, and its light; "" for
@@ -92,10 +93,10 @@ class SampleSet:
         exposure_s: ArrayLike = np.nan,
         wb: ArrayLike = np.nan,
     ) -> "SampleSet":
-        """Make samples of arrays; what is given once (a text, a number, one wb triple) stands for every sample.
+        """Make samples of arrays. A single value (a text, a number, one wb triple) is used for every sample.
 
         raw, srgb: (n, 3); wb: (3,) or (n, 3); the others a value or (n,); each as the class describes it.
-        Raises SampleError where a column does not fit the number of samples, and on the first that no table may hold.
+        Raises SampleError where a column does not fit the number of samples, and where a value is not allowed.
         """
         linear, encoded = _as_numbers("raw", raw), _as_numbers("srgb", srgb)  # not repeated: each sample has its own
         count = len(np.atleast_1d(linear))

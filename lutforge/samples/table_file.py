@@ -86,7 +86,7 @@ def _suffix(path: Path) -> str:
 
 
 def _read_npz(path: Path) -> Columns:
-    """The known columns, every header judged before memory is taken for its array."""
+    """The known columns. Each header is checked before its array is allocated."""
     if not zipfile.is_zipfile(path):
         raise SampleError(f"{path}: not a NumPy file (.npz); write it anew, or save the table as .csv")
     with zipfile.ZipFile(path) as archive:

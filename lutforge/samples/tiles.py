@@ -1,9 +1,10 @@
 """Flat tiles of any scene: cells where the JPEG's mean is the rendering of the RAW's mean.
 
-A mean of encoded values is the encoding of the mean only where the scene is flat, and the camera's sharpening and the
-JPEG's chroma subsampling (blocks of up to 16 pixels) bring colour in from around. So RAW and JPEG must be flat in the
-cell itself and nearly so in the eight cells around it. What is judged is structure: variance less the noise that the
-picture shows in its flattest cells, so that a high ISO does not hide a flat wall.
+The mean of encoded values equals the encoding of the mean only where the scene is flat. Besides, the camera's
+sharpening and the JPEG's chroma subsampling (blocks of up to 16 pixels) mix a cell with its surroundings. So RAW and
+JPEG must be flat in the cell itself, and nearly flat in the eight cells around it. Flatness is judged by structure,
+which is the variance less the noise. The noise is estimated from the flattest cells of the picture, so that a flat wall
+at a high ISO is found, too.
 """
 
 import math
@@ -27,8 +28,9 @@ difference to a cell around, in codes, of which sharpening and chroma bleeding b
 def cell_size(registration: Registration) -> int:
     """Side of a cell in JPEG pixels: the fewest whole DCT blocks of 8 that span about 16 full-resolution RAW pixels.
 
-    The mean of whole blocks hardly changes by compression; 64 Bayer blocks have an eighth of a pixel's noise. Two less
-    will do: trimmed borders and a lens that draws cushions take some, and larger cells are seldom of one colour.
+    Compression hardly changes the mean of whole blocks, and the mean of 64 Bayer blocks has an eighth of a pixel's
+    noise. 14 pixels are enough: trimmed borders and pincushion distortion take some of the 16, and larger cells seldom
+    have one colour.
     """
     return 8 * max(1, math.ceil(14 / (8 * registration.scale)))
 
@@ -72,8 +74,8 @@ def flatness(
     encoded = np.power(mean * multipliers, 1 / 2.2)
     encoded *= jpeg.mean[usable].mean() / encoded[usable].mean()
 
-    # Neighbours' means differ by their noise, too: four standard deviations of a difference, where those of the means
-    # are twice what they were if pixels were independent.
+    # The means of two cells differ by their noise, too: by up to four standard deviations of their difference. The
+    # deviation of a mean is taken twice as large as if pixels were independent.
     by_chance = 4 * math.sqrt(2) * 2 * np.sqrt(_NOISE_SPREAD * greatest(jpeg_noise) / cell**2)
     step = np.sqrt(np.maximum(0, np.maximum(_step(jpeg.mean), _step(encoded)) ** 2 - by_chance**2))
 
@@ -119,16 +121,16 @@ def _structure(std: Array, noise: Array) -> Array:
 
 
 def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
-    """The variance of noise against brightness: its 10th percentile over the usable cells of like mean.
+    """The variance of noise by brightness: the 10th percentile of the variance of usable cells of similar mean.
 
-    A picture's flattest tenth shows its noise. photons: it has variance a + b·x, which never falls with x, while
-    variance / x never rises; so one flat group limits the others, whose flattest tenth may be textured.
+    The flattest tenth of a picture shows its noise. photons: the noise has the variance a + b·x, which never falls with
+    x, and divided by x never rises. So a group of flat cells limits the noise of other groups, which may be textured.
     """
     result = np.empty_like(std)
     for channel in range(3):
         x, variance = mean[..., channel][usable], std[..., channel][usable] ** 2
-        ends = np.linspace(0, len(x), max(1, min(12, len(x) // 50)) + 1).astype(np.intp)[1:-1]
-        groups = np.split(np.argpartition(x, ends), ends)
+        group_limits = np.linspace(0, len(x), max(1, min(12, len(x) // 50)) + 1).astype(np.intp)[1:-1]
+        groups = np.split(np.argpartition(x, group_limits), group_limits)
         centres = np.array([np.median(x[group]) for group in groups])
         envelope = np.array([np.quantile(variance[group], 0.1) for group in groups])
         if photons:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array
 from lutforge.simulate.tone_response import invert_increasing
 
-DARKEST = 1e-12
+LEAST_DIVISOR = 1e-12
 """Signals below this count as black, so that saturation stays finite."""
 
 
@@ -38,7 +38,7 @@ class SimulatedGamutMap:
         level, chroma = self._split(linear)
         turned = self._turned(level, chroma)
         saturation = self._saturation(level, turned)
-        scale = np.where(saturation > 0, self._curve(saturation) / np.maximum(saturation, DARKEST), 1.0)
+        scale = np.where(saturation > 0, self._curve(saturation) / np.maximum(saturation, LEAST_DIVISOR), 1.0)
         return level[..., None] + scale[..., None] * turned
 
     def inverse(self, mapped: ArrayLike) -> Array:
@@ -46,13 +46,13 @@ class SimulatedGamutMap:
         level, chroma = self._split(mapped)
         saturation = np.minimum(self._saturation(level, chroma), 1 - 1e-9)  # beyond, different colours have one mapped
         wide = invert_increasing(self._curve, saturation, 0.0, 60.0)  # far outside any camera's gamut
-        scale = np.where(saturation > DARKEST, wide / np.maximum(saturation, DARKEST), 1.0)
+        scale = np.where(saturation > LEAST_DIVISOR, wide / np.maximum(saturation, LEAST_DIVISOR), 1.0)
         return level[..., None] + self._turned(level, scale[..., None] * chroma, back=True)
 
     def _split(self, linear: ArrayLike) -> tuple[Array, Array]:
         """Y (…) and c (…, 3)."""
         p = np.asarray(linear, dtype=np.float64)
-        level: Array = np.maximum(p @ np.asarray(self.signal), DARKEST)
+        level: Array = np.maximum(p @ np.asarray(self.signal), LEAST_DIVISOR)
         return level, p - level[..., None]
 
     def _saturation(self, level: Array, chroma: Array) -> Array:

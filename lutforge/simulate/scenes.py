@@ -6,7 +6,7 @@ import numpy as np
 
 from lutforge.simulate.scene import Scene, palette, smooth_noise
 
-WHITE, MID_GREY = 18, 21
+WHITE_PATCH, GREY_PATCH = 18, 21
 """Places of two of the chart's neutral patches in a palette."""
 
 
@@ -16,7 +16,7 @@ def chart_scene(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     scene = Scene.blank(height, width, palette(0, rng))
     texture = 1 + 0.012 * smooth_noise((height, width), 3, rng)
     light = 1.05 - 0.12 * scene.x / (width / height) - 0.06 * scene.y
-    scene.paint(scene.y > 0, MID_GREY, shade=light * texture)
+    scene.paint(scene.y > 0, GREY_PATCH, shade=light * texture)
     x, y = width / height / 2 + rng.uniform(-0.03, 0.03), 0.5 + rng.uniform(-0.02, 0.02)
     scene.soft_shadow(x + 0.03, y + 0.04, 0.62, 0.42, 0.25)
     scene.chart(x, y, 1.02, rng.uniform(-0.04, 0.04), light)
@@ -29,7 +29,7 @@ def paint_wall(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     count = 104
     scene = Scene.blank(height, width, palette(count, rng))
     aspect = width / height
-    scene.paint(scene.y > 0, MID_GREY, WHITE, 0.5, 1 + 0.02 * smooth_noise((height, width), 4, rng))
+    scene.paint(scene.y > 0, GREY_PATCH, WHITE_PATCH, 0.5, 1 + 0.02 * smooth_noise((height, width), 4, rng))
     order = rng.permutation(count)
     side = np.sqrt(aspect / count)
     columns = int(np.ceil(aspect / side))
@@ -41,10 +41,10 @@ def paint_wall(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
         spot = scene.window(x, y, 1.4 * side)
         spot.soft_shadow(x + 0.012, y + 0.016, 0.5 * side, 0.5 * side, 0.3)
         mask, u, v = spot.card(x, y, 0.9 * side, 0.94 * side, angle)
-        spot.paint(mask, WHITE, shade=sheen)
+        spot.paint(mask, WHITE_PATCH, shade=sheen)
         sample = mask & (np.abs(u - 0.5) < 0.45) & (v > 0.05) & (v < 0.84)
         pale = (v > 0.58) & (place % 3 == 0)
-        spot.paint(sample, 24 + int(surface), WHITE, np.where(pale, 0.45, 0.0), sheen * (1.03 - 0.06 * v))
+        spot.paint(sample, 24 + int(surface), WHITE_PATCH, np.where(pale, 0.45, 0.0), sheen * (1.03 - 0.06 * v))
     edge = scene.x + 0.35 * scene.y - aspect * 0.72
     scene.darken(0.72 / (1 + np.exp(-edge / 0.05)))
     pool = np.exp(-((scene.x - 0.3 * aspect) ** 2 + (scene.y - 0.4) ** 2) / 0.8)
@@ -63,11 +63,11 @@ def still_life(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     # Backdrop and table
     cloth, wall = (int(i) for i in rng.choice((2, 3, 4, 7, 9, 12, 0, 5), 2, replace=False))
     pool = np.exp(-((scene.x - 0.36 * aspect) ** 2 / 0.5 + (scene.y - 0.28) ** 2 / 0.22))
-    scene.paint(scene.y < horizon, wall, MID_GREY, 0.35 + 0.3 * scene.y, 0.16 + 0.95 * pool)
+    scene.paint(scene.y < horizon, wall, GREY_PATCH, 0.35 + 0.3 * scene.y, 0.16 + 0.95 * pool)
     weave = 0.035 * smooth_noise(shape, 2, rng) + 0.05 * smooth_noise(shape, 40, rng)
     near = np.clip((scene.y - horizon) / (1 - horizon), 0, 1)
     lit = (0.55 + 0.5 * near) * (1.06 - 0.5 * (scene.x / aspect - 0.35) ** 2)
-    scene.paint(scene.y >= horizon, cloth, WHITE, 0.25 + 0.15 * near, lit * (1 + weave))
+    scene.paint(scene.y >= horizon, cloth, WHITE_PATCH, 0.25 + 0.15 * near, lit * (1 + weave))
     scene.darken(0.35 * np.exp(-(((scene.y - horizon) / 0.035) ** 2)))
 
     # Coloured cards that lean against the backdrop, one with stripes, one with a gradient

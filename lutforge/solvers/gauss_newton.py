@@ -72,8 +72,8 @@ def gauss_newton(
         step_some = partial(_step, active, residual, slope, value, mu, low, high, trial)
         run(step_some, shares(len(active), 4096))  # fewer take less time than to hand them to a thread
         tried, steep = linearize(trial, active)
-        left = _judge(active, trial, tried, steep, tolerance, small, value, residual, slope, cost, mu, converged)
-        active, residual, slope = active[:left], residual[:left], slope[:left]
+        remaining = _judge(active, trial, tried, steep, tolerance, small, value, residual, slope, cost, mu, converged)
+        active, residual, slope = active[:remaining], residual[:remaining], slope[:remaining]
     return Minima(value, np.sqrt(cost), converged, iterations)
 
 
@@ -128,7 +128,7 @@ def _judge(
 
     Those that go on are moved to the front of active, residual and slope; returned is how many they are.
     """
-    left, (rows, unknowns) = 0, slope.shape[1:]
+    remaining, (rows, unknowns) = 0, slope.shape[1:]
     for a in range(len(active)):
         n, reached = active[a], 0.0
         for r in range(rows):
@@ -143,13 +143,13 @@ def _judge(
         converged[n] = done
         if done:
             continue
-        active[left] = n
+        active[remaining] = n
         for r in range(rows):
-            residual[left, r] = tried[a, r] if better else residual[a, r]
+            residual[remaining, r] = tried[a, r] if better else residual[a, r]
             for p in range(unknowns):
-                slope[left, r, p] = steep[a, r, p] if better else slope[a, r, p]
-        left += 1
-    return left
+                slope[remaining, r, p] = steep[a, r, p] if better else slope[a, r, p]
+        remaining += 1
+    return remaining
 
 
 @compiled()

@@ -87,11 +87,11 @@ class ThinPlate:
         """Return λ_K K b for lattices (…, N_r, N_g, N_b): a sum of tensor products, one axis after the other."""
         (mr, sr, br), (mg, sg, bg), (mb, sb, bb) = self.axes
         mass, slope, bend = b @ mb, b @ sb, b @ bb
-        one = mg @ mass
-        two = 2.0 * (sg @ mass + mg @ slope)
-        three = bg @ mass + mg @ bend + 2.0 * (sg @ slope)
+        of_br = mg @ mass
+        of_sr = 2.0 * (sg @ mass + mg @ slope)
+        of_mr = bg @ mass + mg @ bend + 2.0 * (sg @ slope)
         planes = (*b.shape[:-2], b.shape[-2] * b.shape[-1])
-        image = br @ one.reshape(planes) + sr @ two.reshape(planes) + mr @ three.reshape(planes)
+        image = br @ of_br.reshape(planes) + sr @ of_sr.reshape(planes) + mr @ of_mr.reshape(planes)
         return np.asarray(self.weight * image.reshape(b.shape))
 
     def diagonal(self) -> Array:

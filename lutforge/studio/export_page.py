@@ -29,7 +29,7 @@ from lutforge.studio.session import Session, Written
 from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
 from lutforge.thesis.options import PRESET, ThesisOptions
 
-LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vlt", ".png")
+OFFERED_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vlt", ".png")
 
 
 class ExportPage:
@@ -41,7 +41,7 @@ class ExportPage:
         self.program = ui.select("Program of the kit", {"compute a model first": ""})
         self.kind = ui.select("Transform of the LUT", ["refinish", "render", "linearize"])
         self.space = ui.select("Scene of render and linearize", ["raw", *SPACES])
-        self.suffix = ui.select("LUT file", list(LUT_SUFFIXES))
+        self.suffix = ui.select("LUT file", list(OFFERED_SUFFIXES))
         self.kept = (self.name, self.program, self.kind, self.space, self.suffix)
         self._cards: dict[tuple[Written, bool], pmui.Paper] = {}
         self._offered: object = None
@@ -54,8 +54,8 @@ class ExportPage:
             "Write config": partial(self._run, "config", "config", ".ocioz"), "Write report": self._report,
             "Save parameters as text": self._parameters, "Save workspace": self._workspace,
         }  # fmt: skip
-        profile, kit, bake, *others = (
-            session.page.button(label, action, variant="contained" if place < 3 else "outlined", **ui.WIDE)
+        profile, kit, bake, *more_buttons = (
+            session.page.button(label, action, variant="contained" if place < 3 else "outlined", **ui.FULL_WIDTH)
             for place, (label, action) in enumerate(self.actions.items())
         )
         folder = ui.html("<p>Files go to <b>{}</b>; the commands are of that folder.</p>", session.folders.roots[0])
@@ -65,7 +65,7 @@ class ExportPage:
             profile,
             pn.Column(self.look, self.program, kit, **ui.TOGETHER),
             pn.Column(self.kind, self.space, self.suffix, bake, **ui.TOGETHER),
-            *others,
+            *more_buttons,
         ]
 
     def refresh(self) -> None:
@@ -78,7 +78,7 @@ class ExportPage:
             self.kind.value = "linearize"
             self.space.value = "aces2065-1" if session.response[0].chart else "raw"
         self._offered = session.response
-        cards = [(each, session.is_old(each)) for each in reversed(session.written.values())]
+        cards = [(written, session.is_old(written)) for written in reversed(session.written.values())]
         if not cards or cards != list(self._cards):  # drawing them anew would lose a click or a selection of text
             self._cards = {card: self._cards.get(card) or self._card(*card) for card in cards}
             nothing = "Nothing is written yet. Each file will stand here with its error, and with its command."
@@ -86,7 +86,7 @@ class ExportPage:
 
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
         """A card of what was written: what there is to know of it, and its command."""
-        title = f"{made.what}: {self.session.folders.name(made.path)}{' (stale)' if stale else ''}"
+        title = f"{made.kind}: {self.session.folders.name(made.path)}{' (stale)' if stale else ''}"
         shown = ui.text(ui.html("<h2>{}</h2>{}", title, ui.paragraphs(*made.lines)))
         command = ui.html("<code>{}</code>", made.command) if made.command else ui.Html("")
         return pmui.Paper(shown, ui.text(command), variant="outlined", sizing_mode="stretch_width", margin=8)
@@ -99,10 +99,10 @@ class ExportPage:
         paths = [self.session.folders.inside(ui.written(self.name) + suffix) for suffix in suffixes]
         for path, suffix in zip(paths, suffixes, strict=True):
             require_writable(path if "." in suffix else path / "README.md")
-        there = [path for path in paths if path.exists() and path not in self.session.own_files]
-        if there and there != self.asked:
-            self.asked = there
-            names = ", ".join(path.name for path in there)
+        existing = [path for path in paths if path.exists() and path not in self.session.own_files]
+        if existing and existing != self.asked:
+            self.asked = existing
+            names = ", ".join(path.name for path in existing)
             raise WorkspaceError(f"{names}: there already; press again to replace, or choose another name")
         self.session.own_files.update(paths)
         return paths
@@ -117,16 +117,16 @@ class ExportPage:
         profile.save(paths[0])
         return paths
 
-    def _tell(self, what: str, path: Path, lines: tuple[str, ...], words: str) -> None:
+    def _tell(self, kind: str, path: Path, lines: tuple[str, ...], words: str) -> None:
         session = self.session
         words = words.replace(f"{session.folders.roots[0]}/", "")  # as one types it there
-        session.written.pop(what, None)
-        session.written[what] = Written(what, path, lines[:20], words, (session.profile, session.look))
-        session.page.say(f"{what}: written, {path.name}")
+        session.written.pop(kind, None)
+        session.written[kind] = Written(kind, path, lines[:20], words, (session.profile, session.look))
+        session.page.say(f"{kind}: written, {path.name}")
         session.page.on_change()
 
     def _run(
-        self, what: str, kind: str, suffix: str, given: Any = None, more: tuple[Any, ...] = (), **options: Any
+        self, title: str, kind: str, suffix: str, given: Any = None, more: tuple[Any, ...] = (), **options: Any
     ) -> None:
         """Write a file, or a folder (a suffix without a dot), in another process.
 
@@ -137,7 +137,7 @@ class ExportPage:
         if samples is not None:
             samples.save(table[0])
         words = command((kind, profile, *more, *table), options, output)
-        written = partial(self._tell, what, output, words=words)
+        written = partial(self._tell, title, output, words=words)
         self.session.work.start(f"lutforge {kind}", written, export, kind, profile, output, given)
 
     def _workspace(self) -> None:
@@ -187,10 +187,10 @@ class ExportPage:
         given = source if kind != "render" else None
         target = look.target if kind != "linearize" else None
         exposed = kind == "refinish" or (kind == "render" and space != "raw")
-        wanted = TransformRequest(kind, given, target, look.ev if exposed else 0.0, space)
-        options = {"from": given, "to": target, "ev": f"{wanted.ev:g}" if wanted.ev else None}
+        request = TransformRequest(kind, given, target, look.ev if exposed else 0.0, space)
+        options = {"from": given, "to": target, "ev": f"{request.ev:g}" if request.ev else None}
         options["space"] = space if space != "raw" else None
-        self._run(f"LUT, {kind}", "bake", f"_{kind}{self.suffix.value}", wanted, (kind,), **options)
+        self._run(f"LUT, {kind}", "bake", f"_{kind}{self.suffix.value}", request, (kind,), **options)
 
     def _kit(self) -> None:
         target = self.session.look.target

@@ -32,7 +32,7 @@ class History:
 
     def add(self, change: Change) -> None:
         """Note a change; what was undone in its step is gone. Moves of one control are one change."""
-        self.future = [other for other in self.future if other.step != change.step]
+        self.future = [undone for undone in self.future if undone.step != change.step]
         if change.whole:
             self.past, self.future = [], []
         last = self.past[-1] if self.past else None

@@ -32,7 +32,7 @@ class JobQueue:
 
     def add(self, work: Work) -> Work | None:
         """Add work; short work replaces the last such work. Returns the work that comes before it, None at once."""
-        before = [other for other in self.works if other.short == work.short]
+        before = [queued for queued in self.works if queued.short == work.short]
         if work.short:
             self.end(before)
         self.works.append(work)

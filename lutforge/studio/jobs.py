@@ -92,8 +92,8 @@ def _work(send: Connection, function: Callable[..., Any], arguments: tuple[Any, 
         signal.signal(number, _stop)
     threading.Thread(target=_end_with_the_studio, daemon=True).start()
 
-    def progress(what: str, share: float) -> None:
-        send.send(JobReport("running", what, share))
+    def progress(step: str, share: float) -> None:
+        send.send(JobReport("running", step, share))
 
     try:
         report = JobReport("done", "done", 1.0, function(*arguments, progress))

@@ -13,7 +13,7 @@ def _never() -> bool:
 
 
 @dataclass(eq=False)
-class _Held:
+class _KeptSession:
     """A session. is_shown: whether a browser is connected to its page; was_shown: whether one ever was."""
 
     visitor: str
@@ -26,38 +26,38 @@ class KeptSessions:
     """The sessions of a server: those that are shown, and the last few with anything in them whose tab is closed."""
 
     def __init__(self) -> None:
-        self._held: list[_Held] = []
+        self._kept: list[_KeptSession] = []
 
     def add(self, visitor: str, session: Session, is_shown: Callable[[], bool]) -> None:
-        """Hold a session that a new page of a visitor will show."""
-        was_shown = any(held.was_shown for held in self._held if held.session is session)
-        self._held = [held for held in self._held if held.session is not session]
-        self._held.append(_Held(visitor, session, is_shown, was_shown))
+        """Keep a session that a new page of a visitor will show."""
+        was_shown = any(kept.was_shown for kept in self._kept if kept.session is session)
+        self._kept = [kept for kept in self._kept if kept.session is not session]
+        self._kept.append(_KeptSession(visitor, session, is_shown, was_shown))
 
     def show(self, session: Session) -> None:
         """Note that a browser has loaded the page of a session."""
-        for held in self._held:
-            held.was_shown = held.was_shown or held.session is session
+        for kept in self._kept:
+            kept.was_shown = kept.was_shown or kept.session is session
 
     def left_by(self, visitor: str) -> Session | None:
         """The last session of a visitor that has something in it and that no tab shows any more."""
-        left = [
-            held.session
-            for held in self._held
-            if held.visitor == visitor and held.was_shown and not held.is_shown() and not held.session.is_empty
+        abandoned = [
+            kept.session
+            for kept in self._kept
+            if kept.visitor == visitor and kept.was_shown and not kept.is_shown() and not kept.session.is_empty
         ]
-        return left[-1] if left else None
+        return abandoned[-1] if abandoned else None
 
     def leave(self, session: Session, is_shown: Callable[[], bool]) -> None:
         """Keep a session whose page is gone, unless another page shows it by now, or will."""
-        held = next((held for held in self._held if held.session is session), None)
-        if held is None or held.is_shown is not is_shown:
+        kept = next((entry for entry in self._kept if entry.session is session), None)
+        if kept is None or kept.is_shown is not is_shown:
             return
         session.detach()
-        held.is_shown = _never
-        gone = [held for held in self._held if held.is_shown is _never]
-        full = [held for held in gone if held.was_shown and not held.session.is_empty]
+        kept.is_shown = _never
+        gone = [entry for entry in self._kept if entry.is_shown is _never]
+        full = [entry for entry in gone if entry.was_shown and not entry.session.is_empty]
         for old in gone:
             if old not in full[-MOST_KEPT:]:
                 old.session.close()
-                self._held.remove(old)
+                self._kept.remove(old)

@@ -33,10 +33,10 @@ from lutforge.studio.session import Session, as_text
 from lutforge.studio.thumbnails import addresses
 from lutforge.studio.workspace import WorkspaceError
 
-AS_SHOT = "as shot"
+LABEL_AS_SHOT = "as shot"
 BY_TEMPERATURE = "by temperature"
 BY_MULTIPLIERS = "by multipliers"
-UNKNOWN = "not known: choose"
+NOT_CHOSEN = "not known: choose"
 BAKING = "preparing the look"
 UNSEEN = (
     "How this photograph was taken is not known, so the picture is shown as it is. Choose its style and white balance "
@@ -53,7 +53,7 @@ class SettingControl:
     def __init__(self, title: str, asks: bool = False) -> None:
         self.title = title
         self.profile: CameraProfile
-        self.unknown = {UNKNOWN: ""} if asks else {}
+        self.unknown = {NOT_CHOSEN: ""} if asks else {}
         self.style = ui.select(f"{title}: style", self.unknown or ui.NOTHING)
         self.balance = ui.select(f"{title}: white balance", self.unknown or ui.NOTHING)
         self.kelvin = ui.slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
@@ -71,12 +71,16 @@ class SettingControl:
             kelvins = None if through_reference else temperature_range(profile.white_balances)
         self.tint.disabled = self.kelvin.disabled = kelvins is None
         self.multipliers.disabled = through_reference
-        others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if through_reference else [BY_MULTIPLIERS])]
+        other_ways = [
+            LABEL_AS_SHOT,
+            *([BY_TEMPERATURE] if kelvins else []),
+            *([] if through_reference else [BY_MULTIPLIERS]),
+        ]
         styles = sorted(profile.styles, key=lambda name: name.lower() != "standard")
         usual = usual_setting(profile)
-        offered = {self.style: styles, self.balance: [*profile.white_balances, *others]}
-        for (widget, values), one in zip(offered.items(), usual.rsplit("/", 1), strict=True):
-            chosen = widget.value if widget.value in values else "" if self.unknown else one
+        offered = {self.style: styles, self.balance: [*profile.white_balances, *other_ways]}
+        for (widget, values), usual_value in zip(offered.items(), usual.rsplit("/", 1), strict=True):
+            chosen = widget.value if widget.value in values else "" if self.unknown else usual_value
             widget.options = {**self.unknown, **{value: value for value in values}}
             widget.value = chosen
         if kelvins is not None:
@@ -99,22 +103,22 @@ class SettingControl:
         preset = selector.white_balance in self.balance.options.values()
         self.style.value = selector.style
         self.tint.value = 0
-        self.balance.value = selector.white_balance if preset else AS_SHOT
+        self.balance.value = selector.white_balance if preset else LABEL_AS_SHOT
 
     def text(self, taken: Selector | None) -> str:
         """The selector, STYLE/WB. Raises WorkspaceError where it is not complete, SettingsError."""
         style = self.style.value
         tint = 0.0 if self.tint.disabled else self.tint.value
-        if self.balance.value == AS_SHOT and taken is None:
+        if self.balance.value == LABEL_AS_SHOT and taken is None:
             raise WorkspaceError("the photograph does not tell its white balance: choose one")
         plain = {
-            AS_SHOT: "" if taken is None else f"{taken.white_balance}",
+            LABEL_AS_SHOT: "" if taken is None else f"{taken.white_balance}",
             BY_TEMPERATURE: f"{self.kelvin.value:g}K",
             BY_MULTIPLIERS: ui.written(self.multipliers),
         }.get(self.balance.value, self.balance.value)
         if not tint:
             return f"{style}/{plain}"
-        if "," not in plain and not (self.balance.value == AS_SHOT and plain.lower().endswith("k")):
+        if "," not in plain and not (self.balance.value == LABEL_AS_SHOT and plain.lower().endswith("k")):
             return f"{style}/{plain}{tint:+g}"  # a name or a temperature takes its tint in words
         moved = self.profile.shifted(self.profile.multipliers(f"{style}/{plain}"), Shift(tint=tint))
         return f"{style}/" + ",".join(f"{value:.6g}" for value in moved.rgb)
@@ -155,7 +159,7 @@ class LookPage:
             self.drop, self.listed, pn.Row(self.path, opening, sizing_mode="stretch_width"),
             pn.Column(self.source.style, self.source.balance, **ui.TOGETHER), self.words,
             pn.Column(*self.wanted.widgets, self.ev, **ui.TOGETHER),
-            pmui.Accordion(rare, disable_gutters=True, **{**ui.WIDE, "margin": (4, 4)}),
+            pmui.Accordion(rare, disable_gutters=True, **{**ui.FULL_WIDTH, "margin": (4, 4)}),
         ]  # fmt: skip
 
     def refresh(self) -> None:
@@ -269,7 +273,7 @@ class LookPage:
         with self.session.page.setting():
             if given is not None:
                 self.source.style.value = given.style
-                self.source.balance.value = AS_SHOT
+                self.source.balance.value = LABEL_AS_SHOT
                 news = f"{path.name}: taken as {given}, as its metadata say"
                 if not self.session.look_chosen:
                     self.wanted.set(given)
@@ -309,7 +313,7 @@ class LookPage:
             source = self.source.text(taken) if known else ""
             if taken is None and known:
                 taken = profile.selector(source)
-            if taken is None and self.wanted.balance.value == AS_SHOT:
+            if taken is None and self.wanted.balance.value == LABEL_AS_SHOT:
                 self._tell()
                 return
             look = ChosenLook(source, self.wanted.text(taken), float(self.ev.value))
@@ -431,8 +435,9 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
 
     def _set(self, side: str, lut: Lut | None, **more: Any) -> None:
         """Set a LUT, with other parameters; the page gets the tables that it has not."""
-        sides = {name: ([], {}) if one is None else packed(one) for name, one in {**self._luts, side: lut}.items()}
-        self._luts[side] = lut
+        luts = {**self._luts, side: lut}
+        sides = {name: ([], {}) if of_side is None else packed(of_side) for name, of_side in luts.items()}
+        self._luts = luts
         sent = self._tables
         self._tables = {key: table for _, tables in sides.values() for key, table in tables.items()}
         self._handle_msg([key for key in self._tables if key not in sent])

@@ -18,7 +18,7 @@ from lutforge.reports.drawing import CHANNELS, Drawing
 from lutforge.reports.tables import TITLES, Table, balance_table, matrix_table
 from lutforge.studio import ui
 from lutforge.studio.session import Session
-from lutforge.studio.workspace import MODELS, Workspace
+from lutforge.studio.workspace import MODEL_TITLES, Workspace
 from lutforge.thesis.options import ThesisOptions
 
 WAYS = {title: direction for direction, title in TITLES.items()}
@@ -27,8 +27,8 @@ NO_PROFILE = "Compute a model, or open a profile."
 
 def with_preset(now: Workspace, preset: type[CalibrationOptions] | type[ThesisOptions]) -> Workspace:
     """The workspace with the options of another calibration, which keep the numbers that both have."""
-    both = {field.name for field in fields(CalibrationOptions)}
-    return replace(now, options=preset(**{name: getattr(now.options, name) for name in both}))
+    shared_names = {field.name for field in fields(CalibrationOptions)}
+    return replace(now, options=preset(**{name: getattr(now.options, name) for name in shared_names}))
 
 
 class ModelPage:
@@ -36,12 +36,12 @@ class ModelPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.kind = ui.select("Model", {title: key for key, title in MODELS.items()}, value="lattice")
+        self.kind = ui.select("Model", {title: key for key, title in MODEL_TITLES.items()}, value="lattice")
         session.page.watch(self._count, self.kind)
         self.own_stages = ui.checkbox("Build on the fitted response and matrix", True)
         self.used = ui.select("Model in use", ui.NOTHING)
         self.takes = ui.text()
-        compute = session.page.button("Compute", self._compute, variant="contained", **ui.WIDE)
+        compute = session.page.button("Compute", self._compute, variant="contained", **ui.FULL_WIDTH)
         self.preset = ui.select("Preset", {"LutForge": CalibrationOptions, "the thesis": ThesisOptions})
         self.options = {  # by their names in the options of the calibration
             "size": ui.slider("Nodes per axis", 33, SMALLEST_LATTICE, LARGEST_LATTICE, 1),
@@ -53,7 +53,9 @@ class ModelPage:
             "curves": ui.slider("Number of curves", 15, 1, 15, 1),
             "centres": ui.slider("Centres, at most", 4000, 50, 5000, 50),
         }
-        self.pairs = pmui.CheckBoxGroup(label="Brightness-transfer pairs, with their ratios", options=[], **ui.WIDE)
+        self.pairs = pmui.CheckBoxGroup(
+            label="Brightness-transfer pairs, with their ratios", options=[], **ui.FULL_WIDTH
+        )
         self.bound = [
             session.bind(self.used, lambda now: now.model, lambda now, name: replace(now, model=name)),
             session.bind(self.preset, lambda now: type(now.options), with_preset),
@@ -66,7 +68,7 @@ class ModelPage:
         ]  # fmt: skip
         all_or_none = pn.Row(
             session.page.button("Tick all", lambda: self.pairs.param.update(value=list(self.pairs.options.values()))),
-            session.page.button("None", lambda: self.pairs.param.update(value=[])), **ui.WIDE,
+            session.page.button("None", lambda: self.pairs.param.update(value=[])), **ui.FULL_WIDTH,
         )  # fmt: skip
         folds = {
             "Options": (self.preset, *self.options.values()),
@@ -74,7 +76,7 @@ class ModelPage:
             "Exposure pairs": (all_or_none, self.pairs),
         }
         columns = [(title, pn.Column(*widgets, **ui.TOGETHER)) for title, widgets in folds.items()]
-        folded = pmui.Accordion(*columns, disable_gutters=True, **{**ui.WIDE, "margin": (4, 4)})
+        folded = pmui.Accordion(*columns, disable_gutters=True, **{**ui.FULL_WIDTH, "margin": (4, 4)})
         self.controls = [self.kind, compute, self.own_stages, self.takes, self.used, folded]
         views = (FitView, GamutView, LatticeView)
         self.views: dict[str, View] = {view.title: view(session) for view in views}
@@ -102,7 +104,9 @@ class ModelPage:
         """Draw the controls and the view of the session's workspace."""
         workspace = self.session.workspace
         if workspace is not None:
-            names = {MODELS[name] + (" (stale)" if workspace.is_stale(name) else ""): name for name in workspace.models}
+            names = {
+                MODEL_TITLES[name] + (" (stale)" if workspace.is_stale(name) else ""): name for name in workspace.models
+            }
             self.used.options = names or ui.NOTHING
             self.pairs.options = pairs_listed(workspace)
             for show in self.bound:
@@ -146,8 +150,8 @@ def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:
     listed = dict[str, tuple[str, str]]()
     if pairs is None:
         return listed
-    for place in np.unique(pairs.of_shots):
-        rows = pairs.of_shots == place
+    for place in np.unique(pairs.shot_pair):
+        rows = pairs.shot_pair == place
         first, second = (pairs.shots[number] for number in divmod(place, len(pairs.shots)))
         ratio = float(np.exp(pairs.log_ratio[rows][0]))
         listed[f"× {ratio:.2f}, {int(rows.sum())} samples: {first} – {second}"] = first, second
@@ -214,7 +218,7 @@ def residuals(workspace: Workspace) -> Table:
             numbers = (known.mean(), *np.percentile(known, [50, 95, 100]))
             left_out = "–" if error is None else f"{error:.4f}"
             stale = " (stale)" if workspace.is_stale(name) else ""
-            cells.append((MODELS[name] + stale, *(f"{value:.4f}" for value in numbers), left_out))
+            cells.append((MODEL_TITLES[name] + stale, *(f"{value:.4f}" for value in numbers), left_out))
     header = ("model", "mean", "median", "95 %", "max", "held out")
     return Table(f"Residuals, RAW → JPEG, on {int(rows.sum()):,} samples", header, cells)
 

@@ -57,9 +57,9 @@ class Folders:
 
     def files(self, suffixes: Iterable[str]) -> list[str]:
         """Files with these suffixes in the folders and the folders in them, as a visitor may name them."""
-        wanted = {suffix.lower() for suffix in suffixes}
+        lower_suffixes = {suffix.lower() for suffix in suffixes}
         paths = (path for root in self.roots for pattern in ("*", "*/*") for path in sorted(root.glob(pattern)))
-        shown = (path for path in paths if path.suffix.lower() in wanted and not path.name.startswith("."))
+        shown = (path for path in paths if path.suffix.lower() in lower_suffixes and not path.name.startswith("."))
         names = (self.name(path) for path in shown if path.is_file() and self.holds(path.resolve()))
         return list(dict.fromkeys(islice(names, 500)))  # more would make a list that nobody reads
 
@@ -67,7 +67,7 @@ class Folders:
         """The folders that hold RAW files, or at least two JPEGs of which none has any, as a visitor may name them."""
         kinds = (RAW_SUFFIXES, JPEG_SUFFIXES)
         raw, jpeg = ([(self.roots[0] / name).parent for name in self.files(kind)] for kind in kinds)
-        return sorted(self.name(folder) for folder in {*raw, *(one for one in jpeg if jpeg.count(one) > 1)})
+        return sorted(self.name(folder) for folder in {*raw, *(parent for parent in jpeg if jpeg.count(parent) > 1)})
 
     def name(self, path: Path) -> str:
         """A path as a visitor would name it: relative to the first folder where it lies there."""
@@ -103,7 +103,7 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
     if len(files) < 2:
         return None
     settings = [read_picture_settings(file) for file in files]
-    times = tuple(each.exposure for each in settings)
+    times = tuple(of_file.exposure for of_file in settings)
     camera = settings[0].camera
     workspace = None
     with suppress(CalibrationError):  # which Fit response then tells, with what to do

@@ -17,7 +17,7 @@ from lutforge.studio.ui import HERE
 from lutforge.studio.workspace import WorkspaceError
 
 State = Literal["to do", "done", "stale"]
-STEPS = ("Shots", "Samples", "Model", "Look", "Export")
+PAGE_NAMES = ("Shots", "Samples", "Model", "Look", "Export")
 ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sync_problem"}
 
 
@@ -36,18 +36,18 @@ class Page:
         self.pages: dict[str, Any] = {}
         self.shown = self.session.step
         self.is_ready = False  # whether a browser has loaded the page, and what is done in it is heard
-        self._stale = set(STEPS)
-        self.session.page.on_change = lambda: self._refresh(*STEPS)
+        self._stale = set(PAGE_NAMES)
+        self.session.page.on_change = lambda: self._refresh(*PAGE_NAMES)
         self.session.page.on_look = self._tell
         self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12, 6, 24))
-        self.session.page.watch(lambda: self.show(STEPS[self.steps.active]), self.steps, of="active")
+        self.session.page.watch(lambda: self.show(PAGE_NAMES[self.steps.active]), self.steps, of="active")
         self.undo = self.session.page.button("Undo", self.session.undo, variant="text")
         self.redo = self.session.page.button("Redo", self.session.redo, variant="text")
         self.next = ui.text(margin=(6, 12))
         self.offer = ui.text(visible=False)
         keys = Keys(self)
         bar = pn.Row(self.steps, sizing_mode="stretch_width")
-        what = pn.Row(self.next, self.undo, self.redo, keys, sizing_mode="stretch_width")
+        actions = pn.Row(self.next, self.undo, self.redo, keys, sizing_mode="stretch_width")
         status = self.session.page.status
         news = pn.Row(
             status.pane, status.progress, self.session.work.cancel_button, sizing_mode="stretch_width", height=40
@@ -57,7 +57,7 @@ class Page:
         watchers = _watchers_of_busy()
         self.layout = pmui.Page(
             title="LutForge studio", header=[bar], sidebar=[self.controls],
-            main=[pn.Column(self.offer, what, news, self.body, **ui.FILL)], sidebar_variant="permanent",
+            main=[pn.Column(self.offer, actions, news, self.body, **ui.FILL)], sidebar_variant="permanent",
             sidebar_width=290, sidebar_resizable=False, busy_indicator=None, theme="dark", theme_toggle=False,
             theme_config=THEME, template=TEMPLATE, stylesheets=[BESIDE],
         )  # fmt: skip
@@ -78,8 +78,8 @@ class Page:
         shown = self.pages[name]
         self.controls[:] = shown.controls
         self.body[:] = [shown.main]
-        if self.steps.active != STEPS.index(name):
-            self.steps.active = STEPS.index(name)
+        if self.steps.active != PAGE_NAMES.index(name):
+            self.steps.active = PAGE_NAMES.index(name)
         self._refresh()
         if is_new and self.session.keep(name, shown.kept):  # once lists have their options
             self._refresh(name)
@@ -96,7 +96,7 @@ class Page:
     def _tell(self) -> None:
         """The steps' states, and what to do in this one."""
         states = states_of(self.session)
-        self.steps.items = [{"label": f"{step}: {states[step]}", "icon": ICONS[states[step]]} for step in STEPS]
+        self.steps.items = [{"label": f"{step}: {states[step]}", "icon": ICONS[states[step]]} for step in PAGE_NAMES]
         self.offer.visible = self.offer.visible and self.session.is_empty
         form = "<span data-ready><b>{}.</b> {}</span>" if self.is_ready else "<b>{}.</b> {}"
         self.next.object = ui.html(form, self.shown, NEXT[self.shown])
@@ -112,10 +112,10 @@ class Page:
         self.is_ready = True
         self._tell()
 
-    def offer_to_continue(self, left: Session | None) -> None:
+    def offer_to_continue(self, abandoned: Session | None) -> None:
         """Ask whether to go on with a session that was left, where there is one and nothing is open here."""
-        if left is not None and left is not self.session and self.session.is_empty:
-            self.offer.param.update(object=offer_of(left), visible=True)
+        if abandoned is not None and abandoned is not self.session and self.session.is_empty:
+            self.offer.param.update(object=offer_of(abandoned), visible=True)
 
     def reset(self, name: str) -> None:
         """Set a slider of the step that is seen, by its name, to what it was made with."""
@@ -130,9 +130,9 @@ class Page:
         if widget is None:
             return
         numbers = [float(number) for number in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)", written.replace("−", "-"))]
-        ends = widget.value if isinstance(widget.value, tuple) else (widget.value,)
-        if len(numbers) != len(ends):
-            example = " .. ".join(f"{end:g}" for end in ends)
+        present = widget.value if isinstance(widget.value, tuple) else (widget.value,)
+        if len(numbers) != len(present):
+            example = " .. ".join(f"{end:g}" for end in present)
             raise WorkspaceError(f"{name}: {written[:40]!r} is no value of it; write one like {example}")
         inside = sorted(min(max(number, widget.start), widget.end) for number in numbers)
         widget.value = tuple(inside) if isinstance(widget.value, tuple) else inside[0]
@@ -142,7 +142,8 @@ class Page:
         """The slider of the step that is seen whose label a name begins with; None where none can be moved."""
         seen = [*self.controls.select(pmui.FloatSlider), *self.controls.select(pmui.RangeSlider)]
         seen += self.body.select(pmui.FloatSlider)
-        return next((one for one in seen if one.label and name.startswith(one.label) and not one.disabled), None)
+        named = (slider for slider in seen if slider.label and name.startswith(slider.label))
+        return next((slider for slider in named if not slider.disabled), None)
 
 
 class Keys(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
@@ -180,9 +181,9 @@ def _watchers_of_busy() -> set[Any]:
     return set(pn.state.param.watchers.get("busy", {}).get("value", ()))
 
 
-def offer_of(left: Session) -> ui.Html:
+def offer_of(abandoned: Session) -> ui.Html:
     """The question whether to continue a session, with the link that does."""
-    return ui.html("<p><b><a href='?continue'>Continue where you were</a></b>: {}</p>", str(left))
+    return ui.html("<p><b><a href='?continue'>Continue where you were</a></b>: {}</p>", str(abandoned))
 
 
 DROP_ELSEWHERE = "this step takes no files: drop shots under Shots, a photograph under Look"

@@ -68,12 +68,14 @@ class SamplesPage:
         )
         self.group = ui.entry("Outlier group", placeholder="name")
         self.kept = (*views, self.words, self.group)
-        self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.WIDE)
+        self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.FULL_WIDTH)
         self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
         limits = []
         for name, column in COLUMNS.items():
             reach = {"start": column.reach[0], "end": column.reach[1], "step": column.step}
-            limits.append(pmui.RangeSlider(label=column.title, value=column.reach, **reach, size="small", **ui.WIDE))
+            limits.append(
+                pmui.RangeSlider(label=column.title, value=column.reach, **reach, size="small", **ui.FULL_WIDTH)
+            )
             read = partial(Workspace.limits_of, name=name)
             put = partial(Workspace.with_limits, name=name)
             self.bound.append(session.bind(limits[-1], read, put))
@@ -82,7 +84,10 @@ class SamplesPage:
             {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)},
             {"Save group": self._save_group, "Delete group": partial(self._save_group, delete=True)},
         )
-        rows = [pn.Row(*(session.page.button(*each, **small) for each in row.items()), **ui.WIDE) for row in actions]
+        rows = [
+            pn.Row(*(session.page.button(label, action, **small) for label, action in row.items()), **ui.FULL_WIDTH)
+            for row in actions
+        ]
         pairs = [pn.Row(*pair, sizing_mode="stretch_width") for pair in (views[2:4], views[4:6])]
         self.controls = [
             pn.Column(self.first, self.second, *pairs, self.inliers, **ui.TOGETHER),
@@ -279,14 +284,14 @@ def points(workspace: Workspace, plot: str, channel: int) -> Points:
     number = np.full(len(samples), -1, dtype=np.intp)
     curves = list[Array]()
     if pairs is not None:
-        number[pairs.second_row] = number[pairs.first_row] = pairs.of_shots
+        number[pairs.second_row] = number[pairs.first_row] = pairs.shot_pair
         pairs = pairs.without(workspace.unticked)
         shown["srgb_btf"] = pairs.first, pairs.second, "sRGB, shorter exposure", "sRGB, longer exposure"
         shown["raw_btf"] = pairs.raw_first, pairs.raw_second, "RAW, shorter exposure", "RAW, longer exposure"
         if plot in OF_PAIRS:
             row = pairs.first_row
             partner = pairs.second_row
-            number = pairs.of_shots
+            number = pairs.shot_pair
         if plot == "srgb_btf":
             curves = brightness_transfers(workspace, pairs.log_ratio, channel)
     if fitted is not None:

@@ -23,14 +23,17 @@ from lutforge.studio.background import Background
 from lutforge.studio.history import Change, History, exchanged
 from lutforge.studio.opening import Folders, Opened, open_paths
 from lutforge.studio.page_link import PageLink
-from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
+from lutforge.studio.workspace import MODEL_TITLES, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
 
 
 @dataclass(frozen=True, eq=False)
 class Written:
-    """A file that was written. lines: what there is to tell; command: what does the same; of: what it was made from."""
+    """A file that was written. kind: of export; lines: on its contents; command: the command line that writes it.
 
-    what: str
+    of: the profile and the look that it was made from.
+    """
+
+    kind: str
     path: Path
     lines: tuple[str, ...]
     command: str
@@ -302,7 +305,7 @@ class Session:
 
     def fit(self, *kinds: str) -> None:
         """Fit models one after the other, each on those before it."""
-        kind, *others = kinds
+        kind, *more_kinds = kinds
         workspace = self.require_workspace()
         if not workspace.has_raw:
             raise WorkspaceError("without RAW there is a response alone: press Fit response under Shots")
@@ -312,12 +315,12 @@ class Session:
             now = self.require_workspace()
             if now.samples is not workspace.samples:
                 raise WorkspaceError("other samples were opened meanwhile: compute again")
-            news = f"{MODELS[kind]}: fitted to {int(task.rows.sum()):,} samples"
+            news = f"{MODEL_TITLES[kind]}: fitted to {int(task.rows.sum()):,} samples"
             self.change(now.with_model(kind, replace(fitted, task=task)), news, step="Model")
-            if others:
-                self.fit(*others)
+            if more_kinds:
+                self.fit(*more_kinds)
 
-        self.work.start(MODELS[kind], done, fit_model, task, workspace.samples)
+        self.work.start(MODEL_TITLES[kind], done, fit_model, task, workspace.samples)
 
     def take_response(self, request: ResponseRequest, fitted: FittedResponse) -> None:
         """Take over what was fitted to a bracket."""
@@ -341,8 +344,9 @@ class Session:
 
         def take(value: Any) -> None:
             if self.workspace is not None and (before := read(self.workspace)) != value:
-                old, new = (as_text(widget, each) for each in (before, value))
-                name, again = (f"{widget.label}: {one} → {other}" for one, other in ((new, old), (old, new)))
+                old, new = (as_text(widget, shown) for shown in (before, value))
+                name = f"{widget.label}: {new} → {old}"
+                again = f"{widget.label}: {old} → {new}"
                 key = widget.label if hasattr(widget, "value_throttled") else ""
                 self.put(put(self.workspace, value), name, again, key)
 
@@ -372,7 +376,7 @@ class Session:
 def as_text(widget: Any, value: Any) -> str:
     """A value of a control, as it shows it."""
     if isinstance(value, tuple):
-        return " – ".join(f"{each:g}" for each in value)
+        return " – ".join(f"{number:g}" for number in value)
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, int | float) and not hasattr(widget, "options"):
@@ -381,4 +385,4 @@ def as_text(widget: Any, value: Any) -> str:
         return f"{len(value)} ticked"
     options = getattr(widget, "options", None)
     named = options.items() if isinstance(options, dict) else ()
-    return next((label for label, one in named if one == value), str(value) or "–")
+    return next((label for label, option in named if option == value), str(value) or "–")

@@ -54,15 +54,15 @@ class ShotsPage:
         self.notes = ui.text()
         self.grid = pn.FlexBox(sizing_mode="stretch_width", stylesheets=[CARDS])
         session.page.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
-        sample = session.page.button("Sample", self._open, variant="contained", **ui.WIDE)
-        again = session.page.button("List again", self.list_files, variant="text", **ui.WIDE)
+        sample = session.page.button("Sample", self._open, variant="contained", **ui.FULL_WIDTH)
+        again = session.page.button("List again", self.list_files, variant="text", **ui.FULL_WIDTH)
         self.chart = ui.select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})
         self.light = ui.entry("Light on the chart", value="D50")
         self.corners = ui.entry("Its corners, where it is not found", placeholder="x,y x,y x,y x,y")
         self.times = ui.entry("Exposure times, where not stated", placeholder="1/60,1/30,1/15")
         self.all_colours = ui.checkbox("Count saturated colours, too")
         session.page.watch(self._enable, self.chart)
-        fit = session.page.button("Fit response", self._fit, variant="contained", **ui.WIDE)
+        fit = session.page.button("Fit response", self._fit, variant="contained", **ui.FULL_WIDTH)
         self.bracket = pn.Column(
             self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **ui.TOGETHER
         )
@@ -134,7 +134,7 @@ class ShotsPage:
         if session.response is not None and profile is not None:
             fit = session.response[1].fit
             self.curves.show(bracket_figure(fit))
-            notes = ui.paragraphs(*dict.fromkeys((*fit.told, fit.verdict.told, *profile.notes)))
+            notes = ui.paragraphs(*dict.fromkeys((*fit.statements, fit.verdict.words, *profile.notes)))
             self.findings.object = ui.html("{}{}", notes, ui.table(response_table(fit)))
         drawn = (bracket, None if workspace is None else workspace.samples, profile)
         if drawn != self._drawn:

@@ -26,10 +26,10 @@ class StatusLine:
         style = ' style="color:var(--mui-palette-error-main);font-weight:600"' if wrong else ""
         self.pane.object = f'<div role="{role}"{style}>{escape(" ".join(message.split())[:400])}</div>'
 
-    def take(self, other: "StatusLine") -> None:
+    def take(self, line: "StatusLine") -> None:
         """Show what another line has said last."""
-        self._wrong = other._wrong
-        self.pane.object = other.pane.object
+        self._wrong = line._wrong
+        self.pane.object = line.pane.object
 
     def forget_error(self) -> None:
         """Take away what was wrong, as the visitor does something else."""

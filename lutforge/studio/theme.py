@@ -14,7 +14,7 @@ OUTLINED = {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem)
 BAR = {"boxShadow": "none", "borderBottom": "1px solid #4a4a4a", "backgroundImage": "none"}
 PRESENT = {"backgroundColor": "#3d3d3d", "borderRadius": "4px", "boxShadow": "inset 0 -3px #e6e6e6"}
 """The step that is seen, in the bar of all."""
-WHITE = {"color": "#e6e6e6 !important"}
+LIGHT_TEXT = {"color": "#e6e6e6 !important"}
 THEME = {
     "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
     "shape": {"borderRadius": 4},
@@ -28,7 +28,7 @@ THEME = {
         "MuiAppBar": _root(backgroundColor="#1c1c1c", color="#e6e6e6", **BAR),
         "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
         "MuiStepButton": _root(**{'&[aria-selected="true"]': PRESENT}),
-        "MuiStepLabel": {"styleOverrides": {"label": WHITE, "iconContainer": {"& .MuiIcon-root": WHITE}}},
+        "MuiStepLabel": {"styleOverrides": {"label": LIGHT_TEXT, "iconContainer": {"& .MuiIcon-root": LIGHT_TEXT}}},
     },
     "palette": {
         "primary": {"main": "#e6e6e6", "contrastText": "#1c1c1c"},

@@ -23,7 +23,7 @@ FILL = {"sizing_mode": "stretch_both", "margin": 0}
 SCROLLED: dict[str, Any] = {**FILL, "styles": {"overflow": "auto", "padding-right": "8px"}}
 NOTHING = {"–": ""}
 """The options of a list from which nothing can be chosen yet."""
-WIDE = {"sizing_mode": "stretch_width", "margin": (4, 8)}
+FULL_WIDTH = {"sizing_mode": "stretch_width", "margin": (4, 8)}
 TOGETHER = {"sizing_mode": "stretch_width", "margin": 0}
 """Layout of controls that stand together in a column."""
 NARROW: dict[str, Any] = {"sizing_mode": "fixed", "width": 230}
@@ -48,7 +48,7 @@ def paragraphs(*lines: object) -> Html:
 
 def text(shown: Html | None = None, **options: Any) -> pn.pane.HTML:
     """A pane of HTML, made by `html`."""
-    return pn.pane.HTML(shown or "", stylesheets=[TEXT], **{**WIDE, **options})
+    return pn.pane.HTML(shown or "", stylesheets=[TEXT], **{**FULL_WIDTH, **options})
 
 
 def table(shown: Table) -> Html:
@@ -60,7 +60,9 @@ def table(shown: Table) -> Html:
 
 def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:
     """A slider that the keyboard moves, too."""
-    made = pmui.FloatSlider(label=label, value=value, start=start, end=end, step=step, size="small", **{**WIDE, **more})
+    made = pmui.FloatSlider(
+        label=label, value=value, start=start, end=end, step=step, size="small", **{**FULL_WIDTH, **more}
+    )
     made.usual = value  # a double click sets the slider to it
     made._priority_changes = ["value"]  # Panel's pause of 50 ms is what a picture would lag behind
     made._busy__ignore = ["value"]  # and the news that the server is busy
@@ -69,17 +71,17 @@ def slider(label: str, value: float, start: float, end: float, step: float = 0.0
 
 def select(label: str, options: Any, **more: Any) -> pmui.Select:
     """A list to choose from."""
-    return pmui.Select(label=label, options=options, size="small", **{**WIDE, "margin": (8, 8), **more})
+    return pmui.Select(label=label, options=options, size="small", **{**FULL_WIDTH, "margin": (8, 8), **more})
 
 
 def entry(label: str, **more: Any) -> pmui.TextInput:
     """A line to write into."""
-    return pmui.TextInput(label=label, size="small", **{**WIDE, "margin": (8, 8), **more})
+    return pmui.TextInput(label=label, size="small", **{**FULL_WIDTH, "margin": (8, 8), **more})
 
 
 def checkbox(label: str, value: bool = False) -> pmui.Checkbox:
     """A box to tick."""
-    return pmui.Checkbox(label=label, value=value, **WIDE)
+    return pmui.Checkbox(label=label, value=value, **FULL_WIDTH)
 
 
 def written(line: pmui.TextInput) -> str:
@@ -143,8 +145,8 @@ class Figures:
             self.layout[:] = [pn.Row(*(panel.figure for panel in row), **FILL) for row in self._panels]
         if not rows and missing:
             self.layout[:] = [text(paragraphs(missing))]
-        for held, panels in zip(self._panels, rows, strict=True):
-            for shown, panel in zip(held, panels, strict=True):
+        for row_panels, panels in zip(self._panels, rows, strict=True):
+            for shown, panel in zip(row_panels, panels, strict=True):
                 shown.show(panel)
 
 
@@ -191,7 +193,7 @@ def _glyph(mark: Mark, mapper: LinearColorMapper | None = None) -> tuple[dict[st
             columns = {"x": mark.x, "y": mark.y}
             return columns, "line", {**look, **named}
         case Lines():
-            columns = {"xs": [one[:, 0] for one in mark.curves], "ys": [one[:, 1] for one in mark.curves]}
+            columns = {"xs": [curve[:, 0] for curve in mark.curves], "ys": [curve[:, 1] for curve in mark.curves]}
             return columns, "multi_line", {"color": mark.colour, "line_width": 0.9, "alpha": 0.8}
         case Dots():
             columns = {"x": mark.points[:, 0], "y": mark.points[:, 1]}

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.boundary import reading
-from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.response import Response
@@ -31,7 +32,7 @@ from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples
 from lutforge.thesis.options import Options, ThesisOptions, stated_options
 
-MODELS = {"matrix": "Response, matrix and white balance", "lattice": "Lattice"}
+MODEL_TITLES = {"matrix": "Response, matrix and white balance", "lattice": "Lattice"}
 """In the order of the calibration; each is kept as a camera profile."""
 MOST_GROUPS = 100
 SUFFIX = ".workspace"
@@ -256,8 +257,8 @@ class Workspace:
 
     def with_limits(self, limits: tuple[float, float], name: str) -> "Workspace":
         """Set the limits of a column; its usual ones are not held."""
-        others = {key: value for key, value in self.limits.items() if key != name}
-        return replace(self, limits=others if limits == COLUMNS[name].usual else {**others, name: limits})
+        other_limits = {key: value for key, value in self.limits.items() if key != name}
+        return replace(self, limits=other_limits if limits == COLUMNS[name].usual else {**other_limits, name: limits})
 
     def with_active_groups(self, names: list[str]) -> "Workspace":
         """Make just these groups active."""
@@ -329,7 +330,7 @@ def open_workspace(path: str | Path) -> Workspace:
             if document.get("version") != 4:
                 raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 4")
             entries = document["groups"]
-            if len(entries) > MOST_GROUPS or not set(document["models"]) <= set(MODELS):
+            if len(entries) > MOST_GROUPS or not set(document["models"]) <= set(MODEL_TITLES):
                 raise WorkspaceError("it names models or groups that no workspace has")
             samples = read_samples(_extract(archive, SAMPLES, folder))
             marks = np.load(_extract(archive, MARKS, folder), allow_pickle=False)
@@ -348,7 +349,7 @@ def open_workspace(path: str | Path) -> Workspace:
             idle=frozenset(name for name, entry in zip(names, entries, strict=True) if not entry["active"]),
             models=models, model=str(document["model"]), options=stated_options(document["options"]),
             out=frozenset(map(str, document["out"])), own_stages=bool(document["own_stages"]),
-            unticked=frozenset((str(one), str(other)) for one, other in document["unticked"]),
+            unticked=frozenset((str(shot_a), str(shot_b)) for shot_a, shot_b in document["unticked"]),
         )  # fmt: skip
 
 

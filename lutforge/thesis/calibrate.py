@@ -8,7 +8,7 @@ import numpy as np
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.calibrate import assembled, matrix_of
 from lutforge.calibration.coverage_notes import thin_settings
-from lutforge.calibration.each_style import fit_styles, notes_on_fits
+from lutforge.calibration.fit_styles import fit_styles, notes_on_fits
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
 from lutforge.calibration.steps import (
     State,
@@ -33,7 +33,7 @@ from lutforge.thesis.options import ThesisOptions
 from lutforge.thesis.reference_camera import own_raw
 from lutforge.threads import each, one_blas_thread
 
-STEPS: tuple[Step, ...] = (complete_white_balances, drop_small_styles, diagnose, fit_gains)
+THESIS_STEPS: tuple[Step, ...] = (complete_white_balances, drop_small_styles, diagnose, fit_gains)
 """The thesis corrects no vignetting, and leaves no shot out."""
 
 
@@ -107,7 +107,7 @@ def prepared(samples: SampleSet, options: ThesisOptions, given: CameraProfile | 
     """The samples after all steps. Raises CalibrationError."""
     state = State(samples, samples.wb, options.beta, options.curves, given)
     state = reference_raw_by(state, lambda reference: own_raw(reference, options))
-    for step in STEPS:
+    for step in THESIS_STEPS:
         state = step(state)
     return state
 

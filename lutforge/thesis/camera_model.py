@@ -16,8 +16,13 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import log_emor_basis
-from lutforge.calibration.exposure_pairs import pairs_of_samples
-from lutforge.calibration.matrix_and_response import LEAST_HUE_SPREAD, hue_spread, plainly_unsaturated
+from lutforge.calibration.matrix_and_response import (
+    LEAST_HUE_SPREAD,
+    LEAST_UNSATURATED,
+    hue_spread,
+    plainly_unsaturated,
+)
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_from_exposures import fit_response_by_least_squares
 from lutforge.errors import CalibrationError
 from lutforge.model.profile import CameraModel
@@ -28,8 +33,6 @@ from lutforge.thesis.options import ThesisOptions
 
 KNOWN = "\t"
 """The setting of colours whose multipliers are known: no setting's name."""
-LEAST_COLOURS = 8
-"""Unsaturated colours that the matrix needs at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,9 +122,9 @@ def fit_matrix(
 def _check(linear: Array, plain: Mask) -> None:
     """Raise CalibrationError where the colours are too few, or of too few hues, to determine Ts."""
     count = int(plain.sum())
-    if count < LEAST_COLOURS:
+    if count < LEAST_UNSATURATED:
         raise CalibrationError(
-            f"{count} unsaturated colours; the matrix needs {LEAST_COLOURS}: shoot a colour chart, not clipped"
+            f"{count} unsaturated colours; the matrix needs {LEAST_UNSATURATED}: shoot a colour chart, not clipped"
         )
     if hue_spread(linear[plain]) < LEAST_HUE_SPREAD:
         raise CalibrationError(

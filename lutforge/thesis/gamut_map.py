@@ -15,7 +15,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.solvers.farthest_points import farthest_points
 
-TOLERANCE = 0.1 / 255
+LARGEST_RESIDUAL = 0.1 / 255
 """Residual, in linear values, below which a pair needs no centre."""
 NUGGETS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 """Candidates of 8Nπρ of (4.8), the weight of smoothness against fidelity."""
@@ -36,7 +36,7 @@ def fit_gamut_map(
     groups: NDArray[np.str_] | None = None,
     most: int = MOST_CENTRES,
     rho: float | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = LARGEST_RESIDUAL,
 ) -> GamutMap:
     """Fit target = h(source), both (n, 3) linear.
 

@@ -92,8 +92,9 @@ def rigs(data: Path) -> Iterator[tuple[str, Source]]:
             seen = measured[camera] * light(temperature)[:, None]
             raw = reflectances.T @ (seen / seen.sum(axis=0))
             parts[0].append((np.geomspace(0.04, 1.8, 10)[:, None, None] * raw[order[:150]]).reshape(-1, 3))
-            one, other, share = raw[rng.choice(order[150:], 1000)], raw[rng.choice(order, 1000)], rng.random((1000, 1))
-            parts[1].append((share * one + (1 - share) * other) * np.exp(rng.uniform(-3.5, 0.6, (1000, 1))))
+            first, second = raw[rng.choice(order[150:], 1000)], raw[rng.choice(order, 1000)]
+            share = rng.random((1000, 1))
+            parts[1].append((share * first + (1 - share) * second) * np.exp(rng.uniform(-3.5, 0.6, (1000, 1))))
         fitted, tested = (np.concatenate(part) for part in parts)
         fitted, tested = (x[np.all(x < 1, axis=1) & (near.query(x @ matrix.T)[0] < 0.03)] for x in (fitted, tested))
         encoded = np.rint(255 * published.model.render(fitted)) / 255
@@ -134,8 +135,8 @@ def baseline(style: StyleData) -> tuple[Predictor, Predictor]:
     fit = fit_matrix_and_response(style.balanced, style.encoded)
     matrix, response, offset = fit.matrix, fit.response, 0.005
 
-    def covariance(one: Array, other: Array) -> Array:
-        distance = cdist(one, other)
+    def covariance(first: Array, second: Array) -> Array:
+        distance = cdist(first, second)
         smooth = np.sqrt(3) * distance / 0.8
         return np.asarray(0.2 * np.exp(-distance / 3.2) + 0.8 * (1 + smooth) * np.exp(-smooth))
 

@@ -43,9 +43,9 @@ from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake_steps, bake_to
 from lutforge.luts.ocio_transforms import evaluate
-from lutforge.luts.programs import target_of
 from lutforge.luts.reading import file_processor
 from lutforge.luts.refinish import steps_of
+from lutforge.luts.target import target_of
 from lutforge.model.camera_profile import match, raw_to_balanced
 from lutforge.model.transform import through_stages
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
@@ -104,16 +104,17 @@ def simulated(keep: Path) -> Figures:
     yield from _figures("simulated, refinish", refinish(before), after)
     yield from _plain_methods(shots, profile, raw, before, after)
     assert shots.held_out.jpeg is not None
-    jpeg, wanted = (read_image(path).pixels[..., :3].astype(np.float64) for path in (shots.held_out.jpeg, shots.right))
+    paths = shots.held_out.jpeg, shots.right
+    jpeg, expected = (read_image(path).pixels[..., :3].astype(np.float64) for path in paths)
     graded = np.rint(255 * np.clip(refinish(jpeg), 0, 1)) / 255
-    usable = ((jpeg > 0) & (jpeg < 1) & (wanted > 0) & (wanted < 1)).all(axis=-1)
-    yield from _figures("simulated, graded picture", graded[usable], wanted[usable])
+    usable = ((jpeg > 0) & (jpeg < 1) & (expected > 0) & (expected < 1)).all(axis=-1)
+    yield from _figures("simulated, graded picture", graded[usable], expected[usable])
     # Its ball, a strong blue, is the largest blue part of the scene.
     surface = SCENES[HELD_OUT_SHOT.scene](808, 1216, HELD_OUT_SHOT.seed).first
     top, left = ((length - inner) // 2 for length, inner in zip(surface.shape, jpeg.shape, strict=False))
     blues, _ = ndimage.label(surface[top : top + jpeg.shape[0], left : left + jpeg.shape[1]] == 12)
     ball = blues == 1 + np.argmax(np.bincount(blues.ravel())[1:])
-    yield Figure("simulated, blue ball of the graded picture: ΔE00", delta_e_2000(graded[ball], wanted[ball]).mean())
+    yield Figure("simulated, blue ball of the graded picture: ΔE00", delta_e_2000(graded[ball], expected[ball]).mean())
 
 
 def _plain_methods(shots: DemoShots, profile: lf.CameraProfile, raw: Array, before: Array, after: Array) -> Figures:
@@ -161,19 +162,19 @@ def bakes(data: Path) -> Figures:
         ),
     }
 
-    def error(path: Path, method: Interpolation, wanted: Array) -> tuple[float, float]:
-        difference = delta_e_2000(evaluate(file_processor(path, method), x).astype(np.float64), wanted)
+    def error(path: Path, method: Interpolation, expected: Array) -> tuple[float, float]:
+        difference = delta_e_2000(evaluate(file_processor(path, method), x).astype(np.float64), expected)
         return float(difference.mean()), float(difference.max())
 
     for name, transform in chosen.items():
-        wanted, best = transform(x), dict[str, tuple[float, float]]()
+        expected, best = transform(x), dict[str, tuple[float, float]]()
         with tempfile.TemporaryDirectory() as work:
             paths = [Path(work, file) for file in ("a.clf", "a.resolve.cube", "a.csp")]
             for size, method in product((17, 33), INTERPOLATIONS):
                 luts = [bake_to(transform, target_of(path, None, size, method)) for path in paths]
                 for path, lut in zip(paths, luts, strict=True):
                     key = f"{path.suffix} {size}"
-                    best[key] = min(best.get(key, (np.inf, np.inf)), error(lut.write(path), method, wanted))
+                    best[key] = min(best.get(key, (np.inf, np.inf)), error(lut.write(path), method, expected))
             for what, (mean, most) in best.items():
                 yield Figure(f"bake {name}, {what}³: mean ΔE00", mean)
                 yield Figure(f"bake {name}, {what}³: max ΔE00", most)
@@ -303,9 +304,9 @@ def matches() -> Figures:
                 taken = replace(own.select(here), raw=raw.raw[there], raw_camera=raw.camera[there], wb=none)
             cameras.append((own, calibrate(taken)[0]))
         errors = []
-        for (one, source), (other, target) in permutations(cameras, 2):
-            here, there = _same_patches(one, other)
-            x, y = one.srgb[here], other.srgb[there]
+        for (first, source), (second, target) in permutations(cameras, 2):
+            here, there = _same_patches(first, second)
+            x, y = first.srgb[here], second.srgb[there]
             inside = np.all((np.minimum(x, y) > 0.02) & (np.maximum(x, y) < 0.98), axis=1)
             made = match(source, "standard/wb1", target, "standard/wb1")(x[inside])
             errors.append(np.linalg.norm(made - y[inside], axis=1).mean())
@@ -313,8 +314,8 @@ def matches() -> Figures:
         yield Figure(f"charts matched, {light}: pairs of 90 beyond 0.03", float(np.sum(np.array(errors) > 0.03)))
 
 
-def _same_patches(one: lf.SampleSet, other: lf.SampleSet) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    here, there = (np.char.add(np.char.add(side.shot, "/"), side.patch) for side in (one, other))
+def _same_patches(samples_a: lf.SampleSet, samples_b: lf.SampleSet) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    here, there = (np.char.add(np.char.add(side.shot, "/"), side.patch) for side in (samples_a, samples_b))
     _, first, second = np.intersect1d(here, there, return_indices=True)
     return first, second
 
@@ -351,11 +352,11 @@ def _transfer_errors(source: SimulatedCamera, target: SimulatedCamera, light: st
     x, y = (camera.expose(surfaces, light) + rng.normal(0, 0.002, (len(surfaces), 3)) for camera in (source, target))
     raw, truth = (camera.expose(unseen, light) for camera in (source, target))
     fit = fit_raw_transfer(source.name, target.name, x, y, 1 / source.multipliers(light))
-    wanted = target.render(truth, "standard", light)
-    inside = np.all((wanted > 0.004) & (wanted < 0.996), axis=1)
+    expected = target.render(truth, "standard", light)
+    inside = np.all((expected > 0.004) & (expected < 0.996), axis=1)
 
     def residual(values: Array) -> Array:
-        return np.asarray((target.render(values, "standard", light) - wanted)[inside].ravel())
+        return np.asarray((target.render(values, "standard", light) - expected)[inside].ravel())
 
     best = least_squares(lambda m: residual(raw @ m.reshape(3, 3).T), fit.matrix.ravel(), x_scale=0.1).fun
     return [float(np.sqrt(np.mean(off**2))) for off in (residual(fit(raw)), best)]

@@ -32,9 +32,10 @@ from lutforge.child_processes import run_command
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError
 from lutforge.images.raw import read_raw
+from lutforge.kits.darktable import NEUTRAL_SETTINGS
 from lutforge.kits.kit import look_of
-from lutforge.kits.programs import NEUTRAL
-from lutforge.pipeline.kits import KitCheck, compare_with_jpeg, write_kit
+from lutforge.pipeline.kit_checks import KitCheck, compare_with_jpeg
+from lutforge.pipeline.kits import write_kit
 from tests.benchmarks import common, lattices
 from tests.benchmarks.common import heading, row
 
@@ -122,7 +123,7 @@ def darktable_lut_generator(shot: LeftOut) -> KitCheck:
                     (pairs / f"{other.stem}.jpg").write_bytes(preview)
                     shutil.copy(other, pairs / f"{other.stem}.raw")  # it does not know the suffix .crw
             # Its manual asks for darktable without a workflow; tetrahedra are what the kit asks darktable for.
-            rows = (f"{key}={value}\n" for key, value in NEUTRAL.items())
+            rows = (f"{key}={value}\n" for key, value in NEUTRAL_SETTINGS.items())
             (settings / "darktablerc").write_text("".join(rows), encoding="utf-8")
             options = ["--path_config_dir", str(settings), "--interpolation", "tetrahedral"]
             # It aligns pictures of one size only: the JPEGs are 640 pixels wide. Its manual names the least number of
@@ -145,7 +146,7 @@ def by_darktable(
     output, sidecar = folder / "developed.tif", folder / "steps.xmp"
     entries = (STEP.format(at, name, version, data.hex()) for at, (name, version, data) in enumerate(steps))
     sidecar.write_text(SIDECAR.format(len(steps), "".join(entries)), encoding="utf-8")
-    words = [word for pair in {**NEUTRAL, **(settings or {})}.items() for word in ("--conf", "=".join(pair))]
+    words = [word for pair in {**NEUTRAL_SETTINGS, **(settings or {})}.items() for word in ("--conf", "=".join(pair))]
     own = ["--icc-type", space, "--core", "--configdir", f"{folder}/config", "--library", ":memory:", *words]
     run_command(["darktable-cli", str(raw), str(sidecar), str(output), *own], "darktable", raw, output)
     return output

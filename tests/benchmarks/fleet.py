@@ -149,20 +149,20 @@ def rendered_and_linearized(camera: FleetCamera, profile: CameraProfile, samples
             raw, truth, made = raw[inside], truth[inside], made[inside]
             distances["render"].append(np.linalg.norm(made - truth, axis=1))
             errors.setdefault("largest code of JPEG", []).append(truth.max(axis=1))
-            wanted = srgb_encode(np.clip(raw * factors @ camera.matrix.T, 0.0, 1.0))
+            expected = srgb_encode(np.clip(raw * factors @ camera.matrix.T, 0.0, 1.0))
             back = {
                 "linearize": profile.linearize(name)(truth),
                 "linearize, kriging": others[style][1](truth) / profile.multipliers(name),
             }
             for of, light in back.items():
                 shown = srgb_encode(np.clip(light * factors @ camera.matrix.T, 0.0, 1.0))
-                errors.setdefault(of, []).append(delta_e_2000(shown, wanted))
+                errors.setdefault(of, []).append(delta_e_2000(shown, expected))
                 errors.setdefault(f"{of}, squared", []).append(np.mean(((light - raw) * factors) ** 2, axis=1))
             distances["linearize"].append(np.linalg.norm((back["linearize"] - raw) * factors, axis=1))
         for direction, parts in distances.items():
-            said = profile.styles[style].errors.get(f"{direction}_mean")
-            if said is not None:
-                ratios[direction].append(float(said / np.concatenate(parts).mean()))
+            words = profile.styles[style].errors.get(f"{direction}_mean")
+            if words is not None:
+                ratios[direction].append(float(words / np.concatenate(parts).mean()))
     all_of = {name: np.concatenate(parts) for name, parts in errors.items()}
     values: dict[str, float] = {}
     for name in ("render", "render, model", "render, kriging", "linearize", "linearize, kriging"):
@@ -204,7 +204,7 @@ def refinished(camera: FleetCamera, profile: CameraProfile) -> dict[str, float]:
     moved, steps, bare_steps = 0.0, 0.0, 0.0
     for source, target in permutations(known, 2):
         both = usable[source] & usable[target]
-        x, wanted = truth[source][both], truth[target][both]
+        x, expected = truth[source][both], truth[target][both]
         ends = "/".join(source), "/".join(target)
         chains = {
             "refinish": profile.refinish(*ends),
@@ -213,7 +213,7 @@ def refinished(camera: FleetCamera, profile: CameraProfile) -> dict[str, float]:
         made = {name: np.clip(chain(x), 0.0, 1.0) for name, chain in chains.items()}
         far = x.min(axis=1) < BELOW_WHITE
         for name, colours in made.items():
-            squared = np.mean((colours - wanted) ** 2, axis=1)
+            squared = np.mean((colours - expected) ** 2, axis=1)
             pairs[name].append(float(np.sqrt(squared.mean())))
             below[name].append(squared[far])
         moved = max(moved, float(255 * np.abs(made["refinish"] - made["refinish, bare"])[far].max(initial=0.0)))
@@ -256,13 +256,13 @@ def written(camera: FleetCamera, profile: CameraProfile) -> dict[str, float]:
         for name, file in (("CLF", lut), ("shaper", shaped)):
             values |= quantiles(f"file {name} {size}³, render", delta_e_2000(np.clip(file(raw), 0, 1), truth))
     target = "vivid/daylight"
-    wanted = camera.render(raw, "vivid", "daylight")
-    both = whole(truth) & whole(wanted) & camera.known(raw, "vivid", "daylight")
+    expected = camera.render(raw, "vivid", "daylight")
+    both = whole(truth) & whole(expected) & camera.known(raw, "vivid", "daylight")
     refinish = profile.refinish("standard/daylight", target)
-    values |= quantiles("refinish of styles", delta_e_2000(np.clip(refinish(truth[both]), 0, 1), wanted[both]))
+    values |= quantiles("refinish of styles", delta_e_2000(np.clip(refinish(truth[both]), 0, 1), expected[both]))
     for size in (33, 65):
         plain = lf.bake(refinish, form="plain", size=size)
-        difference = delta_e_2000(np.clip(plain(truth[both]), 0, 1), wanted[both])
+        difference = delta_e_2000(np.clip(plain(truth[both]), 0, 1), expected[both])
         values |= quantiles(f"file plain {size}³, refinish of styles", difference)
     return values
 
@@ -307,11 +307,11 @@ def matched(camera: FleetCamera, other: FleetCamera, folder: Path) -> dict[str, 
             continue
         setting = f"standard/{balance}"
         raw, theirs = (each.unseen(np.random.default_rng(4), PER_SETTING, balance) for each in (camera, other))
-        x, wanted = camera.render(raw, "standard", balance), other.render(theirs, "standard", balance)
+        x, expected = camera.render(raw, "standard", balance), other.render(theirs, "standard", balance)
         near = camera.known(raw, "standard", balance) & other.known(theirs, "standard", balance)
-        both = whole(x) & whole(wanted) & near
+        both = whole(x) & whole(expected) & near
         made = match(profiles[0], setting, profiles[1], setting)(x[both])
-        errors.append(delta_e_2000(np.clip(made, 0.0, 1.0), wanted[both]))
+        errors.append(delta_e_2000(np.clip(made, 0.0, 1.0), expected[both]))
     return quantiles("match with the next camera", np.concatenate(errors))
 
 

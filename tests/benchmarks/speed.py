@@ -30,7 +30,7 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
 from lutforge.luts.bake import bake_to
-from lutforge.luts.programs import target_of
+from lutforge.luts.target import target_of
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
@@ -145,9 +145,9 @@ def alternating(*sides: Callable[[], Ran], rounds: int = 3) -> list[list[Ran]]:
     return [list(side) for side in zip(*runs, strict=True)]
 
 
-def ratio(one: list[Ran], other: list[Ran]) -> float:
+def ratio(first: list[Ran], second: list[Ran]) -> float:
     """The median of how many times as long one side takes as the other."""
-    return median(a.seconds / b.seconds for a, b in zip(one, other, strict=True))
+    return median(a.seconds / b.seconds for a, b in zip(first, second, strict=True))
 
 
 def timed(name: str, limit: float, run_once: Callable[[], Ran]) -> Figure:

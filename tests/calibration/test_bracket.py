@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.bracket import BracketFit, fit_bracket
-from lutforge.calibration.brightness_transfer import judge
-from lutforge.calibration.exposure_pairs import pairs_of_bracket
+from lutforge.calibration.pairs_of_bracket import pairs_of_bracket
+from lutforge.calibration.response_verdict import judge
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.pipeline.response import response

@@ -28,10 +28,10 @@ def test_a_lattice_follows_given_stages_where_it_has_no_samples(samples: SampleS
     stages, whole = calibrate_base(dark, options), calibrate_base(samples, options)
     profiles = [calibrate(dark, options, given=given) for given in (stages, whole)]
     assert "response and matrix were given" in " ".join(profiles[0].notes)
-    one, other = (profile.render("standard/daylight") for profile in profiles)
-    assert not np.array_equal(one(np.full((1, 3), 0.5)), other(np.full((1, 3), 0.5)))
+    first, second = (profile.render("standard/daylight") for profile in profiles)
+    assert not np.array_equal(first(np.full((1, 3), 0.5)), second(np.full((1, 3), 0.5)))
     shown = dark.select((dark.style == "standard") & (dark.white_balance == "daylight"))
-    assert np.abs(one(shown.raw) - other(shown.raw)).mean() < 0.005
+    assert np.abs(first(shown.raw) - second(shown.raw)).mean() < 0.005
 
 
 def test_a_camera_without_raw_takes_given_stages(samples: SampleSet) -> None:
@@ -90,6 +90,6 @@ def test_pairs_that_are_left_out_do_not_tell_the_response(samples: SampleSet) ->
     fewer = replace(options, without_pairs=((middle, dark), (dark, bright)))
     curves = [calibrate_base(standard, each).styles["standard"].models[0].response.inverse for each in (options, fewer)]
     assert not np.array_equal(curves[0], curves[1])
-    everything = tuple((one, other) for one in (dark, middle, bright) for other in (dark, middle, bright))
+    everything = tuple((first, second) for first in (dark, middle, bright) for second in (dark, middle, bright))
     with pytest.raises(CalibrationError):
         calibrate_base(standard, replace(options, without_pairs=everything))

@@ -39,9 +39,9 @@ def fit(x: Array, y: Array, size: int, *, shots: int = 10) -> Lattice:
 @pytest.mark.slow
 def test_unseen_colours_of_the_simulated_camera() -> None:
     x, y = colours_in_gamut(5000, 1)
-    unseen, wanted = colours_in_gamut(10_000, 2)
+    unseen, expected = colours_in_gamut(10_000, 2)
     lattice = fit(x, y, 33)
-    difference = delta_e_2000(np.clip(lattice(unseen), 0, 1), wanted)
+    difference = delta_e_2000(np.clip(lattice(unseen), 0, 1), expected)
     assert difference.mean() <= 0.35
     assert np.quantile(difference, 0.95) <= 0.8
     assert difference.max() <= 4.0
@@ -96,11 +96,11 @@ def test_coverage_is_where_the_samples_are() -> None:
 
 def test_outliers_do_not_bend_the_lattice() -> None:
     x, y = colours_in_gamut(2000, 7)
-    unseen, wanted = colours_in_gamut(2000, 8)
+    unseen, expected = colours_in_gamut(2000, 8)
     strays = np.random.default_rng(0).permutation(2000)[:20]
     bad = y.copy()
     bad[strays] = np.random.default_rng(1).random((20, 3))
-    clean, strayed = (np.linalg.norm(fit(x, values, 17)(unseen) - wanted, axis=1).mean() for values in (y, bad))
+    clean, strayed = (np.linalg.norm(fit(x, values, 17)(unseen) - expected, axis=1).mean() for values in (y, bad))
     assert strayed < 2.0 * clean
 
 
@@ -143,7 +143,7 @@ def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
             monkeypatch.setattr(module, "cores", lambda threads=threads: threads)
         with threadpool_limits(threads, user_api="blas"):
             fitted.append(fit_lattices(style_of(x, y), CalibrationOptions()))
-    for one, other in zip(*fitted, strict=True):
-        np.testing.assert_array_equal(one.values, other.values)
-        for levels, others in zip(one.levels, other.levels, strict=True):
+    for first, second in zip(*fitted, strict=True):
+        np.testing.assert_array_equal(first.values, second.values)
+        for levels, others in zip(first.levels, second.levels, strict=True):
             np.testing.assert_array_equal(levels, others)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from lutforge.arrays import Array
-from lutforge.calibration.exposure_pairs import pairs_of_bracket, pairs_of_samples
 from lutforge.calibration.matrix_and_response import check_tones, fit_matrix_and_response, saturation
 from lutforge.calibration.options import BETA, CalibrationOptions
+from lutforge.calibration.pairs_of_bracket import pairs_of_bracket
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_from_exposures import fit_response_by_least_squares, fit_response_to_exposures
 from lutforge.calibration.style import fit_lattices, style_data, unclipped
 from lutforge.calibration.white_balance import complete_multipliers
@@ -49,8 +50,8 @@ def test_recovers_both(noise: float, strays: float, least: float) -> None:
     found = fit_matrix_and_response(x, y)
     np.testing.assert_allclose(found.matrix.sum(axis=1), 1.0, atol=1e-12)
     np.testing.assert_allclose(found.matrix, MATRIX, atol=least)
-    unseen, wanted = samples(500, 2)
-    error = np.linalg.norm(found.render(unseen) - wanted, axis=1)
+    unseen, expected = samples(500, 2)
+    error = np.linalg.norm(found.render(unseen) - expected, axis=1)
     assert error.mean() < 0.006
     # But for the few colours that the fitted curve clips.
     assert np.quantile(np.abs(found.linearize(found.render(unseen)) - unseen), 0.99) < 1e-9
@@ -225,8 +226,8 @@ def test_many_saturated_colours_do_not_outvote_few_grey_ones(camera: SimulatedCa
     fit = fit_matrix_and_response(x, np.rint(255 * encoded) / 255)
     near = rng.random((4000, 1)) ** 2 * np.exp(0.12 * rng.standard_normal((4000, 3)))
     near = near[np.all(near < 1.0, axis=1)]
-    wanted = camera.render(near / gain, style, "daylight")
-    off = np.linalg.norm(fit.response.encode(near @ fit.matrix.T) - wanted, axis=1)
+    expected = camera.render(near / gain, style, "daylight")
+    off = np.linalg.norm(fit.response.encode(near @ fit.matrix.T) - expected, axis=1)
     assert off.mean() < 3 / 255
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lutforge.calibration.lattice.node_levels import BINS, EVEN, equidistributed_levels
+from lutforge.calibration.lattice.node_levels import BINS, EVEN_DENSITY, equidistributed_levels
 from lutforge.errors import LutError
 from lutforge.model.lattice import equidistribute, snap_levels, uniform_levels
 from lutforge.thesis.lattice import blended_levels, error_histogram
@@ -80,8 +80,10 @@ def test_rounds_find_the_best_levels_of_a_known_curve(seed: int) -> None:
 def test_a_share_of_the_levels_lies_where_it_is_wanted_whatever_the_errors() -> None:
     """Errors of bright samples draw the levels away from the darks, but for those that stay there."""
     x = np.random.default_rng(0).uniform(0.5, 1.0, (2000, 3))
-    wanted = EVEN + 0.2 * np.where(np.arange(BINS) < BINS // 10, 10.0 / BINS, 0.0)
-    drawn, kept = (equidistributed_levels(x, np.ones(len(x)), uniform_levels(33), floor=one) for one in (EVEN, wanted))
+    expected = EVEN_DENSITY + 0.2 * np.where(np.arange(BINS) < BINS // 10, 10.0 / BINS, 0.0)
+    drawn, kept = (
+        equidistributed_levels(x, np.ones(len(x)), uniform_levels(33), floor=one) for one in (EVEN_DENSITY, expected)
+    )
     for few, more in zip(drawn, kept, strict=True):
         assert np.count_nonzero(few < 0.1) <= 3
         assert np.count_nonzero(more < 0.1) >= 7

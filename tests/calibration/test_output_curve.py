@@ -46,6 +46,6 @@ def test_linear_light_runs_on_across_the_clipping(curve: OutputCurve) -> None:
 def test_it_is_the_response_between_the_ends() -> None:
     curve = output_curve(Response(np.repeat(SRGB[:, None], 3, axis=1)))
     linear = np.random.default_rng(2).random((500, 3))
-    wanted = np.interp(linear, SRGB, CODES)
+    expected = np.interp(linear, SRGB, CODES)
     found = apply_curve(curve.table, curve.continued(linear))
-    np.testing.assert_allclose(found, wanted, atol=4e-3)  # PCHIP between 33 knots
+    np.testing.assert_allclose(found, expected, atol=4e-3)  # PCHIP between 33 knots

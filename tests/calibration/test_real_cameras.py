@@ -31,8 +31,8 @@ SEEDS = (1, 2, 3, 4, 5)
 
 def errors(pairs: PublishedPairs, fit: Callable[[Array, Array], Callable[[Array], Array]], seed: int) -> Array:
     x, y = pairs.balanced, pairs.encoded
-    fitted, held = split(len(x), seed)
-    return np.asarray(np.linalg.norm(np.clip(fit(x[fitted], y[fitted])(x[held]), 0.0, 1.0) - y[held], axis=1))
+    fitted, held_out = split(len(x), seed)
+    return np.asarray(np.linalg.norm(np.clip(fit(x[fitted], y[fitted])(x[held_out]), 0.0, 1.0) - y[held_out], axis=1))
 
 
 def lattice(options: Options) -> Callable[[Array, Array], Lattice]:
@@ -90,12 +90,12 @@ def test_farther_out_than_any_sample(d40_pairs: PublishedPairs, where: str) -> N
     else:
         masks = [(sixth == one) & (radius > np.quantile(radius[sixth == one], 0.6)) for one in range(-3, 3)]
     means = []
-    for held in masks:
-        style = style_of(x[~held], y[~held])
+    for held_out in masks:
+        style = style_of(x[~held_out], y[~held_out])
         matrix, response = style.base.matrix, style.base.response
-        linear = RBFInterpolator(x[~held] @ matrix.T, response.linearize(y[~held]), kernel="linear", degree=1)
-        rendered = style.model.render(x[held]), response.encode(linear(x[held] @ matrix.T))
-        means.append([np.linalg.norm(each - y[held], axis=1).mean() for each in rendered])
+        linear = RBFInterpolator(x[~held_out] @ matrix.T, response.linearize(y[~held_out]), kernel="linear", degree=1)
+        rendered = style.model.render(x[held_out]), response.encode(linear(x[held_out] @ matrix.T))
+        means.append([np.linalg.norm(each - y[held_out], axis=1).mean() for each in rendered])
     ours, thesis = np.mean(means, axis=0)
     assert ours < thesis, (ours, thesis)
 
@@ -144,8 +144,8 @@ def test_the_transfer_functions_are_what_is_printed(tmp_path: Path) -> None:
     run = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stderr
     stored = (EXAMPLES / "middlebury_transfer_functions.md").read_text()
-    for one, other in zip(run.stdout.splitlines(), stored.splitlines(), strict=True):
-        cells, expected = one.split("|"), other.split("|")
+    for first, second in zip(run.stdout.splitlines(), stored.splitlines(), strict=True):
+        cells, expected = first.split("|"), second.split("|")
         if len(cells) > 9 and cells[1].strip() not in ("camera", "---"):
             assert cells[1] == expected[1] and cells[-2] == expected[-2]
             assert float(cells[7]) == pytest.approx(float(expected[7]), abs=0.3)

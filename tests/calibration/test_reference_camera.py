@@ -15,7 +15,7 @@ from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.colour.srgb import srgb_to_lab
 from lutforge.errors import CalibrationError, ProfileError
 from lutforge.evaluation.evaluation import evaluate
-from lutforge.evaluation.methods import MODEL
+from lutforge.evaluation.methods import CAMERA_MODEL
 from lutforge.model.camera_profile import match
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response_profile import profile_of_response
@@ -47,14 +47,14 @@ def test_refinishing_works_and_the_own_raw_is_refused(samples: SampleSet) -> Non
     with pytest.raises(ProfileError, match="has no RAW"):
         profile.linearize("standard/daylight")
     raw = OWN.expose(surfaces(300, 4), "daylight") * 0.5
-    before, wanted = OWN.render(raw, "standard", "tungsten"), OWN.render(raw, "standard", "daylight")
-    seen = np.all((before > 0.03) & (before < 0.97) & (wanted > 0.03) & (wanted < 0.97), axis=1)
+    before, expected = OWN.render(raw, "standard", "tungsten"), OWN.render(raw, "standard", "daylight")
+    seen = np.all((before > 0.03) & (before < 0.97) & (expected > 0.03) & (expected < 0.97), axis=1)
     after = profile.refinish("standard/tungsten", "standard/daylight")(before)
-    plain = np.sqrt(np.mean((before[seen] - wanted[seen]) ** 2))
-    error = np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2))
+    plain = np.sqrt(np.mean((before[seen] - expected[seen]) ** 2))
+    error = np.sqrt(np.mean((after[seen] - expected[seen]) ** 2))
     assert error < 0.04  # the thesis reaches 0.02 with the camera's own RAW; the sensors differ by more than a matrix
     assert error < 0.3 * plain
-    rows = [row for row in evaluate(profile, samples).rows if row.method == MODEL and row.shot == "all"]
+    rows = [row for row in evaluate(profile, samples).rows if row.method == CAMERA_MODEL and row.shot == "all"]
     assert {row.direction for row in rows} == {"render", "linearize"}
     assert all(row.figures.mean < 0.03 for row in rows)
 
@@ -75,17 +75,17 @@ def test_a_dial_that_is_wrong_for_the_light_needs_nothing_neutral() -> None:
             parts.append(replace(taken, raw_camera=np.full(len(raw), REFERENCE.name)))
     carried, _ = own_raw(concatenate(parts))
     for balance in ("tungsten", "shade"):
-        found, wanted = (
+        found, expected = (
             np.median(carried.wb[carried.white_balance == balance], axis=0)
             / np.median(carried.wb[carried.white_balance == "daylight"], axis=0),
             OWN.multipliers(balance) / OWN.multipliers("daylight"),
         )
-        np.testing.assert_allclose(found, wanted, rtol=0.12)  # the sensors differ by more than a matrix
+        np.testing.assert_allclose(found, expected, rtol=0.12)  # the sensors differ by more than a matrix
     profile = calibrate(concatenate(parts), CalibrationOptions(size=13))
-    before, wanted = (OWN.render(0.4 * raws["own"], "standard", balance) for balance in ("tungsten", "daylight"))
-    seen = np.all((before > 0.03) & (before < 0.97) & (wanted > 0.03) & (wanted < 0.97), axis=1)
+    before, expected = (OWN.render(0.4 * raws["own"], "standard", balance) for balance in ("tungsten", "daylight"))
+    seen = np.all((before > 0.03) & (before < 0.97) & (expected > 0.03) & (expected < 0.97), axis=1)
     after = profile.refinish("standard/tungsten", "standard/daylight")(before)
-    assert np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2)) < 0.02
+    assert np.sqrt(np.mean((after[seen] - expected[seen]) ** 2)) < 0.02
 
 
 def test_shots_that_are_too_dark_do_not_bend_the_response(samples: SampleSet) -> None:
@@ -160,9 +160,9 @@ def fit(light: str, noise: float = 0.0) -> RawTransfer:
 
 
 def rendered_error(light: str, raw: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
-    got, wanted = (B.render(values, "standard", light) for values in (raw, truth))
-    inside = np.all((wanted > 0.004) & (wanted < 0.996), axis=1)
-    return float(np.sqrt(np.mean((got - wanted)[inside] ** 2)))
+    got, expected = (B.render(values, "standard", light) for values in (raw, truth))
+    inside = np.all((expected > 0.004) & (expected < 0.996), axis=1)
+    return float(np.sqrt(np.mean((got - expected)[inside] ** 2)))
 
 
 def test_other_colours_come_out_as_the_other_camera_sees_them() -> None:

@@ -23,7 +23,7 @@ from lutforge.cli.console import quiet_codecs
 from lutforge.errors import LutForgeError
 from lutforge.grading.grade import LutRecipe
 from lutforge.grading.image import apply_image
-from lutforge.images.packets import add_packets
+from lutforge.images.packet_writer import add_packets
 from lutforge.images.raw import read_raw
 from lutforge.kits.dcp import DngProfile, write_dcp
 from lutforge.kits.icc import IccProfile, write_icc

@@ -16,7 +16,8 @@ from scipy.optimize import least_squares
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.spectra import light, linear_srgb_under, reflectances, surface_reflectances
-from lutforge.pipeline.input_transform import SPACE, write_input_transform
+from lutforge.pipeline.chart_patches import SPACE
+from lutforge.pipeline.input_transform import write_input_transform
 from lutforge.samples.chart import chart_kind
 from lutforge.samples.sample_set import Text
 from lutforge.simulate.camera import LIGHT_OF_WHITE_BALANCE, SimulatedCamera
@@ -78,11 +79,11 @@ def debevec_and_matrix(encoded: Array, seconds: Array, target: Array, patch: Tex
         return np.stack([np.interp(values[..., c], codes, curves[:, c]) for c in range(3)], axis=-1)
 
     seen = linear(encoded) / seconds[:, None]
-    wanted = _lab(target / target.max())
+    expected = _lab(target / target.max())
     start = np.linalg.lstsq(seen, target / target.max())[0]
 
     def residual(entries: Array) -> Array:
-        return np.asarray((_lab(seen @ entries.reshape(3, 3)) - wanted).ravel())
+        return np.asarray((_lab(seen @ entries.reshape(3, 3)) - expected).ravel())
 
     matrix = least_squares(residual, start.ravel()).x.reshape(3, 3)
     return lambda values: linear(values) @ matrix

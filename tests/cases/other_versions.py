@@ -49,9 +49,9 @@ def oiiotool(version: str) -> Path:
     tool = places.get(version, folder("openimageio", version) / "bin" / "oiiotool")
     if not tool.exists():
         pytest.skip(f"oiiotool {version} is not installed: make other-versions, for 2.4 openimageio-tools")
-    said = subprocess.run([tool, "--version"], capture_output=True, text=True).stdout.strip()
-    if not said.startswith(version):
-        pytest.skip(f"oiiotool {version} is not installed, but {said}")
+    output = subprocess.run([tool, "--version"], capture_output=True, text=True).stdout.strip()
+    if not output.startswith(version):
+        pytest.skip(f"oiiotool {version} is not installed, but {output}")
     return tool
 
 
@@ -68,8 +68,8 @@ def blender(version: str) -> list[str]:
 
 def install() -> None:
     """Install what is missing; a version without a wheel for this Python is named and left out."""
-    wanted = {"opencolorio": OPENCOLORIO, "openimageio": OPENIMAGEIO, "bpy": BLENDER, "colour-clf-io": (CLF_READER,)}
-    for package, versions in wanted.items():
+    expected = {"opencolorio": OPENCOLORIO, "openimageio": OPENIMAGEIO, "bpy": BLENDER, "colour-clf-io": (CLF_READER,)}
+    for package, versions in expected.items():
         for version in versions:
             place = folder(package, version)
             if (place / "installed").exists():

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from lutforge.atomic_write import atomic_path
-from lutforge.luts.programs import GARBAGE, LEAVES, PROGRAMS, READS, REFUSES, UNKNOWN, Program
+from lutforge.luts.lut_programs import GARBAGE, LEAVES, NOT_KNOWN, PROGRAMS, READS, REFUSES, Program
 
 PAGE = Path(__file__).resolve().parents[2] / "examples" / "guide" / "files.md"
 KINDS = {
@@ -25,7 +25,7 @@ KINDS = {
 }
 """The columns of the table, and the kind of file of each as `check` names it."""
 
-SHORT = {READS: "read", REFUSES: "refused", UNKNOWN: "–"}
+SHORT = {READS: "read", REFUSES: "refused", NOT_KNOWN: "–"}
 """What fits into a cell, instead of a whole verdict."""
 
 WITHIN = {GARBAGE: "**wrong colours**", LEAVES: "**picture left as it is**"}
@@ -60,7 +60,7 @@ def table() -> str:
 
 
 def _cell(program: Program, kind: str) -> str:
-    verdict = program.does.get(kind, program.otherwise if program.tried else UNKNOWN)
+    verdict = program.does.get(kind, program.otherwise if program.tried else NOT_KNOWN)
     for words, short in WITHIN.items():
         verdict = verdict.replace(words, short)
     return SHORT.get(verdict, verdict)

@@ -18,8 +18,8 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.looks import PROGRAM_NAMES as LISTED
 from lutforge.cli.looks import kit
 from lutforge.cli.main import main
-from lutforge.kits.programs import KITS
-from lutforge.luts.programs import PROGRAMS
+from lutforge.kits.all_kits import KITS
+from lutforge.luts.lut_programs import PROGRAMS
 from lutforge.pipeline.calibration import calibrate
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dng import write_dng
@@ -158,10 +158,10 @@ def test_a_transfer_between_shots_of_different_things(refused: Refused, tmp_path
 
 def test_a_cube_of_footage_tells_how_bright_its_worst_light_is(lutforge: CommandLine, profile: Path) -> None:
     words = ("bake", "camera.npz", "render", "--to", "standard/daylight", "--space")
-    said = lutforge(*words, "vlog", "--size", "9", "-o", "a.cube", "-o", "a.clf", cwd=profile).stderr
-    (light,) = re.findall(r"a\.cube: the largest difference is at light (\d+) times as bright as white", said)
+    message = lutforge(*words, "vlog", "--size", "9", "-o", "a.cube", "-o", "a.clf", cwd=profile).stderr
+    (light,) = re.findall(r"a\.cube: the largest difference is at light (\d+) times as bright as white", message)
     assert 1 < int(light) <= 46  # where V-Log ends
-    assert "a.clf: the largest" not in said
+    assert "a.clf: the largest" not in message
 
 
 def test_the_command_alone_prints_its_help(lutforge: CommandLine) -> None:
@@ -231,13 +231,13 @@ def test_a_terminal_gets_no_control_characters_of_a_file(lutforge: CommandLine, 
     shown = lutforge("inspect", "samples.csv", cwd=tmp_path)
     assert "Cam?]0;x??2J" in shown.stdout
     for words in (("samples.csv",), ("sam\x1b[2Jples.csv",), ("sam\x1b[2Jples.csv", "samples.csv")):
-        told = lutforge("inspect", *words, cwd=tmp_path, status=2 * (words != ("samples.csv",)))
-        assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]", told.stdout + told.stderr), words
+        output = lutforge("inspect", *words, cwd=tmp_path, status=2 * (words != ("samples.csv",)))
+        assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]", output.stdout + output.stderr), words
 
 
 @pytest.mark.parametrize("name", ["look.json", "samples.tsv", "samples.xlsx"])
 def test_files_with_neither_samples_nor_raw_are_told_what_does(refused: Refused, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("camera\tstyle\n" * 20)
     for command in ("calibrate", "sample"):
-        said = refused(tmp_path, command, name)
-        assert "not a RAW file" in said and ".csv or .npz" in said and "damaged" not in said
+        words = refused(tmp_path, command, name)
+        assert "not a RAW file" in words and ".csv or .npz" in words and "damaged" not in words

@@ -42,11 +42,11 @@ def interrupted(folder: Path, seconds: float, *words: object, number: int = sign
         _, status, usage = os.wait4(run.pid, 0)
         took, run.returncode = time.monotonic() - began, os.waitstatus_to_exitcode(status)
         assert run.stderr is not None
-        said = run.stderr.read().splitlines()
+        message = run.stderr.read().splitlines()
     if run.returncode == 0:  # the signal came when all was done
         return False
     assert run.returncode == -number
-    assert said[-1] == "lutforge: stopped"
+    assert message[-1] == "lutforge: stopped"
     assert usage.ru_utime + usage.ru_stime - worked.user - worked.system < 0.5
     assert took < 60.0  # it waits for none of the programs that it runs, which may take ten minutes
     assert not [

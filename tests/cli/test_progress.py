@@ -62,9 +62,9 @@ def test_a_bar_on_the_terminal_takes_nothing_from_a_pipe(tmp_path: Path) -> None
             while part := os.read(ours, 1 << 16):
                 shown += part
         os.close(ours)
-        said, _ = run.communicate(timeout=60)
+        message, _ = run.communicate(timeout=60)
     assert b"checking" in shown
     assert b"look.cube" in shown
-    assert "9³ nodes" in said
+    assert "9³ nodes" in message
     assert "9³ nodes".encode() not in shown
-    assert "\x1b" not in said
+    assert "\x1b" not in message

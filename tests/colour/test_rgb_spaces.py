@@ -89,8 +89,8 @@ def test_matrices_are_those_of_colour_sciences_chromaticities(name: str) -> None
     assert np.array_equal(CHROMATICITIES[name], [*second.primaries, second.whitepoint])
     for space in (first, second):
         space.use_derived_transformation_matrices(True)
-    wanted = colour.matrix_RGB_to_RGB(first, second, chromatic_adaptation_transform="Bradford")
-    assert np.abs(matrix_between("linear-srgb", name) - wanted).max() < 1e-12
+    expected = colour.matrix_RGB_to_RGB(first, second, chromatic_adaptation_transform="Bradford")
+    assert np.abs(matrix_between("linear-srgb", name) - expected).max() < 1e-12
 
 
 def test_names_are_taken_in_any_case_and_unknown_ones_listed() -> None:

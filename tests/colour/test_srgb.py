@@ -13,8 +13,8 @@ def test_it_is_that_of_colour_science() -> None:
     second: Array = rng.uniform([0, -128, -128], [100, 128, 128], (50_000, 3))
     first[:100, 1:] = 0.0
     second[50:150, 1:] = 0.0
-    wanted = colour.delta_E(first, second, method="CIE 2000")
-    np.testing.assert_allclose(lab_delta_e_2000(first, second), wanted, atol=1e-10)
+    expected = colour.delta_E(first, second, method="CIE 2000")
+    np.testing.assert_allclose(lab_delta_e_2000(first, second), expected, atol=1e-10)
     encoded = rng.random((10_000, 3))
     space = colour.RGB_COLOURSPACES["sRGB"]
     linear = colour.models.eotf_sRGB(encoded)

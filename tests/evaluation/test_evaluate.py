@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.style import unclipped
 from lutforge.evaluation import evaluation as evaluation_module
 from lutforge.evaluation.evaluation import Evaluation, evaluate

@@ -93,11 +93,11 @@ def test_grading_comes_near_what_the_cameras_own_functions_would_make(demo: tupl
     before = read_image(folder / "shots/held-out/held-out.JPG").pixels
     camera = nikon_d5100()
     perfect = camera.render(camera.linearize(before, "standard", "tungsten"), "vivid", "daylight", 0.7)
-    wanted = read_image(folder / "shots/held-out/wanted.JPG").pixels
+    expected = read_image(folder / "shots/held-out/wanted.JPG").pixels
     after = read_image(folder / "graded/held-out.JPG").pixels
 
     def rmse(image: NDArray[np.floating]) -> float:
-        return float(np.sqrt(np.mean((image - wanted) ** 2)))
+        return float(np.sqrt(np.mean((image - expected) ** 2)))
 
     # Noise and compression of the JPEG leave the camera's own functions an error, too. What comes on top is saturated
     # colours that no calibration shot shows.

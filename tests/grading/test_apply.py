@@ -54,8 +54,8 @@ def test_premultiplied_colours_are_graded_as_colours(lut: Lut, lut_file: Path) -
     pixels[..., :3] *= pixels[..., 3:]
     pixels[0, 0, :3] = (0.25, 0.5, 0.75)  # light without coverage, such as a flame
     graded = apply_to_pixels(file_processor(lut_file), pixels, premultiplied=True)
-    wanted = lut(straight[..., :3]) * straight[..., 3:]
-    np.testing.assert_allclose(graded[1:, :, :3], wanted[1:], atol=2e-5)
+    expected = lut(straight[..., :3]) * straight[..., 3:]
+    np.testing.assert_allclose(graded[1:, :, :3], expected[1:], atol=2e-5)
     np.testing.assert_array_equal(graded[0, 0], pixels[0, 0])
 
 

@@ -145,10 +145,10 @@ def test_apply_through_a_view_of_a_config(tmp_path: Path, lutforge: CommandLine,
     pixels = write_picture(tmp_path / "a.exr", kind="float")
     command = ("apply", "config.ocio", "a.exr", "--from", "log look", "-o", "seen")
     lutforge(*command, "--view", "A View", "--display", "a screen", cwd=tmp_path)
-    wanted = pixels.copy()
+    expected = pixels.copy()
     forward = OCIO.TRANSFORM_DIR_FORWARD
-    config.getProcessor("log look", "a screen", "a view", forward).getDefaultCPUProcessor().applyRGB(wanted)
-    np.testing.assert_allclose(read_image(tmp_path / "seen" / "a.exr").pixels, wanted, atol=1e-6)
+    config.getProcessor("log look", "a screen", "a view", forward).getDefaultCPUProcessor().applyRGB(expected)
+    np.testing.assert_allclose(read_image(tmp_path / "seen" / "a.exr").pixels, expected, atol=1e-6)
     lutforge("apply", "config.ocio", "a.exr", "--from", "scene", "--view", "Raw", "-o", "first", cwd=tmp_path)
     np.testing.assert_array_equal(read_image(tmp_path / "first" / "a.exr").pixels, pixels)
 

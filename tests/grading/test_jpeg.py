@@ -81,22 +81,23 @@ def assert_metadata_kept(before: JpegHeader, after: JpegHeader) -> None:
     assert comment.body.startswith(b"LutForge")
     kept = [segment for segment in before.segments if not segment.body.startswith(b"MPF\0")]
     assert [segment.marker for segment in segments] == [segment.marker for segment in kept]
-    for one, other in zip(kept, segments, strict=True):
-        place = exif_places(one.body[6:]).get("next directory") if one.body.startswith(b"Exif\0\0") else None
+    for first, second in zip(kept, segments, strict=True):
+        place = exif_places(first.body[6:]).get("next directory") if first.body.startswith(b"Exif\0\0") else None
         if place is None:
-            assert one == other
+            assert first == second
         else:
             hole = slice(place.start + 6, place.stop + 6)
-            assert one.body[: hole.start] + one.body[hole.stop :] == other.body[: hole.start] + other.body[hole.stop :]
-            assert any(one.body[hole]) and not any(other.body[hole])
+            assert first.body[: hole.start] == second.body[: hole.start]
+            assert first.body[hole.stop :] == second.body[hole.stop :]
+            assert any(first.body[hole]) and not any(second.body[hole])
 
 
-@pytest.mark.parametrize("said", ["xmp", "iso"])
-def test_a_gain_map_that_is_left_out_is_said(tmp_path: Path, grade: Grade, said: str) -> None:
+@pytest.mark.parametrize("declared_in", ["xmp", "iso"])
+def test_a_gain_map_that_is_left_out_is_said(tmp_path: Path, grade: Grade, declared_in: str) -> None:
     source = with_everything(tmp_path / "a.jpg")
     plain = apply_image(grade, source, tmp_path / "plain.jpg")
     xmp = b"http://ns.adobe.com/xap/1.0/\0<x xmlns:hdrgm='http://ns.adobe.com/hdr-gain-map/1.0/'/>"
-    body = Segment(0xE1, xmp) if said == "xmp" else Segment(0xE2, b"urn:iso:std:iso:ts:21496:-1\0\0\0\0\0")
+    body = Segment(0xE1, xmp) if declared_in == "xmp" else Segment(0xE2, b"urn:iso:std:iso:ts:21496:-1\0\0\0\0\0")
     data = source.read_bytes()
     source.write_bytes(data[:2] + body.stored + data[2:] + data)  # behind the picture lies another
     done = apply_image(grade, source, tmp_path / "ultra.jpg")
@@ -117,16 +118,16 @@ def test_metadata_tables_and_chroma_stay(tmp_path: Path, grade: Grade, whole: bo
         assert before.tables == after.tables
     assert before.sampling == after.sampling == ((2, 1), (1, 1), (1, 1))
     assert tags(done.target)[SOFTWARE] == "LutForge" and after.comments[-1].endswith("graded with look.cube")
-    wanted = apply_to_pixels(grade.processor, read_image(source).pixels)
-    np.testing.assert_allclose(read_image(done.target).pixels, wanted, atol=6 / 255)
+    expected = apply_to_pixels(grade.processor, read_image(source).pixels)
+    np.testing.assert_allclose(read_image(done.target).pixels, expected, atol=6 / 255)
 
 
 def test_codes_are_those_of_floats_rounded(grade: Grade) -> None:
     codes = np.random.default_rng(0).integers(0, 256, (300, 501, 4), dtype=np.uint8)
-    wanted = 255 * np.clip(apply_to_pixels(grade.processor, np.divide(codes[..., :3], 255, dtype=np.float32)), 0, 1)
+    expected = 255 * np.clip(apply_to_pixels(grade.processor, np.divide(codes[..., :3], 255, dtype=np.float32)), 0, 1)
     assert grade.codes is not None
     grade_codes(grade.codes, codes, None)
-    assert np.abs(codes[..., :3] - wanted).max() <= 0.5 + 1e-3
+    assert np.abs(codes[..., :3] - expected).max() <= 0.5 + 1e-3
 
 
 @pytest.mark.parametrize(
@@ -138,9 +139,9 @@ def test_other_ways_to_code(tmp_path: Path, grade: Grade, options: dict[str, obj
     source = tmp_path / "a.jpg"
     Pillow.fromarray(smooth()).save(source, "JPEG", **{"quality": 95, **options})
     done = apply_image(grade, source, tmp_path / "b.jpg")
-    wanted = apply_to_pixels(grade.processor, read_image(source).pixels)
+    expected = apply_to_pixels(grade.processor, read_image(source).pixels)
     coarse = "quality" in options
-    np.testing.assert_allclose(read_image(done.target).pixels, wanted, atol=(20 if coarse else 6) / 255)
+    np.testing.assert_allclose(read_image(done.target).pixels, expected, atol=(20 if coarse else 6) / 255)
     if "keep_rgb" not in options:
         assert header_of(source).tables == header_of(done.target).tables
 

@@ -92,9 +92,9 @@ def test_small_odd_and_transparent_pictures(
     write_picture(tmp_path / name, size, kind, channels=channels)
     (done,) = apply_batch(cube, [tmp_path / name], tmp_path / "out").done
     before, after = read_image(tmp_path / name), read_image(tmp_path / "out" / name)
-    wanted = apply_to_pixels(cube.grade(done.source).processor, before.pixels, is_premultiplied(before.spec))
-    wanted = np.clip(wanted, 0, 1) if kind.startswith("uint") else wanted
-    np.testing.assert_allclose(after.pixels, wanted, atol=0.02 if name.endswith("jpg") else 0.003)
+    expected = apply_to_pixels(cube.grade(done.source).processor, before.pixels, is_premultiplied(before.spec))
+    expected = np.clip(expected, 0, 1) if kind.startswith("uint") else expected
+    np.testing.assert_allclose(after.pixels, expected, atol=0.02 if name.endswith("jpg") else 0.003)
     assert after.spec.format == kind
 
 
@@ -215,12 +215,12 @@ def test_the_profile_of_adobe_rgb_is_adobe_rgb() -> None:
     convert = ImageCms.buildTransform(adobe, srgb, "RGB", "RGB", renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC)
     converted = ImageCms.applyTransform(Picture.fromarray(codes), convert)
     assert converted is not None
-    wanted = 255 * colour.RGB_to_RGB(
+    expected = 255 * colour.RGB_to_RGB(
         codes / 255, "Adobe RGB (1998)", "sRGB", apply_cctf_decoding=True, apply_cctf_encoding=True
     )
-    inside = np.all((wanted > 2) & (wanted < 253), axis=-1)
+    inside = np.all((expected > 2) & (expected < 253), axis=-1)
     assert inside.sum() > 50
-    np.testing.assert_allclose(np.asarray(converted)[inside], wanted[inside], atol=0.6)
+    np.testing.assert_allclose(np.asarray(converted)[inside], expected[inside], atol=0.6)
 
 
 @pytest.mark.slow

@@ -83,7 +83,7 @@ def truth(shot: Photograph, folder: Path, style: str, balance: str) -> NDArray[n
     return read_image(develop_again(nikon_d5100(), shot, settings, folder / f"{style}-{balance}.jpg")).pixels
 
 
-def error(before: NDArray[np.float32], after: NDArray[np.float32], wanted: NDArray[np.float32]) -> float:
+def error(before: NDArray[np.float32], after: NDArray[np.float32], expected: NDArray[np.float32]) -> float:
     """RMSE of the means of 8 × 8 pixels of which none is clipped, before or after."""
 
     def tiles(picture: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -91,10 +91,10 @@ def error(before: NDArray[np.float32], after: NDArray[np.float32], wanted: NDArr
         return picture[:height, :width].reshape(height // 8, 8, width // 8, 8, 3)
 
     usable = (
-        (tiles(before) > 0.002) & (tiles(before) < 0.998) & (tiles(wanted) > 0.002) & (tiles(wanted) < 0.998)
+        (tiles(before) > 0.002) & (tiles(before) < 0.998) & (tiles(expected) > 0.002) & (tiles(expected) < 0.998)
     ).all(axis=(1, 3, 4))
     assert usable.mean() > 0.3
-    return float(np.sqrt(np.mean((tiles(after) - tiles(wanted)).mean(axis=(1, 3))[usable] ** 2)))
+    return float(np.sqrt(np.mean((tiles(after) - tiles(expected)).mean(axis=(1, 3))[usable] ** 2)))
 
 
 @pytest.mark.slow
@@ -106,8 +106,8 @@ def test_pairs_on_an_unseen_scene(recipe_of: Recipes, profile: CameraProfile, sh
         for target in settings:
             if source != target:
                 recipe = recipe_of("/".join(source), "/".join(target))
-                given, wanted = (profile.selector("/".join(setting)) for setting in (source, target))
-                chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, wanted))
+                given, expected = (profile.selector("/".join(setting)) for setting in (source, target))
+                chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, expected))
                 # One of highlights between those of the model.
                 assert sum(isinstance(op, Cube) for op in chain.ops) == 3
                 after = evaluate(chain.processor(), pictures[source])
@@ -185,8 +185,8 @@ def test_clipped_whites_and_blacks_stay_neutral(recipe_of: Recipes, profile: Cam
     greys = render(np.linspace(0.0, 1.0, 4097)[:, None].repeat(3, axis=1))
     for ev in (-1.0, 0.0, 1.0):
         recipe = recipe_of("standard/tungsten", "vivid/shade", ev)
-        given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
-        chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, wanted, ev))
+        given, expected = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
+        chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, expected, ev))
         white, black = evaluate(chain.processor(), np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]))
         # One of the greys that the camera makes, within half a code
         assert np.linalg.norm(greys - white, axis=1).min() < 0.5 / 255
@@ -214,10 +214,10 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(recipe_of: Recipes, sho
     assert written.spec.get_float_attribute("ExposureTime") > 0
     assert written.spec.get_int_attribute("Exif:RecommendedExposureIndex") == 100  # OpenImageIO's TIFFs have no other
     rendered = written.pixels
-    wanted = truth(shot, tmp_path, "vivid", "daylight")
-    top, left = ((a - b) // 2 for a, b in zip(rendered.shape[:2], wanted.shape[:2], strict=True))
-    cut = rendered[top : top + wanted.shape[0], left : left + wanted.shape[1]]
-    assert error(wanted, cut, wanted) < 0.012
+    expected = truth(shot, tmp_path, "vivid", "daylight")
+    top, left = ((a - b) // 2 for a, b in zip(rendered.shape[:2], expected.shape[:2], strict=True))
+    cut = rendered[top : top + expected.shape[0], left : left + expected.shape[1]]
+    assert error(expected, cut, expected) < 0.012
     as_shot = recipe_of().grade(shot.dng)
     assert as_shot.history.endswith("standard/tungsten")
     darker = recipe_of(ev=-2.0).grade(shot.dng)
@@ -315,11 +315,11 @@ def test_notes_that_files_share_are_one_line() -> None:
 def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do() -> None:
     camera = small_profile()
     settings = ShotMetadata(camera.camera, "standard", "auto", None)
-    wanted = (
+    expected = (
         r'a\.jpg: its white balance is "auto", and .* multipliers .*; put its RAW file beside it, name it with --from '
         r"standard/WB, where WB is .*, a temperature from \d+K to \d+K; `lutforge studio`"
     )
-    with pytest.raises(SettingsError, match=wanted):
+    with pytest.raises(SettingsError, match=expected):
         source_selector(Path("a.jpg"), settings, camera)
 
 

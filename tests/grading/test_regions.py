@@ -44,9 +44,9 @@ def test_regions_give_the_whole(
     before, after = read_image(tmp_path / name), read_image(tmp_path / target)
     whole = apply_to_pixels(grade.processor, before.pixels, is_premultiplied(before.spec))
     step = {"uint8": 255, "uint16": 65535}.get(str(after.spec.format))
-    wanted = np.clip(whole, 0, 1) if step else whole
+    expected = np.clip(whole, 0, 1) if step else whole
     tolerance = 0.51 / step if step else 1e-3 if after.spec.format == "half" else 0
-    np.testing.assert_allclose(after.pixels, wanted, atol=tolerance)
+    np.testing.assert_allclose(after.pixels, expected, atol=tolerance)
     assert (done.width, done.height) == (90, 150)
     assert after.spec.get_int_attribute("Orientation", 1) == orientation
 

@@ -17,7 +17,7 @@ from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.images.tiff import read_directory
 from lutforge.images.write import write_image
-from lutforge.pipeline.kits import compare_with_jpeg
+from lutforge.pipeline.kit_checks import compare_with_jpeg
 from lutforge.pipeline.photographs import picture_bytes, read_small
 from lutforge.samples.extract import extract
 from lutforge.shots.read import MIRROR_IMAGE, read_shot
@@ -98,11 +98,11 @@ def test_raw_files_are_rendered_upright(tmp_path: Path, shot: tuple[bytes, bytes
     np.testing.assert_array_equal(turned.pixels, upright(plain.pixels, orientation))
     assert turned.spec.get_int_attribute("Orientation", 1) == 1
     # Nothing else of the file is read otherwise
-    one, other = read_raw(tmp_path / "a.dng"), read_raw(tmp_path / "b.dng")
-    assert other.orientation == orientation
-    assert one.d65 is not None and other.d65 is not None
-    np.testing.assert_array_equal(one.d65, other.d65)
-    np.testing.assert_array_equal(one.pixels, other.pixels)
+    first, second = read_raw(tmp_path / "a.dng"), read_raw(tmp_path / "b.dng")
+    assert second.orientation == orientation
+    assert first.d65 is not None and second.d65 is not None
+    np.testing.assert_array_equal(first.d65, second.d65)
+    np.testing.assert_array_equal(first.pixels, second.pixels)
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "tif", "png", "heic"])
@@ -110,10 +110,10 @@ def test_raw_files_are_rendered_upright(tmp_path: Path, shot: tuple[bytes, bytes
 def test_pictures_are_graded_upright(tmp_path: Path, suffix: str, orientation: int) -> None:
     source = tmp_path / f"a.{suffix}"
     write_oriented(source, orientation)
-    wanted = upright(corners() / 255.0, orientation)
+    expected = upright(corners() / 255.0, orientation)
     write_cube(tmp_path / "same.cube", gamma=1.0)
     grade = LutRecipe(tmp_path / "same.cube").grade(source).processor
-    pixels = np.ascontiguousarray(wanted, dtype=np.float32)
+    pixels = np.ascontiguousarray(expected, dtype=np.float32)
     grade.applyRGB(pixels)
     plain_profile("Camera").save(tmp_path / "camera.npz")
     profile = ProfileRecipe((tmp_path / "camera.npz",), source="standard/daylight", target="standard/daylight")
@@ -121,9 +121,9 @@ def test_pictures_are_graded_upright(tmp_path: Path, suffix: str, orientation: i
         by_lut = apply_batch(LutRecipe(tmp_path / "same.cube"), [source], tmp_path / "lut", target)
         by_profile = apply_batch(profile, [source], tmp_path / "profile", target)
         assert not by_lut.failed and not by_profile.failed
-        for done, as_wanted in ((by_lut.done[0], pixels), (by_profile.done[0], wanted)):
+        for done, as_wanted in ((by_lut.done[0], pixels), (by_profile.done[0], expected)):
             after = shown(done.target)
-            assert after.shape == wanted.shape
+            assert after.shape == expected.shape
             assert np.median(np.abs(after - as_wanted)) < 0.02
 
 
@@ -132,16 +132,16 @@ def test_pictures_are_graded_upright(tmp_path: Path, suffix: str, orientation: i
 def test_the_studio_shows_pictures_upright(tmp_path: Path, suffix: str, orientation: int) -> None:
     path = tmp_path / f"a.{suffix}"
     write_oriented(path, orientation)
-    wanted = upright(corners() / 255.0, orientation)
+    expected = upright(corners() / 255.0, orientation)
     small = read_small(path, 1_000_000)
-    assert small.shape == wanted.shape
-    assert np.median(np.abs(small - wanted)) < 0.02
+    assert small.shape == expected.shape
+    assert np.median(np.abs(small - expected)) < 0.02
     with Image.open(BytesIO(picture_bytes(path))) as picture:
         assert picture.format in ("JPEG", "PNG")
         assert picture.format == "JPEG" or picture.getexif().get(274, 1) == 1  # not all browsers turn PNG files
         sent = np.asarray(ImageOps.exif_transpose(picture).convert("RGB")) / 255.0
-    assert sent.shape == wanted.shape
-    assert np.median(np.abs(sent - wanted)) < 0.02
+    assert sent.shape == expected.shape
+    assert np.median(np.abs(sent - expected)) < 0.02
 
 
 @pytest.mark.parametrize(

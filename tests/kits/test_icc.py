@@ -60,9 +60,9 @@ def test_little_cms_shows_the_model(bits: int, profile: CameraProfile, icc: Path
 
 def test_greys_stay_neutral_and_light_above_white_stays_white(profile: CameraProfile, icc: Path) -> None:
     grey = np.repeat(np.linspace(0.0, 1.0, 2000)[:, None], 3, axis=1)
-    shown, wanted = through_little_cms(icc, grey, 32), look_of(profile, "standard").render(grey)
-    assert np.abs(srgb_to_lab(shown) - srgb_to_lab(wanted))[:, 1:].max() <= 0.3
-    assert delta_e_2000(np.clip(shown, 0, 1), np.clip(wanted, 0, 1)).max() <= 0.5
+    shown, expected = through_little_cms(icc, grey, 32), look_of(profile, "standard").render(grey)
+    assert np.abs(srgb_to_lab(shown) - srgb_to_lab(expected))[:, 1:].max() <= 0.3
+    assert delta_e_2000(np.clip(shown, 0, 1), np.clip(expected, 0, 1)).max() <= 0.5
     bright = through_little_cms(icc, np.array([[1.0, 1.0, 1.0], [2.0, 3.0, 1.5], [100.0, 1.0, 4.0]]), 32)
     assert np.abs(bright - 1.0).max() < 2e-3
     warm = np.array([[1.0, 0.5, 0.2], [4.0, 0.5, 0.2]])
@@ -92,9 +92,9 @@ def test_colours_without_the_tone_curve_are_linear_in_greys(profile: CameraProfi
     assert delta_e_2000(srgb_encode(greys), srgb_encode(light)).max() < 0.5
     # At the lightness of the camera's picture, a colour is the picture's, the cast of greys too.
     x = 0.18 * np.random.default_rng(2).uniform(0.5, 1.5, (200, 3))
-    shown, wanted = srgb_decode(fitted(x)), np.clip(look.render(x), 0.0, 1.0)
-    again = shown * ((srgb_decode(wanted) @ luminance) / (shown @ luminance))[:, None]
-    assert delta_e_2000(np.clip(srgb_encode(again), 0.0, 1.0), wanted).mean() < 0.3
+    shown, expected = srgb_decode(fitted(x)), np.clip(look.render(x), 0.0, 1.0)
+    again = shown * ((srgb_decode(expected) @ luminance) / (shown @ luminance))[:, None]
+    assert delta_e_2000(np.clip(srgb_encode(again), 0.0, 1.0), expected).mean() < 0.3
 
 
 def test_colours_without_the_tone_curve_do_not_jump_where_a_channel_clips(profile: CameraProfile) -> None:
@@ -152,9 +152,9 @@ def test_a_lut_on_a_base_style_serves_all_white_balances(demo: tuple[Path, str],
     balanced = np.random.default_rng(5).random((5000, 3)) ** 2
     for name in camera.white_balances:
         jpeg = camera.render_balanced(f"standard/{name}")(balanced)
-        wanted = match(camera, f"standard/{name}", camera, f"vivid/{name}", neutral_highlights=False)(jpeg)
+        expected = match(camera, f"standard/{name}", camera, f"vivid/{name}", neutral_highlights=False)(jpeg)
         for path in files:
-            assert delta_e_2000(read_lut(path)(jpeg), wanted).mean() <= 0.3, (name, path.name)
+            assert delta_e_2000(read_lut(path)(jpeg), expected).mean() <= 0.3, (name, path.name)
 
 
 def test_another_cameras_look_on_a_base_style(profile: CameraProfile, tmp_path: Path) -> None:

@@ -12,11 +12,12 @@ import pytest
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError
 from lutforge.images.read import read_image
+from lutforge.kits.all_kits import KITS
 from lutforge.kits.install import install, read_journal, uninstall
 from lutforge.kits.places import Machine, place_of
-from lutforge.kits.programs import KITS
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.kits import install_kit, uninstall_kit, write_kit
+from lutforge.pipeline.kit_installation import install_kit, uninstall_kit
+from lutforge.pipeline.kits import write_kit
 from tests.cases.same_bytes import same_bytes
 from tests.conftest import CommandLine
 
@@ -114,9 +115,9 @@ def test_without_the_program_it_says_where_the_files_go(
     monkeypatch.setattr(shutil, "which", lambda command, **_: None)
     profile.save(tmp_path / "camera.npz")
     words = ("kit", "camera.npz", "--to", SETTING, "-o", "kit", "--install", "--for")
-    said = lutforge(*words, "darktable", cwd=tmp_path).stderr
-    assert "is not on this machine" in said
-    assert str(home / ".config" / "darktable" / "color" / "in") in said
+    message = lutforge(*words, "darktable", cwd=tmp_path).stderr
+    assert "is not on this machine" in message
+    assert str(home / ".config" / "darktable" / "color" / "in") in message
     assert "has no folder for them on this system" in lutforge(*words, "lightroom", cwd=tmp_path).stderr
     assert contents(home) == {}
     (tmp_path / "elsewhere").mkdir()  # a folder of settings that is named shows that the program is there

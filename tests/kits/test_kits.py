@@ -24,13 +24,14 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
+from lutforge.kits.all_kits import KITS
 from lutforge.kits.dcp import fit_dng_profile, read_dcp, write_dcp
 from lutforge.kits.icc import fit_icc_profile, write_icc
 from lutforge.kits.kit import look_of
-from lutforge.kits.programs import KITS
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.provenance import Developed
-from lutforge.pipeline.kits import KitCheck, check_kit, compare_with_jpeg, write_kit
+from lutforge.pipeline.kit_checks import KitCheck, check_kit, compare_with_jpeg
+from lutforge.pipeline.kits import write_kit
 from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_picture
@@ -297,7 +298,7 @@ def test_shots_of_a_shell_s_pattern_are_checked_and_those_of_the_calibration_mar
     def checked(folder: Path, shots: list[Path], progress: object) -> tuple[list[KitCheck], list[str]]:
         return [KitCheck(shot.name, 100, 1.0, 2.0, 3.0, 1.0, shot.stem == known) for shot in shots], []
 
-    monkeypatch.setattr("lutforge.pipeline.kits.check_kit", checked)
+    monkeypatch.setattr("lutforge.pipeline.kit_checks.check_kit", checked)
     profile.save(tmp_path / "camera.npz")
     words = ("kit", "camera.npz", "--to", SETTING, "-o", "kit", "--for", "DarkTable")
     run = lutforge(*words, "--check", f"{known}.CRW", "b.CRW", "c.CRW", cwd=tmp_path)

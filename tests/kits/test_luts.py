@@ -66,7 +66,7 @@ def test_the_kit_for_blender_prints_the_error_of_its_view(
 ) -> None:
     """In LutForge's own config and merged with the one of the Blender that is installed."""
     if not with_blender:
-        monkeypatch.setattr("lutforge.kits.programs.blender_config", lambda: None)
+        monkeypatch.setattr("lutforge.kits.all_kits.blender_config", lambda: None)
     elif blender_config() is None:
         pytest.skip("Blender is not installed")
     profile.save(tmp_path / "camera.npz")
@@ -83,8 +83,8 @@ def test_the_error_of_a_shaper_cube_counts_what_it_clips(profile: CameraProfile,
     request = TransformRequest("render", target=SETTING, space="acescg")
     (file,), notes = bake_files(profile, request, [tmp_path / "a.resolve.cube"], size=17)
     x = np.concatenate([scene(-0.1, 1.0)])
-    got, wanted = evaluate(file_processor(file.path), x), through_camera(profile, SETTING, "acescg")(x)
-    assert file.error.max > 0.5 * np.linalg.norm(got - wanted, axis=1).max()
+    got, expected = evaluate(file_processor(file.path), x), through_camera(profile, SETTING, "acescg")(x)
+    assert file.error.max > 0.5 * np.linalg.norm(got - expected, axis=1).max()
     assert any("the largest difference is at light" in note for note in notes)
 
 

@@ -17,10 +17,11 @@ from PIL import Image
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import LutForgeError
 from lutforge.images.read import read_image
-from lutforge.kits.programs import KITS
+from lutforge.kits.all_kits import KITS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.kits import check_kit, write_kit
+from lutforge.pipeline.kit_checks import check_kit
+from lutforge.pipeline.kits import write_kit
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.samples.sample_set import SampleSet
 from tests.cases.pictures import write_picture
@@ -153,8 +154,8 @@ def test_blender_renders_with_the_config(profile: CameraProfile, tmp_path: Path)
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     grey = read_image(tmp_path / "picture.png").pixels[16, 16, :3]
-    wanted = profile.render("standard/auto")(np.full(3, 0.18) / profile.multipliers("standard/auto"))
-    assert np.abs(grey - wanted).max() < 0.02
+    expected = profile.render("standard/auto")(np.full(3, 0.18) / profile.multipliers("standard/auto"))
+    assert np.abs(grey - expected).max() < 0.02
 
 
 def test_ffmpeg_runs_the_line_of_the_page(profile: CameraProfile, tmp_path: Path) -> None:

@@ -17,13 +17,13 @@ from lutforge.luts.bake import bake_steps, bake_to
 from lutforge.luts.forms import FORMS, Form
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.programs import Target
 from lutforge.luts.reading import file_processor
-from lutforge.luts.shaper import MAX_SHAPER_SIZE, SHORT_SHAPER_SIZE
+from lutforge.luts.shaper import MAX_SHAPER_SIZE
+from lutforge.luts.target import Target
 from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
+from lutforge.model.lattice import SHORT_SHAPER_SIZE, Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.response import Response
 from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Purpose, Stage, Transform
 from lutforge.pipeline.baking import bake
@@ -76,11 +76,11 @@ def points(count: int = 20000) -> Array:
 @pytest.mark.parametrize("method", INTERPOLATIONS)
 def test_a_fit_has_less_error_than_sampling(method: Interpolation) -> None:
     x = points()
-    wanted = look(x)
+    expected = look(x)
     fitted = bake(look, size=17, interpolation=method)
     uniform = bake(look, size=17, interpolation=method, form="plain")
     sampled = Lattice(uniform_levels(17), look(grid(uniform_levels(17))), method)
-    errors = [np.sqrt(np.mean((f(x) - wanted) ** 2)) for f in (fitted, uniform, sampled)]
+    errors = [np.sqrt(np.mean((f(x) - expected) ** 2)) for f in (fitted, uniform, sampled)]
     assert uniform.summary == "Cube 17³"
     assert errors[0] < 0.8 * errors[1]
     assert errors[1] < 0.75 * errors[2]
@@ -176,9 +176,9 @@ def test_stages_at_17_beat_one_cube_at_33(published_d40: CameraProfile) -> None:
     """A real camera's model, both ways: half the error with an eighth of the nodes."""
     x = points(8000)
     for transform in (published_d40.render("standard/daylight"), published_d40.linearize("standard/daylight")):
-        wanted = transform(x)
+        expected = transform(x)
         staged, one = bake(transform, size=17), bake(transform, size=33, form="plain")
-        ours, plain = (np.linalg.norm(lut(x) - wanted, axis=1) for lut in (staged, one))
+        ours, plain = (np.linalg.norm(lut(x) - expected, axis=1) for lut in (staged, one))
         assert ours.mean() < 0.5 * plain.mean()
         assert ours.max() < 0.5 * plain.max()
 

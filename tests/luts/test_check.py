@@ -49,7 +49,8 @@ def test_a_shaper_cube_names_its_victims(tmp_path: Path) -> None:
 def test_equal_numbers_of_raw_are_not_taken_for_grey(tmp_path: Path) -> None:
     falls = Cube(1.0 - grid(uniform_levels(5)))
     comments = input_and_output_of("render", "raw").comments
-    problems = [check_lut(Lut((falls,), comments=said).write(tmp_path / "a.cube")).problems for said in ((), comments)]
+    files = [Lut((falls,), comments=lines).write(tmp_path / f"{len(lines)}.cube") for lines in ((), comments)]
+    problems = [check_lut(file).problems for file in files]
     assert any("grey becomes darker" in problem for problem in problems[0])
     assert not any("grey becomes darker" in problem for problem in problems[1])
 
@@ -145,8 +146,8 @@ def test_houdini_cdls_and_parametric_operations_are_read_as_opencolorio_applies_
     )  # fmt: skip
     x = np.random.default_rng(0).random((1000, 3)) + 0.01
     for path in tmp_path.iterdir():
-        wanted = evaluate(file_processor(path), x)
-        np.testing.assert_allclose(read_lut(path)(x), wanted, atol=2e-3, err_msg=path.name)
+        expected = evaluate(file_processor(path), x)
+        np.testing.assert_allclose(read_lut(path)(x), expected, atol=2e-3, err_msg=path.name)
         assert check_lut(path).readers["OpenColorIO, Nuke"] == "reads it"
 
 
@@ -227,12 +228,12 @@ def test_grey_alarms_from_a_tenth_of_a_code_for_each_code(tmp_path: Path) -> Non
 def test_a_half_of_a_pair_is_called_so_and_a_vlt_names_its_cameras(tmp_path: Path) -> None:
     path = lut_of_nodes(LEVELS, grid(LEVELS) ** 0.5, size=9).write(tmp_path / "a.spi3d")
     for half in (path, path.with_suffix(".spi1d")):
-        said = " ".join(report_lines(check_lut(half)))
-        assert "one half of a pair" in said and "a.spi1d and then a.spi3d" in said
+        words = " ".join(report_lines(check_lut(half)))
+        assert "one half of a pair" in words and "a.spi1d and then a.spi3d" in words
     path.with_suffix(".spi1d").unlink()
     assert "of a pair" not in " ".join(report_lines(check_lut(path)))
-    said = " ".join(report_lines(check_lut(Lut((Cube(NODES),)).write(tmp_path / "a.vlt"))))
-    assert "Lumix" in said and "VariCam" in said
+    words = " ".join(report_lines(check_lut(Lut((Cube(NODES),)).write(tmp_path / "a.vlt"))))
+    assert "Lumix" in words and "VariCam" in words
 
 
 NODES = grid(uniform_levels(17))
@@ -259,8 +260,8 @@ def test_bent_preluts_in_ffmpeg(knots: Array, tmp_path: Path) -> None:
     tried = through_ffmpeg(path)
     assert tried is not None
     off = 255 * np.abs(tried[1] - lut(tried[0])).max()
-    said = check_lut(path).readers["ffmpeg"]
-    assert said != "reads it" or off < 5, (said, off)
+    words = check_lut(path).readers["ffmpeg"]
+    assert words != "reads it" or off < 5, (words, off)
 
 
 @pytest.mark.parametrize(("format", "size"), [("flame", 17), ("flame", 33), ("lustre", 17), ("lustre", 33)])

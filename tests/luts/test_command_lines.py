@@ -16,7 +16,7 @@ from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.images.read import read_image
 from lutforge.luts import command_lines
-from lutforge.luts.programs import PROGRAMS
+from lutforge.luts.lut_programs import PROGRAMS
 from lutforge.pipeline.baking import bake
 from tests.cases.pictures import write_picture
 

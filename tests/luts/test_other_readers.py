@@ -20,9 +20,9 @@ from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.luts.lut_programs import PROGRAMS as LUT_PROGRAMS
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.programs import PROGRAMS as LUT_PROGRAMS
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
@@ -302,7 +302,7 @@ def test_programs_do_with_other_files_what_the_table_says(tmp_path: Path, name: 
     picture = colours()
     for kind_of_file in ("png", "tif"):
         write_picture(tmp_path / f"in.{kind_of_file}", kind="uint16", pixels=picture)
-    x, wanted = picture.astype(np.float64), look(picture)
+    x, expected = picture.astype(np.float64), look(picture)
     for kind, path in write_kinds(tmp_path).items():
         says = LUT_PROGRAMS[name].does.get(kind, LUT_PROGRAMS[name].otherwise)
         shown = None
@@ -314,6 +314,6 @@ def test_programs_do_with_other_files_what_the_table_says(tmp_path: Path, name: 
             assert "refuses" in says, (kind, says)
             continue
         pixels = read_image(shown).pixels[..., :3].astype(np.float64)
-        right, same = (255 * np.abs(pixels - other).mean() for other in (wanted, x))
+        right, same = (255 * np.abs(pixels - other).mean() for other in (expected, x))
         assert ("as it is" in says) == (same < 1.0) or kind == "Hald image", (kind, says, same)
         assert ("wrong colours" in says) == (right > 4.0 and same > 4.0), (kind, says, right)

@@ -99,11 +99,11 @@ def test_a_hald_grades_as_any_other_lut(lutforge: CommandLine, tmp_path: Path, s
     codes = np.random.default_rng(0).integers(0, 256, (16, 16, 3), dtype=np.uint8)
     PIL.Image.fromarray(codes).save(tmp_path / "a.png")
     save(tmp_path / name, hald(look(grid(uniform_levels(size)))), kind)
-    told = lutforge("apply", name, "a.png", "-o", "graded", cwd=tmp_path)
-    wanted = 255 * look(codes / 255.0)
+    output = lutforge("apply", name, "a.png", "-o", "graded", cwd=tmp_path)
+    expected = 255 * look(codes / 255.0)
     shown = 255 * read_image(tmp_path / "graded" / "a.png").pixels
-    assert np.abs(shown - wanted).max() < (0.51 if size == 256 else 1.5)
-    assert ("8 bits per channel" in told.stderr) == (kind == "uint8")
+    assert np.abs(shown - expected).max() < (0.51 if size == 256 else 1.5)
+    assert ("8 bits per channel" in output.stderr) == (kind == "uint8")
 
 
 def test_a_hald_is_printed_for_a_farm_and_inspected(lutforge: CommandLine, tmp_path: Path) -> None:

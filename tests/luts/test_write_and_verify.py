@@ -12,12 +12,13 @@ from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.formats import FORMATS
+from lutforge.luts.lut_programs import PROGRAMS
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.programs import PROGRAMS, files_for, target_of
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import MAX_SHAPER_SIZE
+from lutforge.luts.target import files_for, target_of
 from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import grid, snap_levels, uniform_levels
@@ -162,8 +163,8 @@ def test_the_interpolation_asked_for_is_used(tmp_path: Path) -> None:
     path = lut.write(tmp_path / "a.shaper.cube")
     assert lut.cube is not None
     for method in INTERPOLATIONS:
-        wanted = replace(lut, ops=(*lut.ops[:-1], replace(lut.cube, interpolation=method)))
-        assert verify(path, wanted, wanted, display_referred=False).max < WITHIN
+        expected = replace(lut, ops=(*lut.ops[:-1], replace(lut.cube, interpolation=method)))
+        assert verify(path, expected, expected, display_referred=False).max < WITHIN
     assert verify(path, lut, lut, interpolation="trilinear", display_referred=False).max > 0.01
 
 
@@ -264,10 +265,10 @@ def test_no_dialect_takes_the_place_of_another() -> None:
 @pytest.mark.slow
 def test_a_program_without_a_name_and_a_file_named_twice(tmp_path: Path, profile: Path, lutforge: CommandLine) -> None:
     bake = partial(lutforge, "bake", profile, cwd=tmp_path)
-    wanted = ("refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--size", "5")
-    run = bake(*wanted, "--for", "resolve")
+    expected = ("refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--size", "5")
+    run = bake(*expected, "--for", "resolve")
     assert len(list(tmp_path.glob("*.cube"))) == 2
-    run = bake(*wanted, "-o", "a.clf", "-o", "./a.clf")
+    run = bake(*expected, "-o", "a.clf", "-o", "./a.clf")
     assert "named twice, written once" in run.stderr
     assert run.stdout.count("a.clf:") == 1
 

@@ -97,10 +97,10 @@ def test_everything_comes_back(saved: Path) -> None:
             np.testing.assert_array_equal(again.lattices[direction](x), lattice(x))
         for direction, coverage in style.coverage.items():
             np.testing.assert_array_equal(again.coverage[direction], coverage)
-        for one, other in zip(style.models, again.models, strict=True):
-            np.testing.assert_array_equal(other.render(x), one.render(x))
-            np.testing.assert_array_equal(other.linearize(x), one.linearize(x))
-            assert other.white_balances == one.white_balances
+        for model, loaded in zip(style.models, again.models, strict=True):
+            np.testing.assert_array_equal(loaded.render(x), model.render(x))
+            np.testing.assert_array_equal(loaded.linearize(x), model.linearize(x))
+            assert loaded.white_balances == model.white_balances
 
 
 PROVENANCES = [

@@ -122,9 +122,10 @@ def test_a_match_through_a_common_reference_joins_both_transfers() -> None:
     """Tc from one camera without RAW to another is that of both to their reference, whose own is none (thesis 6.3)."""
     first, second = (_physical_profile(name, MATRIX, raw_transfer=tc) for name, tc in (("A", NARROW), ("B", TRANSFER)))
     reference, grey = _physical_profile("Reference", 0.9 * MATRIX), RAW * [1.6, 0.8, 1.2]
-    for one, other in permutations((first, second, reference), 2):
-        matched = match(one, "standard/daylight", other, "standard/daylight")(one.render("standard/daylight")(grey))
-        np.testing.assert_allclose(matched, other.render("standard/daylight")(grey), atol=1e-6)
+    for camera_a, camera_b in permutations((first, second, reference), 2):
+        rendered = camera_a.render("standard/daylight")(grey)
+        matched = match(camera_a, "standard/daylight", camera_b, "standard/daylight")(rendered)
+        np.testing.assert_allclose(matched, camera_b.render("standard/daylight")(grey), atol=1e-6)
 
 
 def test_what_is_not_colours_on_0_to_1_is_refused() -> None:

@@ -109,15 +109,15 @@ def test_settings_that_no_profile_has_are_refused(words: str, says: str) -> None
 
 def test_a_setting_is_shifted_along_the_locus() -> None:
     profile = PROFILE
-    wanted = profile.multipliers("standard/5700K") / profile.multipliers("standard/5200K")
+    expected = profile.multipliers("standard/5700K") / profile.multipliers("standard/5200K")
     shifted = profile.multipliers("standard/daylight+500K") / profile.multipliers("standard/daylight")
-    np.testing.assert_allclose(shifted, wanted, rtol=0.02)
+    np.testing.assert_allclose(shifted, expected, rtol=0.02)
     mired = profile.multipliers(f"standard/daylight{1e6 / 5700 - 1e6 / 5200:+.4f}mired")
     np.testing.assert_allclose(mired, profile.multipliers("standard/daylight+500K"), rtol=1e-4)
     automatic = CameraProfile("Test", MATRIX, {"auto": KNOWN["auto"]}, {"standard": PictureStyle()})
     step = automatic.multipliers("standard/auto-20mired") / automatic.multipliers("standard/auto")
-    wanted = profile.multipliers("standard/daylight-20mired") / profile.multipliers("standard/daylight")
-    np.testing.assert_allclose(step, wanted, rtol=0.02)
+    expected = profile.multipliers("standard/daylight-20mired") / profile.multipliers("standard/daylight")
+    np.testing.assert_allclose(step, expected, rtol=0.02)
 
 
 def test_the_gain_of_a_setting_stays_with_a_tint() -> None:
@@ -227,12 +227,12 @@ def test_automatic_shots_refinish_to_presets_nearly_as_shots_on_these_presets_do
         before = CAMERA.render(raw, "standard", automatic(lit))
         given = "standard/" + ",".join(f"{value:.6f}" for value in automatic(lit))
         for name in names:
-            wanted = CAMERA.render(raw, "standard", name)
-            both = np.concatenate([before, wanted], axis=1)
+            expected = CAMERA.render(raw, "standard", name)
+            both = np.concatenate([before, expected], axis=1)
             whole = np.all((both > 0.01) & (both < 0.99), axis=1)
             for number, asked in enumerate((name, f"{CAMERA.white_balances[name].kelvin:g}K")):
                 made = profiles[number].refinish(given, f"standard/{asked}")(before[whole])
-                errors[number] += np.sqrt(np.mean((made - wanted[whole]) ** 2))
+                errors[number] += np.sqrt(np.mean((made - expected[whole]) ** 2))
     assert errors[1] <= 1.5 * errors[0], errors / 15
 
 

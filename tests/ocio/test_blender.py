@@ -68,8 +68,8 @@ def test_textures_of_existing_files_look_the_same(version: str, tmp_path: Path) 
 
     alone = write_config([plain_profile("Canon")], tmp_path / "alone")
     for name, texture in seen(version, alone, file, tmp_path / "with alone").items():
-        wanted = before[name] if name in DATA else before[name] @ from_linear_srgb("acescg").T
-        np.testing.assert_allclose(texture, wanted, atol=5e-4, err_msg=name)
+        expected = before[name] if name in DATA else before[name] @ from_linear_srgb("acescg").T
+        np.testing.assert_allclose(texture, expected, atol=5e-4, err_msg=name)
 
 
 @pytest.mark.parametrize("version", SPACES)

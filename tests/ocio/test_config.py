@@ -130,8 +130,8 @@ def test_jpeg_to_scene_linear_spaces_agree(written: Written) -> None:
     _, config, _, luts = written
     raw = luts["nikon_d40_standard_linearize.clf"](colours()) / GAINS["daylight"]
     for space, known in (("ACEScg", "acescg"), ("ACES2065-1", "aces2065-1"), ("lin_rec709", "linear-srgb")):
-        wanted = raw @ (from_linear_srgb(known) @ MATRIX * GAINS["daylight"]).T
-        np.testing.assert_allclose(convert(config, "nikon_d40_jpeg_standard_daylight", space), wanted, atol=3e-5)
+        expected = raw @ (from_linear_srgb(known) @ MATRIX * GAINS["daylight"]).T
+        np.testing.assert_allclose(convert(config, "nikon_d40_jpeg_standard_daylight", space), expected, atol=3e-5)
 
 
 def test_from_jpeg_to_jpeg_is_a_refinish(written: Written) -> None:
@@ -159,10 +159,10 @@ def test_a_look_of_a_style_refinishes_photographs_and_back(written: Written) -> 
     profile, config, _, _ = written
     for style in ("standard", "vivid"):
         name, source = f"Nikon D40 JPEG {style} tungsten → daylight", f"Nikon D40 JPEG {style} tungsten"
-        wanted = np.clip(profile.refinish(f"{style}/tungsten", f"{style}/daylight")(colours()), 0.0, 1.0)
-        assert np.linalg.norm(look(config, name, source) - wanted, axis=1).mean() < 0.002
-        wanted = np.clip(profile.refinish(f"{style}/daylight", f"{style}/tungsten")(colours()), 0.0, 1.0)
-        assert np.linalg.norm(look(config, f"-{name}", source) - wanted, axis=1).mean() < 0.002
+        expected = np.clip(profile.refinish(f"{style}/tungsten", f"{style}/daylight")(colours()), 0.0, 1.0)
+        assert np.linalg.norm(look(config, name, source) - expected, axis=1).mean() < 0.002
+        expected = np.clip(profile.refinish(f"{style}/daylight", f"{style}/tungsten")(colours()), 0.0, 1.0)
+        assert np.linalg.norm(look(config, f"-{name}", source) - expected, axis=1).mean() < 0.002
 
 
 def test_a_look_changes_the_style(written: Written) -> None:
@@ -238,8 +238,8 @@ def test_roles_are_complete(written: Written) -> None:
     roles = dict(config.getRoles())
     assert roles["scene_linear"] == "ACEScg"
     assert roles["aces_interchange"] == "ACES2065-1"
-    wanted = {"cie_xyz_d65_interchange", "data", "color_picking", "texture_paint", "compositing_log", "matte_paint"}
-    assert wanted | {"default_byte", "default_float", "default_sequencer"} <= set(roles)
+    expected = {"cie_xyz_d65_interchange", "data", "color_picking", "texture_paint", "compositing_log", "matte_paint"}
+    assert expected | {"default_byte", "default_float", "default_sequencer"} <= set(roles)
     assert config.getColorSpace(roles["data"]).isData()
 
 
@@ -293,9 +293,9 @@ def ociocheck(path: Path) -> str:
     return run.stdout + run.stderr
 
 
-def is_clean(said: str) -> bool:
+def is_clean(output: str) -> bool:
     """Whether the checker has neither warned nor found an error."""
-    return not re.search("warning|error", said, re.IGNORECASE)
+    return not re.search("warning|error", output, re.IGNORECASE)
 
 
 @pytest.mark.parametrize("form", ["cameras.ocioz", "cameras"])
@@ -306,8 +306,10 @@ def test_ociocheck_passes_without_warnings(tmp_path: Path, form: str) -> None:
     config = load_config(path)
     assert (config.getMajorVersion(), config.getMinorVersion()) == (2, 1)
     assert check_config(config) == []
-    wanted = {"Nikon D40 JPEG standard daylight", "Nikon D40 JPEG standard shade", "Canon EOS 5D e JPEG vivid daylight"}
-    assert wanted <= set(config.getColorSpaceNames())
+    expected = {
+        "Nikon D40 JPEG standard daylight", "Nikon D40 JPEG standard shade", "Canon EOS 5D e JPEG vivid daylight",
+    }  # fmt: skip
+    assert expected <= set(config.getColorSpaceNames())
 
 
 def test_a_style_with_one_direction_only(tmp_path: Path) -> None:

@@ -43,14 +43,14 @@ def test_check_says_what_a_config_holds_and_who_reads_it(lutforge: CommandLine, 
     write_config([plain_profile("Nikon D40")], tmp_path / "a.ocioz")
     for path, since in ((tmp_path / "ocio" / "config.ocio", "2.1 (August 2021)"), (tmp_path / "a.ocioz", "2.2")):
         for command in ("check", "inspect"):
-            said = lutforge(command, path).stdout
-            assert "Nikon D40" in said and "profile version 2.1" in said
-            assert "all found" in said and "problem" not in said
-            assert f"OpenColorIO {since}" in said
+            output = lutforge(command, path).stdout
+            assert "Nikon D40" in output and "profile version 2.1" in output
+            assert "all found" in output and "problem" not in output
+            assert f"OpenColorIO {since}" in output
     lut = next((tmp_path / "ocio").rglob("*.clf"))
     lut.unlink()
-    said = "\n".join(check(tmp_path / "ocio" / "config.ocio"))
-    assert "1 missing" in said and f"file {lut.name}: missing" in said
+    output = "\n".join(check(tmp_path / "ocio" / "config.ocio"))
+    assert "1 missing" in output and f"file {lut.name}: missing" in output
 
 
 @pytest.mark.parametrize("place", [60, 0.2, 0.5, 0.8])
@@ -64,10 +64,10 @@ def test_a_damaged_archive_is_one_line_wherever_it_is_damaged(
     plain_profile("Canon EOS 5D").save(tmp_path / "camera.npz")
     assert "bad.ocioz" in refused(tmp_path, "config", "camera.npz", "--merge", "bad.ocioz", "-o", "out.ocioz")
     try:
-        said = "\n".join(check(tmp_path / "bad.ocioz"))
+        message = "\n".join(check(tmp_path / "bad.ocioz"))
     except ConfigError as error:
-        said = str(error)
-    assert "problem" in said or "cannot be read" in said
+        message = str(error)
+    assert "problem" in message or "cannot be read" in message
 
 
 @pytest.mark.parametrize("name", ["bad.ocioz", "bad.ocio"])

@@ -45,11 +45,12 @@ def assert_kept(base: OCIO.Config, config: OCIO.Config, skip: tuple[str, ...] = 
 
 def test_the_studio_config_with_two_cameras(tmp_path: Path) -> None:
     path = write_config(two_cameras(), tmp_path / "studio", merge=STUDIO)
-    said = ociocheck(path)
-    assert "ERROR" not in said.upper()
+    output = ociocheck(path)
+    assert "ERROR" not in output.upper()
     (tmp_path / "base.ocio").write_text(OCIO.Config.CreateFromBuiltinConfig(STUDIO).serialize())
-    own = [line for line in ociocheck(tmp_path / "base.ocio").splitlines() if "WARNING" in line.upper()]
-    assert [line for line in said.splitlines() if "WARNING" in line.upper()] == own  # one, of an interop ID of its own
+    warnings_of_base = [line for line in ociocheck(tmp_path / "base.ocio").splitlines() if "WARNING" in line.upper()]
+    # There is one warning, on an interoperability ID of the base.
+    assert [line for line in output.splitlines() if "WARNING" in line.upper()] == warnings_of_base
     config, base = load_config(path), OCIO.Config.CreateFromBuiltinConfig(STUDIO)
     assert_kept(base, config)
     assert check_config(config) == check_config(base)  # ADX16, by a table of OpenColorIO's own
@@ -92,12 +93,12 @@ def test_cameras_added_to_cameras(tmp_path: Path) -> None:
         config = load_config(path)
         assert_kept(load_config(folder), config)
         assert check_config(config) == []
-        wanted = {
+        expected = {
             "Nikon D40 JPEG standard daylight",
             "Nikon D40 2 JPEG standard daylight",
             "Canon JPEG standard daylight",
         }
-        assert wanted <= set(config.getColorSpaceNames())
+        assert expected <= set(config.getColorSpaceNames())
         packed = write_config([other], tmp_path / f"packed {base.suffix}.ocioz", merge=base)
         assert check_config(load_config(packed)) == []
 

@@ -72,16 +72,16 @@ HOW_GOOD, WHAT_FOR = "How good is it?", "What for?"
 
 def answered(report: Report, question: str) -> str:
     """All that the first page says to one of its questions."""
-    said: list[str] = []
+    words: list[str] = []
     for block in report.answers[question]:
         match block:
             case str():
-                said.append(block)
+                words.append(block)
             case tuple():
-                said += block
+                words += block
             case Table():
-                said += [cell for row in block.rows for cell in row]
-    return " ".join(said)
+                words += [cell for row in block.rows for cell in row]
+    return " ".join(words)
 
 
 @pytest.fixture(scope="module")

@@ -149,10 +149,10 @@ def test_a_shot_of_a_named_chart_gives_its_patches() -> None:
     light = srgb_decode(chart_picture(codes, kind, background=0.4) / 255) / MULTIPLIERS
     light *= 1.0 + 0.005 * np.random.default_rng(0).standard_normal(light.shape)
     sampled = extract(synthetic_shot(light), kind)
-    wanted = srgb_decode(codes / 255) / MULTIPLIERS
+    expected = srgb_decode(codes / 255) / MULTIPLIERS
     number = np.array([int(name[6:]) - 1 for name in sampled.samples.patch[: sampled.patches]])
     assert sampled.patches == 140
-    np.testing.assert_allclose(sampled.samples.raw[: sampled.patches], wanted[number], rtol=0.02, atol=0.002)
+    np.testing.assert_allclose(sampled.samples.raw[: sampled.patches], expected[number], rtol=0.02, atol=0.002)
     plain = extract(synthetic_shot(np.full((320, 480, 3), 0.2)), kind)
     assert plain.patches == 0 and f"no {kind.name} was found in it" in plain.notes
 
@@ -177,8 +177,9 @@ def test_a_light_changes_what_reflectances_look_like() -> None:
     assert np.abs(daylight - bulb).max() > 0.02
     np.testing.assert_allclose(bulb[21] / bulb[21].mean(), 1.0, atol=0.05)  # grey stays grey: adapted to the light
     np.testing.assert_allclose(kind.linear_srgb("2856K"), bulb, atol=0.002)  # illuminant A is such a black body
-    for light, said in (("moonlight", "name a temperature"), ("900000K", "name a temperature"), ("26000K", "25000 K")):
-        with pytest.raises(CalibrationError, match=said):
+    unusable = {"moonlight": "name a temperature", "900000K": "name a temperature", "26000K": "25000 K"}
+    for light, message in unusable.items():
+        with pytest.raises(CalibrationError, match=message):
             kind.linear_srgb(light)
 
 

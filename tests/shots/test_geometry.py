@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.inspection import inspect
-from lutforge.pipeline.kits import compare_with_jpeg
+from lutforge.pipeline.kit_checks import compare_with_jpeg
 from lutforge.pipeline.sampling import sample
 from lutforge.samples.extract import extract, places_in_picture
 from lutforge.shots.geometry import Distortion

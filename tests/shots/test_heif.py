@@ -127,9 +127,9 @@ def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:
     assert shot.jpeg_source == str(picture) and shot.fine is not None
     assert np.abs(shot.fine / 257 - shot.jpeg).max() <= 0.5
     assert shot.metadata.style == "vivid" and shot.metadata.white_balance == "tungsten"
-    told = read_picture_settings(picture)
-    assert told.camera == CAMERA.name
-    assert told.exposure == pytest.approx(read_picture_settings(tmp_path / "shot.JPG").exposure)
+    picture_settings = read_picture_settings(picture)
+    assert picture_settings.camera == CAMERA.name
+    assert picture_settings.exposure == pytest.approx(read_picture_settings(tmp_path / "shot.JPG").exposure)
     assert ("picture", "648 × 440, heif, 10 bits") in inspect(picture).rows
     assert picture in find_inputs([picture.parent], tmp_path / "out")[0]
 

@@ -75,8 +75,8 @@ def test_commands_tell_a_note_once_for_all_that_share_it(folder: Path, tmp_path:
             (tmp_path / f"{name}.{kind}").write_bytes((folder / f"wrong.{kind}").read_bytes())
     for words in (("sample", "-o", "s.csv"), ("calibrate", "-o", "c.npz", "--size", "3")):
         run = lutforge(*words, "one.dng", "two.dng", cwd=tmp_path)
-        told = [line for line in run.stderr.splitlines() if "passed over" in line]
-        assert len(told) == 1 and told[0].startswith("note: 2 shots, such as one") and "does not match" in told[0]
+        output = [line for line in run.stderr.splitlines() if "passed over" in line]
+        assert len(output) == 1 and output[0].startswith("note: 2 shots, such as one") and "does not match" in output[0]
 
 
 def test_prefers_the_jpeg_that_no_program_has_touched(folder: Path, tmp_path: Path) -> None:

@@ -135,14 +135,14 @@ def test_demo_shots_cover_styles_lights_and_both_kinds_of_jpeg(tmp_path: Path) -
     assert shots.held_out.jpeg is not None
     assert shots.held_out.dng not in shots.calibration
     camera = shots.camera
-    spoilt, wanted = read_jpeg(shots.held_out.jpeg) / 255, read_jpeg(shots.right) / 255
+    spoilt, expected = read_jpeg(shots.held_out.jpeg) / 255, read_jpeg(shots.right) / 255
     (style, balance), (new_style, new_balance) = shots.source.split("/"), shots.target.split("/")
     raw = camera.linearize(spoilt, style, balance)
     refinished = camera.render(raw, new_style, new_balance, shots.ev)
     unclipped = ((spoilt > 0.02) & (spoilt < 0.99)).all(axis=-1)
     assert unclipped.mean() > 0.7
     # What 8 bits, chroma subsampling and noise leave of it; before, the picture is far off.
-    assert np.median(np.abs(refinished - wanted)[unclipped]) < 0.02
-    assert np.median(np.abs(spoilt - wanted)[unclipped]) > 0.05
+    assert np.median(np.abs(refinished - expected)[unclipped]) < 0.02
+    assert np.median(np.abs(spoilt - expected)[unclipped]) > 0.05
     assert {shot.style for shot in SHOTS} == {"standard", "vivid"}
     assert len({shot.white_balance for shot in SHOTS}) >= 4

@@ -33,8 +33,8 @@ def test_bounds_hold_and_the_rest_is_minimal_there() -> None:
 def test_problems_have_data_of_their_own_and_unequal_lengths_of_search() -> None:
     """Fits of a · exp(b t) to curves, some of them started at the solution."""
     rng = np.random.default_rng(2)
-    wanted, t = rng.uniform(0.5, 2.0, (200, 2)), np.linspace(0, 1, 9)
-    curves = wanted[:, :1] * np.exp(wanted[:, 1:] * t)
+    expected, t = rng.uniform(0.5, 2.0, (200, 2)), np.linspace(0, 1, 9)
+    curves = expected[:, :1] * np.exp(expected[:, 1:] * t)
     seen = []
 
     def linearize(x: Array, which: Index) -> tuple[Array, Array]:
@@ -42,9 +42,9 @@ def test_problems_have_data_of_their_own_and_unequal_lengths_of_search() -> None
         shape = np.exp(x[:, 1:] * t)
         return x[:, :1] * shape - curves[which], np.stack([shape, x[:, :1] * shape * t], axis=2)
 
-    start = np.where(np.arange(200)[:, None] < 50, wanted, 1.0)
+    start = np.where(np.arange(200)[:, None] < 50, expected, 1.0)
     minima = gauss_newton(linearize, start)
-    np.testing.assert_allclose(minima.value, wanted, atol=1e-5)
+    np.testing.assert_allclose(minima.value, expected, atol=1e-5)
     assert minima.converged.all() and min(seen) < 150
 
 

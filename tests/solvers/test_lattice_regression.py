@@ -88,8 +88,8 @@ def test_the_thesis_objective_is_minimized(method: Interpolation) -> None:
     held, target = boundary(size)
     for c in range(3):
         matrix = weights.T @ weights + 0.1 * s.T @ s + 1e-3 * plate + 0.01 * np.diag(held[:, c])
-        wanted = np.linalg.solve(matrix, weights.T @ y[:, c] + 0.01 * target[:, c])
-        np.testing.assert_allclose(found.value[..., c].ravel(), wanted, atol=1e-8)
+        expected = np.linalg.solve(matrix, weights.T @ y[:, c] + 0.01 * target[:, c])
+        np.testing.assert_allclose(found.value[..., c].ravel(), expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("method", INTERPOLATIONS)
@@ -110,8 +110,8 @@ def test_prior_weights_and_mixed_differences(method: Interpolation) -> None:
     for c in range(3):
         hold, b0 = prior.weight[..., c].ravel(), prior.values[..., c].ravel()
         matrix = weights.T @ (omega[:, None] * weights) + smooth + np.diag(hold)
-        wanted = np.linalg.solve(matrix, weights.T @ (omega * y[:, c]) + (smooth + np.diag(hold)) @ b0)
-        np.testing.assert_allclose(found.value[..., c].ravel(), wanted, atol=1e-8)
+        expected = np.linalg.solve(matrix, weights.T @ (omega * y[:, c]) + (smooth + np.diag(hold)) @ b0)
+        np.testing.assert_allclose(found.value[..., c].ravel(), expected, atol=1e-8)
 
 
 def test_without_samples_the_prior_is_the_result() -> None:
@@ -183,5 +183,5 @@ def test_the_thin_plate_alone_is_minimized() -> None:
     found = fit_lattice(x, y, levels, terms, tolerance=1e-11)
     weights = interpolation_weights(x, levels, "trilinear")
     plate = thin_plate(size)(np.eye(count).reshape(count, *size)).reshape(count, count)
-    wanted = np.linalg.solve(weights.T @ weights + 1e-4 * plate, weights.T @ y)
-    np.testing.assert_allclose(found.value.reshape(count, 3), wanted, atol=1e-5)
+    expected = np.linalg.solve(weights.T @ weights + 1e-4 * plate, weights.T @ y)
+    np.testing.assert_allclose(found.value.reshape(count, 3), expected, atol=1e-5)

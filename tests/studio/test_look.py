@@ -335,8 +335,8 @@ def test_overlays_and_waveform(look: Served) -> None:
     look.press("u", "h")
     expect(look.root).to_have_attribute("data-scoped", re.compile(r"\d"))
     clipped = 100 * (codes == 255).any(axis=2).mean()
-    told = look.page.locator(".scopes p").inner_text()
-    assert float(told.split(" %")[0]) == pytest.approx(clipped, abs=1.0)
+    output = look.page.locator(".scopes p").inner_text()
+    assert float(output.split(" %")[0]) == pytest.approx(clipped, abs=1.0)
     lit = "c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(v => v > 40 && v < 255)"
     assert look.page.get_by_role("img", name="Waveform").evaluate(lit)
 

@@ -39,7 +39,7 @@ from lutforge.samples.chart import chart_kind
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.studio.page import STEPS
+from lutforge.studio.page import PAGE_NAMES
 from lutforge.studio.workspace import Workspace
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -176,9 +176,9 @@ class Visit:
         """Press buttons of the last step, each of which tells its news."""
         self.step("Export")
         self.write("Name of the files", name)
-        for button, told in news.items():
+        for button, message in news.items():
             self.press(button.replace("_", " "))
-            self.reads(told)
+            self.reads(message)
 
     def reads(self, text: str) -> None:
         expect(self.page.get_by_text(text).first).to_be_visible(timeout=MOST_MS)
@@ -419,7 +419,7 @@ def test_every_control_is_labelled_and_reached_by_the_keyboard(visit: Visit) -> 
     visit.open("hostile.csv", "hostile.csv: 162 samples")
     tab = visit.page.get_by_role("tab", name=re.compile("^Shots"))
     tab.focus()
-    for step in STEPS[1:]:
+    for step in PAGE_NAMES[1:]:
         visit.page.keyboard.press("ArrowRight")
         visit.page.keyboard.press("Enter")
         expect(visit.page.locator("b", has_text=f"{step}.")).to_be_visible(timeout=MOST_MS)
@@ -474,7 +474,7 @@ def assert_everywhere_in_the_window(visit: Visit, name: str, figures: str = ".bk
 def test_every_step_fills_the_window_and_axe_finds_no_serious_fault(visit: Visit, axe: str) -> None:
     visit.open("samples.csv", "samples.csv: ")
     visit.page.evaluate(axe)
-    for step in STEPS:
+    for step in PAGE_NAMES:
         visit.step(step)
         assert_everywhere_in_the_window(visit, step.lower())
 

@@ -58,9 +58,9 @@ from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
 from lutforge.studio.jobs import Job
 from lutforge.studio.kept_sessions import KeptSessions
-from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl
+from lutforge.studio.look_page import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl
 from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in
-from lutforge.studio.page import STEPS, Page, states_of
+from lutforge.studio.page import PAGE_NAMES, Page, states_of
 from lutforge.studio.server import ContentSecurityPolicy, refused
 from lutforge.studio.session import Session
 from lutforge.studio.thumbnails import addresses
@@ -193,7 +193,7 @@ def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfil
     control.offer(profile)
     taken = Selector("vivid", "tungsten")
     for balance, expected in (
-        ("cloudy", "standard/cloudy"), (AS_SHOT, "standard/tungsten"), (BY_TEMPERATURE, "standard/4300K"),
+        ("cloudy", "standard/cloudy"), (LABEL_AS_SHOT, "standard/tungsten"), (BY_TEMPERATURE, "standard/4300K"),
         (BY_MULTIPLIERS, "standard/2.1,1,1.4"),
     ):  # fmt: skip
         control.balance.value, control.kelvin.value, control.multipliers.value = balance, 4300, "2.1,1,1.4"
@@ -201,7 +201,7 @@ def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfil
         profile.selector(control.text(taken))
     control.balance.value, control.tint.value = "daylight", 5
     assert control.text(None) == "standard/daylight+5"
-    control.balance.value = AS_SHOT
+    control.balance.value = LABEL_AS_SHOT
     with pytest.raises(WorkspaceError, match="choose one"):
         control.text(None)
 
@@ -312,7 +312,7 @@ def test_a_shot_keeps_its_box_while_its_card_is_drawn_anew(tmp_path: Path) -> No
     assert len(papers) == len(np.unique(samples.shot))
     session.change(Workspace(samples.select(samples.patch == "0")))
     assert "1 samples" in papers[0][1].object
-    assert all(one is other for one, other in zip(shots.grid, papers, strict=True))
+    assert all(first is second for first, second in zip(shots.grid, papers, strict=True))
     assert all(paper[0] is box for paper, box in zip(shots.grid, boxes, strict=True))
     boxes[0].value = False
     assert session.workspace is not None and session.workspace.out == {next(iter(shots.papers))}
@@ -340,7 +340,7 @@ def test_names_of_styles_are_text_in_every_step(profile: CameraProfile, tmp_path
     page = opened(tmp_path, replace(profile, styles=styles), workspace)
     page.session.selected = np.ones(len(samples), dtype=np.bool_)
     page.session.chosen = ChosenLook("", f"{hostile}/daylight")
-    for step in STEPS:
+    for step in PAGE_NAMES:
         page.show(step)
         shown = [str(pane.object) for part in (page.controls, page.body) for pane in part.select(pn.pane.HTML)]
         assert shown and not any("<img src=x" in text for text in shown), step
@@ -381,7 +381,7 @@ def test_a_profile_without_raw_works_in_every_step(tmp_path: Path) -> None:
     for workspace in (None, with_profile(Workspace(reference), page.session.require_profile())):
         page.session.begin(workspace)
         page.session.page.on_change()
-        for step in STEPS:
+        for step in PAGE_NAMES:
             page.show(step)
     look = page.pages["Look"]
     look.wanted.style.value, look.source.style.value, look.source.balance.value = "vivid", "standard", "daylight"
@@ -590,7 +590,7 @@ def test_a_response_is_exported_as_by_the_command_line(bracket_folder: Path, mon
     assert "is a fixed property of this camera" in shots.findings.object and shots.response.visible
     assert any("true / stated" in card[1].object for card in shots.grid)
     assert session.require_workspace().response is not None  # whose brightness transfer functions the samples lie on
-    for step in STEPS:
+    for step in PAGE_NAMES:
         page.show(step)
     assert page.pages["Model"].views["Fit"].figures.layout[0]  # a profile shows its response, without RAW
     view = page.pages["Export"]
@@ -783,7 +783,7 @@ def test_opening_another_profile_can_be_undone(profile: CameraProfile, tmp_path:
 def test_a_style_whose_name_has_a_slash_is_no_traceback(profile: CameraProfile, tmp_path: Path) -> None:
     styles = {"day/night": profile.styles["standard"]}
     page = opened(tmp_path, replace(profile, styles=styles))
-    for step in STEPS:
+    for step in PAGE_NAMES:
         page.session.page.attempt(page.show, step)
         assert "this failed" not in page.session.page.status.object, step
 
@@ -799,7 +799,7 @@ def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: Camera
     assert look.session.photograph.path.name == "silent.jpg" and "not known" in look.view.notice
     look.wanted.style.value = "vivid"
     assert states_of(session)["Look"] == "to do"
-    look.wanted.balance.value = AS_SHOT
+    look.wanted.balance.value = LABEL_AS_SHOT
     assert "alert" not in session.page.status.object
     page.show("Export")
     export = page.pages["Export"]
@@ -846,8 +846,8 @@ def test_a_page_that_loads_does_not_end_with_a_tab_that_is_closed(tmp_path: Path
     for page in (closed, loading):
         kept.add("visitor", page.session, lambda: False)
     kept.show(closed.session)
-    held = next(held for held in kept._held if held.session is closed.session)
-    kept.leave(closed.session, held.is_shown)
+    entry = next(entry for entry in kept._kept if entry.session is closed.session)
+    kept.leave(closed.session, entry.is_shown)
     loading.session.begin(Workspace(chart_samples(patches=9)))
     loading.session.page.on_change()
     assert loading.pages["Shots"].papers  # it still draws what changes
@@ -874,9 +874,9 @@ def test_a_session_that_goes_on_shows_its_photograph_and_look(profile: CameraPro
 
 def test_controls_are_as_the_page_before_has_left_them(profile: CameraProfile, tmp_path: Path) -> None:
     left = opened(tmp_path, profile, Workspace(chart_samples(patches=9)))
-    for step in STEPS:
+    for step in PAGE_NAMES:
         left.show(step)
-    shots, samples, model, look, export = (left.pages[step] for step in STEPS)
+    shots, samples, model, look, export = (left.pages[step] for step in PAGE_NAMES)
     shots.light.value_input = "5500K"
     samples.first.value, samples.group.value_input = "saturation", "half typ"
     model.kind.value, model.shown.value, model.views["Lattice"].level.value = "matrix", "Lattice", 0.7
@@ -886,9 +886,9 @@ def test_controls_are_as_the_page_before_has_left_them(profile: CameraProfile, t
     export.name.value_input, export.program.value, export.suffix.value = "mine", "rawtherapee", ".cube"
     left.session.detach()
     page = Page(Folders([tmp_path]), (), left.session)
-    for step in STEPS:
+    for step in PAGE_NAMES:
         page.show(step)
-    shots, samples, model, look, export = (page.pages[step] for step in STEPS)
+    shots, samples, model, look, export = (page.pages[step] for step in PAGE_NAMES)
     assert written(shots.light) == "5500K"
     assert (samples.first.value, written(samples.group)) == ("saturation", "half typ")
     assert (model.kind.value, model.shown.value, model.views["Lattice"].level.value) == ("matrix", "Lattice", 0.7)

@@ -130,13 +130,13 @@ def test_samples_of_no_ticked_pair_do_not_tell_the_response(samples: SampleSet) 
     workspace = Workspace(samples, find_pairs(samples), options=ThesisOptions())
     assert workspace.pairs is not None
     shots = [name for name in workspace.pairs.shots if name.startswith("shot standard daylight")]
-    everything = frozenset((one, other) for one in shots for other in shots)
+    everything = frozenset((first, second) for first in shots for second in shots)
     unticked = replace(workspace, unticked=everything)
     mine = np.isin(samples.shot, shots)
     assert unticked.outliers[mine].all() and not unticked.removed.any()
     assert np.array_equal(unticked.fitting_rows("lattice"), workspace.fitting_rows("lattice"))
-    one = replace(workspace, unticked=frozenset({(shots[0], shots[1])}))
-    assert isinstance(options := one.task("matrix").options, ThesisOptions)
+    first = replace(workspace, unticked=frozenset({(shots[0], shots[1])}))
+    assert isinstance(options := first.task("matrix").options, ThesisOptions)
     assert options.without_pairs == ((shots[0], shots[1]),)
 
 
@@ -349,7 +349,7 @@ def test_names_in_cards_are_text() -> None:
 def test_unticked_pairs_are_not_drawn(workspace: Workspace) -> None:
     assert workspace.pairs is not None
     names = [name for name in workspace.pairs.shots if name.startswith("shot standard")]
-    fewer = replace(workspace, unticked=frozenset((one, other) for one in names for other in names))
+    fewer = replace(workspace, unticked=frozenset((first, second) for first in names for second in names))
     all_points, shown = points(workspace, "srgb_btf", 1), points(fewer, "srgb_btf", 1)
     assert 0 < len(shown) < len(all_points)
     assert (fewer.samples.style[shown.row] == "vivid").all()

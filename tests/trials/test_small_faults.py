@@ -199,9 +199,9 @@ def test_tables_and_luts_on_a_full_disk(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (4500, before[1]))
     try:
         for name in ("samples.npz", "samples.csv", "look.tif", "look.png"):
-            with pytest.raises(LutForgeError, match=name) as told:
+            with pytest.raises(LutForgeError, match=name) as raised:
                 samples.save(tmp_path / name) if "samples" in name else cube.write(tmp_path / name)
-            assert "disk full" in str(told.value) or "too large" in str(told.value)
+            assert "disk full" in str(raised.value) or "too large" in str(raised.value)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert list(tmp_path.iterdir()) == []
@@ -229,9 +229,9 @@ def test_a_link_to_itself_among_pictures_fails_alone(lutforge: CommandLine, tmp_
     for name in "abc":
         picture(tmp_path / "in" / f"{name}.jpg")
     (tmp_path / "in" / "loop.jpg").symlink_to("loop.jpg")
-    told = lutforge("apply", "look.cube", "in", "-o", "out", cwd=tmp_path, status=1)
+    output = lutforge("apply", "look.cube", "in", "-o", "out", cwd=tmp_path, status=1)
     assert sorted(path.name for path in (tmp_path / "out").glob("*.jpg")) == ["a.jpg", "b.jpg", "c.jpg"]
-    assert "loop.jpg" in told.stderr
+    assert "loop.jpg" in output.stderr
 
 
 def test_a_folder_that_cannot_be_read_stops_a_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,9 +11,10 @@ import pytest
 import lutforge as lf
 from lutforge.arrays import Array
 from lutforge.model.camera_profile import ModelName
-from lutforge.model.highlights import clipped, white_as_grey
 from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.neutral_highlights import white_as_grey
 from lutforge.model.published_model import read_published_model
+from lutforge.samples.clipping import clipped
 from tests.cases.profiles import GAMMA, MATRIX, small_profile
 
 BRIGHT_TINTS = ((0, 0, 0), (0, 0, -1), (0, -4, -9), (-9, -4, 0), (-4, 0, -4), (0, -6, 0), (0, -20, -40), (-40, -20, 0))

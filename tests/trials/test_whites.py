@@ -14,8 +14,8 @@ from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.grading.baked_grades import BakedGrades, SettingChange
 from lutforge.luts.bake import bake_steps
-from lutforge.luts.programs import target_of
 from lutforge.luts.sequence import Lut
+from lutforge.luts.target import target_of
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.transform import Transform
 from lutforge.ocio.cameras import name_cameras
@@ -62,13 +62,13 @@ def measured(profile: CameraProfile, folder: Path, count: int, inverse_size: int
     colours, ends = np.concatenate(ramps()), np.cumsum([len(ramp) for ramp in ramps()])
     for number, (source, target) in enumerate(pairs[:count]):
         ev = STOPS[number % len(STOPS)]
-        given, wanted = profile.selector("/".join(source)), profile.selector("/".join(target))
-        transform = profile.refinish(given, wanted, ev)
-        graded = grades.refinish(SettingChange(profile, given, profile, wanted, ev))
+        given, expected = profile.selector("/".join(source)), profile.selector("/".join(target))
+        transform = profile.refinish(given, expected, ev)
+        graded = grades.refinish(SettingChange(profile, given, profile, expected, ev))
         made = {"apply": _codes(graded.processor(), colours)}
         made["clf"] = _codes(bake_steps(transform).processor(), colours)
         made["cube"] = _codes(_shaped(transform, size).processor(), colours)
-        bare = profile.refinish(given, wanted, ev, neutral_highlights=False)
+        bare = profile.refinish(given, expected, ev, neutral_highlights=False)
         off = _codes(_shaped(bare, size).processor(), colours) - np.clip(bare(colours), 0.0, 1.0) * 255
         if ev == 0 and camera.reference_balance in (source[1], target[1]):  # looks are from and to it
             between = camera.jpeg(source[0], target[1])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_levels, even_to_the_eye
+from lutforge.calibration.lattice.node_levels import EVEN_DENSITY, equidistributed_levels, even_to_the_eye
 from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
 from lutforge.calibration.options import LatticeOptions
 from lutforge.calibration.scenes import REST, RenderedScenes
@@ -34,7 +34,7 @@ OUTER_CELL = 0.01
 """Linear values of the first and of the last cell of a rendering's lattice, at least."""
 LEAST_WITH_OUTER_CELLS = 13
 """Nodes per axis from which two are spent on linear values that hardly any scene has; fewer have 0 to 1."""
-HOLD = 1.0
+MODEL_WEIGHT = 1.0
 """The weight of the model's own value at a node, which keeps nodes with few colours around them where they belong."""
 
 
@@ -87,7 +87,7 @@ def _levels_of_rendering(
 
     # A tenth of the nodes is at perceptually uniform steps: bright samples alone would make the first cell so wide that
     # it holds all dark codes of usual pictures.
-    floor = EVEN + even_to_the_eye(0.1, NODE_OFFSET)
+    floor = EVEN_DENSITY + even_to_the_eye(0.1, NODE_OFFSET)
     even = np.linspace(to_even(low, NODE_OFFSET), to_even(high, NODE_OFFSET), min(SEARCH_SIZE, count))
     red, green, blue = ((from_even(even, NODE_OFFSET) - low) / (high - low)).T
     inner = task.best_levels(
@@ -130,7 +130,7 @@ def bake_linearize(model: CameraModel, scenes: RenderedScenes, options: LatticeO
     levels = uniform_levels(options.size)
     if options.nonuniform:
         even = np.linspace(0.0, 1.0, min(SEARCH_SIZE, options.size))
-        levels = task.best_levels(likely_balanced, (even, even, even), EVEN, options.size, options.shaper_size)
+        levels = task.best_levels(likely_balanced, (even, even, even), EVEN_DENSITY, options.size, options.shaper_size)
     levels = snapped(levels, options.shaper_size)
 
     nodes, _ = task.fitted(model.linearize, levels)
@@ -179,7 +179,7 @@ class _Task:
         sampled = function(grid(levels))
         nodes = fit_lattice(
             self.points, self.values, levels, method=self.interpolation, weight=self.weight / float(self.weight.mean()),
-            prior=Prior(sampled, np.full_like(sampled, HOLD)), tolerance=1e-4,
+            prior=Prior(sampled, np.full_like(sampled, MODEL_WEIGHT)), tolerance=1e-4,
         ).value  # fmt: skip
         nodes[nodes_at(levels, self.black)] = 0.0
         return nodes, self._error(levels, nodes)

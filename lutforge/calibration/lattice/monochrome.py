@@ -70,14 +70,14 @@ def _levels(code: Array, light: Array, size: int) -> Levels:
 
 def _longest_chords(exact: Array, code: Array, light: Array, tolerance: float, size: int) -> list[int]:
     """Return the ends of at most size − 1 chords, begun at black, each as long as its error is within the tolerance."""
-    there = np.interp(exact, light, code)
+    exact_codes = np.interp(exact, light, code)
     nodes, last = [0], len(exact) - 1
     while nodes[-1] < last and len(nodes) < size:
         start, low, high = nodes[-1], nodes[-1] + 1, last
         while low < high:
             end = (low + high + 1) // 2
             chord = np.linspace(exact[start], exact[end], end - start + 1)
-            error = np.abs(np.interp(chord, light, code) - there[start : end + 1]).max()
+            error = np.abs(np.interp(chord, light, code) - exact_codes[start : end + 1]).max()
             low, high = (end, high) if error <= tolerance else (low, end - 1)
         nodes.append(low)
     return nodes

@@ -10,7 +10,7 @@ from lutforge.model.lattice import equidistribute
 
 BINS = 1000
 """Bins of the error histogram (thesis 5.3)."""
-EVEN = np.full(BINS, 0.1 / BINS)
+EVEN_DENSITY = np.full(BINS, 0.1 / BINS)
 """The density of a tenth of the levels, which stays evenly spread: no stretch without samples is left without nodes."""
 
 
@@ -22,7 +22,7 @@ def even_to_the_eye(share: float, offset: float) -> Array:
     return np.asarray(share * np.diff(to_even(np.linspace(0.0, 1.0, BINS + 1), offset)))
 
 
-def equidistributed_levels(x: Array, error: Array, levels: Levels, floor: Array = EVEN) -> Levels:
+def equidistributed_levels(x: Array, error: Array, levels: Levels, floor: Array = EVEN_DENSITY) -> Levels:
     """Return as many better node levels, from the squared errors (n,) of a lattice at `levels` over x (n, 3).
 
     An interval of width h with curvature κ and sample density ρ carries a squared error e ≈ ρ κ² h⁴ per unit length; at

@@ -20,13 +20,13 @@ class OutputCurve:
     """An output curve for each channel.
 
     table: (4096, 3), I at even steps of v in [0, 1], rising from 0 to 1; linear, values: (n, 3), f⁻¹ and v at n even
-    steps of I; ends: (2, 3), dv/d(linear) below and above them.
+    steps of I; end_slopes: (2, 3), dv/d(linear) below the first and above the last of these.
     """
 
     table: Array
     linear: Array
     values: Array
-    ends: Array
+    end_slopes: Array
 
     def to_values(self, encoded: Array) -> Array:
         """Take I (…, 3) in [0, 1] to the values v in front of the curve, by its table as files hold it."""
@@ -44,7 +44,7 @@ class OutputCurve:
         axes = zip(np.moveaxis(inside, -1, 0), self.linear.T, self.values.T, strict=True)
         values = np.stack([np.interp(light, known, value) for light, known, value in axes], axis=-1)
         below, above = np.minimum(linear - self.linear[0], 0.0), np.maximum(linear - self.linear[-1], 0.0)
-        return np.asarray(values + below * self.ends[0] + above * self.ends[1])
+        return np.asarray(values + below * self.end_slopes[0] + above * self.end_slopes[1])
 
 
 def output_curve(response: Response) -> OutputCurve:
@@ -64,5 +64,5 @@ def output_curve(response: Response) -> OutputCurve:
     total = values[-1].copy()
     values /= total
     table = np.stack([np.interp(codes, values[:, c], codes) for c in range(3)], axis=1)
-    ends = (rate / slope)[[0, -1]] / (total * span)
-    return OutputCurve(table, linear, values, ends)
+    end_slopes = (rate / slope)[[0, -1]] / (total * span)
+    return OutputCurve(table, linear, values, end_slopes)

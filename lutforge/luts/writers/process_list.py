@@ -47,10 +47,10 @@ def clf_text(lut: Lut, suffix: str = ".clf") -> str:
     for comment in lut.comments:
         if comment.strip():
             metadata.addChildElement("Description", one_line(comment, 500))
-    ends = read_input_and_output(lut.comments)
-    if ends is not None:
-        metadata.addChildElement("InputDescriptor", one_line(ends.input))
-        metadata.addChildElement("OutputDescriptor", one_line(ends.output))
+    stated = read_input_and_output(lut.comments)
+    if stated is not None:
+        metadata.addChildElement("InputDescriptor", one_line(stated.input))
+        metadata.addChildElement("OutputDescriptor", one_line(stated.output))
     try:
         text = str(group.write(PROCESS_LISTS[suffix], OCIO.Config.CreateRaw()))
     except OCIO.Exception as error:

@@ -11,11 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from lutforge.arrays import Array, Mask
+from lutforge.arrays import Array
 from lutforge.interpolation import apply_curve
-from lutforge.samples.clipping import HALF_CODE
 
 WHITE_FROM = 180.0 / 255.0
 """The least channel of a picture above which a colour may be part of burnt-out white.
@@ -35,15 +33,8 @@ SOFTNESS = 0.15
 LUTs have no corners.
 """
 
-STEPS = 4096
+FLOOR_ENTRIES = 4096
 """Entries of the table of `NeutralHighlights`."""
-
-
-def clipped(encoded: ArrayLike) -> Mask:
-    """Return the mask (…,) of encoded colours (…, 3) with a channel at 0 or 255, whose RAW value is unknown."""
-    values = np.asarray(encoded)
-    ends: Mask = (values <= HALF_CODE) | (values >= 1.0 - HALF_CODE)
-    return np.asarray(ends[..., 0] | ends[..., 1] | ends[..., 2])  # nine times as fast as np.any over so short an axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +58,9 @@ class NeutralHighlights:
         """Balanced linear light (…, 3) → the same, no channel of the output lower."""
         least = np.min(self.shown(balanced), axis=-1, keepdims=True)
         nearness = np.clip((least - WHITE_FROM) / (1.0 - WHITE_FROM), 0.0, 1.0)
-        wanted = apply_curve(self.floor, np.repeat(nearness, 3, axis=-1))
-        missing = wanted - np.minimum(balanced, self.highest) @ self.to_linear.T
-        bend = np.maximum(SOFTNESS * wanted * (1.0 - nearness), 1e-9)
+        least_output = apply_curve(self.floor, np.repeat(nearness, 3, axis=-1))
+        missing = least_output - np.minimum(balanced, self.highest) @ self.to_linear.T
+        bend = np.maximum(SOFTNESS * least_output * (1.0 - nearness), 1e-9)
         missing = np.where(missing < bend, np.maximum(missing + bend, 0.0) ** 2 / (4.0 * bend), missing)
         # Light outside the gamut of the output is below any floor, so that it has to rise from where it is.
         missing *= 1.0 - (1.0 - nearness) ** 2
@@ -99,8 +90,8 @@ def neutral_highlights(
     levels = np.linspace(0.0, 1.0, 1024) ** 2
     rendered = np.maximum.accumulate(render(levels[:, None] * grey))
     least = np.maximum.accumulate(shown(ramp).min(axis=1))
-    source = np.interp(np.linspace(WHITE_FROM, 1.0, STEPS), least, codes)
-    floor = np.empty((STEPS, 3))
+    source = np.interp(np.linspace(WHITE_FROM, 1.0, FLOOR_ENTRIES), least, codes)
+    floor = np.empty((FLOOR_ENTRIES, 3))
     for c, full in enumerate(to_linear @ grey):
         output = np.maximum(rendered[-1, c] - RISE * (1.0 - source), 0.0)
         rising = np.concatenate([[True], np.diff(rendered[:, c]) > 1e-6])

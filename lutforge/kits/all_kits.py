@@ -6,15 +6,12 @@ Most programs need only camera profiles or LUTs: they are rows of `_PROFILES_AND
 from pathlib import Path
 
 from lutforge.kits.camera_profiles import write_dng_profile, write_icc_profiles
-from lutforge.kits.darktable import NEUTRAL as NEUTRAL
-from lutforge.kits.darktable import SCRIPT_LINES as DARKTABLE_LINES
-from lutforge.kits.darktable import write_darktable
+from lutforge.kits.darktable import DARKTABLE_LINES, write_darktable
 from lutforge.kits.kit import Kit, KitFiles, Look, Script, Source, write_script
 from lutforge.kits.lumix import lumix_kit
 from lutforge.kits.luts import write_lut
 from lutforge.kits.measure import error_of_view
-from lutforge.kits.rawtherapee import SCRIPT_LINES as RAWTHERAPEE_LINES
-from lutforge.kits.rawtherapee import write_rawtherapee
+from lutforge.kits.rawtherapee import RAWTHERAPEE_LINES, write_rawtherapee
 from lutforge.luts import command_lines
 from lutforge.luts.verification import FileError
 from lutforge.ocio.blender import blender_config

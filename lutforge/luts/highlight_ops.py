@@ -6,9 +6,9 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.luts.ops import Cube, Matrix, Op, Range
-from lutforge.luts.shaper import SHORT_SHAPER_SIZE, shaper
-from lutforge.model.highlights import NeutralHighlights
-from lutforge.model.lattice import grid, snap_levels, uniform_levels
+from lutforge.luts.shaper import shaper
+from lutforge.model.lattice import SHORT_SHAPER_SIZE, grid, snap_levels, uniform_levels
+from lutforge.model.neutral_highlights import NeutralHighlights
 
 HIGHLIGHT_SIZE = 33
 """Nodes per axis of the cube that keeps white neutral."""

@@ -1,7 +1,5 @@
 """The programs that read LUT files, and what each of them takes."""
 
-import re
-import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,18 +7,14 @@ from pathlib import Path
 from lutforge.errors import LutError, alternatives
 from lutforge.interpolation import Interpolation
 from lutforge.luts import command_lines
-from lutforge.luts.formats import format_of
-from lutforge.luts.forms import MAX_SIZE, Form
 
 CUBES = (".cube", ".cube, domain from 0", ".cube, domain", ".cube, range", ".cube, curve")
 """Kinds of .cube files without a shaper."""
-TOLERANCE_SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
-"""Nodes per axis that are tried in turn where a tolerance is given."""
 
 READS = "reads it"
 REFUSES = "refuses it"
 LEAVES = "leaves the picture as it is, without a word"
-UNKNOWN = "is not known to read it"
+NOT_KNOWN = "is not known to read it"
 GARBAGE = "reads it without a word and renders wrong colours"
 """What a program does with a file: the last of these five ways is the worst."""
 
@@ -73,7 +67,7 @@ def _avfilter(refused: str) -> dict[str, str]:
 OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".3dl", ".spi1d", ".spi3d")
 HALD_SUFFIXES = (".png", ".tif", ".tiff")
 READS_HALDS = {"Hald image": READS}
-ADOBE = dict.fromkeys(
+READ_BY_ADOBE = dict.fromkeys(
     (".cube", ".cube, domain from 0", ".cube, domain", ".cube, curve", ".3dl", ".3dl, 17 nodes, 12 bits"), READS
 )
 AVFILTER = (".cube", ".csp", ".3dl")
@@ -100,16 +94,16 @@ PROGRAMS: dict[str, Program] = {
     ),
     "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
     "photoshop": Program(
-        reads=(".cube", ".3dl", ".csp"), title="Photoshop", does={**ADOBE, ".csp": READS, ".csp, bent": READS}
+        reads=(".cube", ".3dl", ".csp"), title="Photoshop", does={**READ_BY_ADOBE, ".csp": READS, ".csp, bent": READS}
     ),
     "lightroom": Program(
         reads=(".cube", ".dcp"), size=33, use="in a profile made with Camera Raw", develops=True, title="Lightroom",
         does={".cube": "reads it in a profile made with Camera Raw"},
     ),
-    "premiere": Program(reads=(".cube", ".3dl"), title="Premiere", does=ADOBE),
+    "premiere": Program(reads=(".cube", ".3dl"), title="Premiere", does=READ_BY_ADOBE),
     "aftereffects": Program(
         reads=(".cube", ".3dl", ".csp"), max_size=64, size=64, title="After Effects",
-        does={**ADOBE, ".csp": READS, ".csp, bent": READS},
+        does={**READ_BY_ADOBE, ".csp": READS, ".csp, bent": READS},
     ),
     "finalcut": Program(reads=(".cube",), title="Final Cut", does={".cube": READS}),
     "ffmpeg": Program(
@@ -210,31 +204,11 @@ def verdicts_on(kind: str) -> dict[str, str]:
     verdicts = {}
     for program in PROGRAMS.values():
         if program.title:
-            verdict = program.does.get(kind, program.otherwise if program.tried else UNKNOWN)
-            verdicts[program.title] = verdict if program.tried or verdict == UNKNOWN else f"{verdict} (not tried here)"
+            verdict = program.does.get(kind, program.otherwise if program.tried else NOT_KNOWN)
+            verdicts[program.title] = (
+                verdict if program.tried or verdict == NOT_KNOWN else f"{verdict} (not tried here)"
+            )
     return verdicts
-
-
-@dataclass(frozen=True)
-class Target:
-    """The form of the LUT to bake.
-
-    size: nodes per axis; None: as a lattice has it, else `default`. interpolation: that of the reader; None: as a
-    lattice has it, else tetrahedral. sizes: tried in turn where a tolerance is given. curve: the file may hold a curve
-    alone.
-    """
-
-    form: Form = "full"
-    size: int | None = None
-    interpolation: Interpolation | None = None
-    default: int = 33
-    sizes: tuple[int, ...] = TOLERANCE_SIZES
-    curve: bool = False
-
-    @property
-    def method(self) -> Interpolation:
-        """The interpolation of cubes that are fitted."""
-        return self.interpolation or "tetrahedral"
 
 
 def program_named(name: str) -> Program:
@@ -243,59 +217,3 @@ def program_named(name: str) -> Program:
     if program is None:
         raise LutError(f'unknown program "{name}"; {alternatives(name, PROGRAMS)}')
     return program
-
-
-def target_of(
-    path: Path, program: str | None = None, size: int | None = None, interpolation: Interpolation | None = None,
-    scenes: bool = False,
-) -> Target:  # fmt: skip
-    """The target of a file, found before any work. scenes: the input reaches beyond 1.
-
-    A .cube is plain, except for a program that reads a shaper, or under a name that ends in .resolve.cube or
-    .shaper.cube. Raises LutError where the format or the program cannot hold such a LUT.
-    """
-    reader = None if program is None else program_named(program)
-    file_format = format_of(path)
-    suffix = path.suffix.lower()
-    if reader is not None and suffix not in reader.reads:
-        raise LutError(f"{path}: {program} does not read {suffix} files; write {' or '.join(reader.reads)}")
-
-    form = file_format.forms[0]
-    named_shaper = path.name.lower().endswith((".resolve.cube", ".shaper.cube"))
-    if suffix == ".cube" and (reader.shaper if reader else named_shaper):
-        form = "shaper"
-    if scenes and form == "plain":
-        instead = "write .clf, .ctf, .resolve.cube, .csp or .spi1d"
-        raise LutError(f"{path}: {file_format.name} holds no scene-linear input beyond 1; {instead}")
-
-    default = file_format.size
-    most = MAX_SIZE
-    if form == "plain" and reader is not None:
-        default = file_format.size if file_format.sizes else reader.size
-        most = reader.max_size
-    if size is not None and not 2 <= size <= most:
-        raise LutError(f"{path}: {size} nodes per axis; this reader takes 2 to {most}")
-    if size is not None and file_format.sizes and size not in file_format.sizes:
-        sizes = ", ".join(map(str, file_format.sizes))
-        raise LutError(f"{path}: {size} nodes per axis; {file_format.name} has {sizes}: choose one of these, or none")
-
-    method = interpolation or (None if reader is None else reader.interpolation)
-    tolerance_sizes = tuple(count for count in file_format.sizes or TOLERANCE_SIZES if count <= most)
-    curve = suffix == ".cube" and reader is None and size is None
-    return Target(form, size, method, default, tolerance_sizes, curve)
-
-
-def files_for(program: str, title: str) -> dict[Path, str | None]:
-    """Return the files to write for a program, each with the name of the program that will read it.
-
-    A program that reads a shaper also gets a plain cube as a fallback, for no program in particular (None). The name of
-    a .cube with a shaper says so, since programs that read no shaper render wrong colours from it.
-    """
-    latin = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
-    stem = "_".join(re.findall(r"[\w+.-]+", latin))[:100]
-    reader = program_named(program)
-    shaped = ".shaper" if reader.shaper and reader.reads[0] == ".cube" else ""
-    first = f"{stem or 'lut'}{shaped}{reader.reads[0]}"
-    if reader.shaper or reader.reads[0] == ".clf":
-        return {Path(first): program, Path(f"{stem or 'lut'}.plain.cube"): None}
-    return {Path(first): program}
