@@ -92,7 +92,10 @@ def kit(
     profile: Annotated[Path | None, argument("A profile (.npz); not for --uninstall.")] = None,
     to: Annotated[str | None, option("The look: STYLE or STYLE/WB; all for every style.", "--to")] = None,
     further_shots: Annotated[list[Path] | None, argument("Further RAW files of --check.", metavar="[SHOT]...")] = None,
-    output: Annotated[Path, option("The folder to write.", "-o", "--output")] = Path("kit"),
+    output: Annotated[
+        Path | None,
+        option("The folder to write; by default named by profile and program: camera_darktable_kit.", "-o", "--output"),
+    ] = None,
     program: Annotated[
         str,
         option(
@@ -125,6 +128,8 @@ def kit(
         raise SettingsError("a kit needs a profile and a look: lutforge kit camera.npz --to STYLE --for PROGRAM -o kit")
     if further_shots and not check:
         raise SettingsError(f"{further_shots[0]}: shots go with --check")
+    if output is None:  # so that a kit for a second program, or of a second camera, replaces no other
+        output = Path(f"{profile.stem}_{program.lower()}_kit")
     with progress_bar("writing a kit") as progress:
         folder = lf.write_kit(profile, to, output, program, base=base, look=look, progress=progress)
     say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")

@@ -72,7 +72,12 @@ def source_selector(
         text = f"the file does not state its white balance; that of the middle shot, {r:.3f},{g:g},{b:.3f}, is used"
         return Selector(style, "auto"), (text,)
     if not needed:
-        return Selector(style, next(iter(camera.white_balances))), ()
+        name = next(iter(camera.white_balances))
+        of_shot = ", the white balance of the middle shot" if name == "auto" else ""
+        text = (
+            f"the file does not state its white balance, which stays as it is; it is graded as {style}/{name}{of_shot}"
+        )
+        return Selector(style, name), (text,)
     reason = "the file does not state its white balance"
     if settings.white_balance != "unknown":
         reason = (

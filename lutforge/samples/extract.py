@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Mask
+from lutforge.arrays import Array, Codes, Mask, Pixels
 from lutforge.colour.srgb import srgb_encode
 from lutforge.images.orientation import upright, upright_places
 from lutforge.samples.chart import ChartKind
@@ -15,6 +15,9 @@ from lutforge.samples.clipping import censored, clipping
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.tiles import FLATNESS_LIMITS, agreement, cell_size, choose_evenly, flatness
 from lutforge.shots.read import Shot
+
+THUMBNAIL_SIDE = 500
+"""Pixels of the longer side of a shot's small pictures, about."""
 
 FEW_TILES = 100
 """A shot with fewer tiles within the first two of FLATNESS_LIMITS may use the third, and is searched for a chart."""
@@ -33,7 +36,7 @@ ADVICE_BY_REASON = {
 
 @dataclass(frozen=True, eq=False)
 class Thumbnails:
-    """Small pictures of a shot, upright, (h, w, 3) of 8 bits: the means of its RAW cells, encoded, and the JPEG."""
+    """Small pictures of a shot, upright, (h, w, 3) of 8 bits: the white-balanced RAW, encoded, and the JPEG."""
 
     raw: NDArray[np.uint8]
     picture: NDArray[np.uint8]
@@ -165,22 +168,26 @@ def _tiles(shot: Shot) -> ShotSamples:
 
     clipped = {reason: int(np.count_nonzero(mask & counted)) for reason, mask in clips.items()}
     return ShotSamples(
-        shot.name, samples, len(samples), 0, clipped, rejected, tuple(notes), _thumbnails(shot, raw.mean), places,
+        shot.name, samples, len(samples), 0, clipped, rejected, tuple(notes), _thumbnails(shot), places,
         shot.metadata.notes, np.column_stack([rows, columns]),
     )  # fmt: skip
 
 
-def _thumbnails(shot: Shot, raw_means: Array) -> Thumbnails:
-    """Small pictures of a shot, from the means (h, w, 3) of its RAW cells and from its JPEG."""
+def _thumbnails(shot: Shot) -> Thumbnails:
+    """Small pictures of a shot, from its RAW and from its JPEG."""
     multipliers = np.ones(3) if shot.metadata.multipliers is None else shot.metadata.multipliers
-    balanced = np.clip(np.nan_to_num(raw_means) * multipliers, 0.0, 1.0)
+    balanced = np.clip(_reduced(shot.raw.pixels) * multipliers, 0.0, 1.0)
     raw8 = np.rint(255 * srgb_encode(balanced)).astype(np.uint8)
-
-    height, width = shot.jpeg.shape[:2]
-    step = max(1, round(max(height, width) / 500))
-    blocks = shot.jpeg[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
-    picture = np.rint(blocks.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
+    picture = np.rint(_reduced(shot.jpeg)).astype(np.uint8)
     return Thumbnails(upright(raw8, shot.raw.orientation), upright(picture, shot.raw.orientation))
+
+
+def _reduced(pixels: Pixels | Codes) -> Pixels:
+    """Area means of a picture (h, w, 3), the longer side of about THUMBNAIL_SIDE pixels, or of its own if fewer."""
+    height, width = pixels.shape[:2]
+    step = max(1, round(max(height, width) / THUMBNAIL_SIDE))
+    blocks = pixels[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
 
 
 def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres: Array) -> tuple[SampleSet, Array]:

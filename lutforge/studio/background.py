@@ -55,10 +55,17 @@ class Background:
 
         short: work of seconds, beside what takes long; it takes the place of the last such work.
         """
+        self.start_in_turn(title, done, lambda: (function, *arguments), short)
+
+    def start_in_turn(
+        self, title: str, done: Callable[[Any], None], call: Callable[[], tuple[Any, ...]], short: bool = False
+    ) -> None:
+        """Start work whose function and arguments `call` returns when its turn has come."""
         if pn.state.curdoc is None and not _is_served():
+            function, *arguments = call()
             done(function(*arguments, silent))
             return
-        before = self.queue.add(Work(title, done, (function, *arguments), short))
+        before = self.queue.add(Work(title, done, call, short))
         self.page.say(f"{title} …" if before is None else f"{title}: comes after {before.title}")
         self._wait()
         self.poll()

@@ -4,16 +4,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from lutforge.errors import LutForgeError, one_line
 from lutforge.studio.jobs import Job, JobReport
 
 
 @dataclass(eq=False)
 class Work:
-    """Work for a job, None while it waits. short: it runs beside what is long; message: what was last reported."""
+    """Work for a job, None while it waits.
+
+    call: returns the job's function and arguments, and is called when its turn has come, so that it can build on the
+    results of the work before it. short: it runs beside what is long; message: what was last reported.
+    """
 
     title: str
     done: Callable[[Any], None]
-    call: tuple[Any, ...]
+    call: Callable[[], tuple[Any, ...]]
     short: bool
     job: Job | None = None
     message: str = "starting"
@@ -45,9 +50,11 @@ class JobQueue:
             work = next((work for work in self.works if work.short == short), None)
             if work is None:
                 continue
-            if work.job is None:
-                work.job = Job(*work.call)
-            report = work.job.report
+            try:
+                work.job = work.job or Job(*work.call())
+                report = work.job.report
+            except LutForgeError as error:  # what it needs is no longer there
+                report = JobReport("failed", one_line(str(error)))
             if report.state != "running":
                 self.end([work])
             heard.append((work, report))

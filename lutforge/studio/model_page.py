@@ -137,11 +137,8 @@ class ModelPage:
         self.takes.object = ui.paragraphs(words)
 
     def _compute(self) -> None:
-        """Fit the chosen model, and before it the stages that it stands on where they are stale."""
-        workspace = self.session.require_workspace()
-        kind = self.kind.value
-        stands = kind != "matrix" and workspace.task(kind).stages is not None
-        self.session.fit(*(["matrix"] if stands and workspace.is_stale("matrix") else []), kind)
+        """Fit the chosen model."""
+        self.session.fit(self.kind.value)
 
 
 def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:

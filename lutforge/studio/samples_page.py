@@ -88,9 +88,10 @@ class SamplesPage:
             pn.Row(*(session.page.button(label, action, **small) for label, action in row.items()), **ui.FULL_WIDTH)
             for row in actions
         ]
-        pairs = [pn.Row(*pair, sizing_mode="stretch_width") for pair in (views[2:4], views[4:6])]
+        self.channel.param.update(sizing_mode="fixed", width=105)
+        coloured = pn.Row(self.channel, self.by, sizing_mode="stretch_width")
         self.controls = [
-            pn.Column(self.first, self.second, *pairs, self.inliers, **ui.TOGETHER),
+            pn.Column(self.first, self.second, coloured, *views[4:], **ui.TOGETHER),
             pn.Column(self.words, rows[0], **ui.TOGETHER),
             pn.Column(*limits, self.counts, **ui.TOGETHER),
             pn.Column(self.group, rows[1], self.groups, **ui.TOGETHER),

@@ -303,24 +303,31 @@ class Session:
             paths[-1].write_bytes(data)
         return tuple(paths)
 
-    def fit(self, *kinds: str) -> None:
-        """Fit models one after the other, each on those before it."""
-        kind, *more_kinds = kinds
+    def fit(self, kind: str) -> None:
+        """Fit a model, and before it the one that it stands on where that is stale when its turn has come."""
         workspace = self.require_workspace()
+        task = workspace.task(kind)
         if not workspace.has_raw:
             raise WorkspaceError("without RAW there is a response alone: press Fit response under Shots")
-        task = workspace.task(kind)
+
+        def call() -> tuple[Any, ...]:
+            nonlocal workspace, task
+            workspace = self.require_workspace()
+            task = workspace.task(kind)
+            if task.stages is not None and workspace.is_stale("matrix"):
+                task = workspace.task("matrix")
+            return fit_model, task, workspace.samples
 
         def done(fitted: FittedModel) -> None:
             now = self.require_workspace()
             if now.samples is not workspace.samples:
                 raise WorkspaceError("other samples were opened meanwhile: compute again")
-            news = f"{MODEL_TITLES[kind]}: fitted to {int(task.rows.sum()):,} samples"
-            self.change(now.with_model(kind, replace(fitted, task=task)), news, step="Model")
-            if more_kinds:
-                self.fit(*more_kinds)
+            news = f"{MODEL_TITLES[task.kind]}: fitted to {int(task.rows.sum()):,} samples"
+            self.change(now.with_model(task.kind, replace(fitted, task=task)), news, step="Model")
+            if task.kind != kind:
+                self.fit(kind)
 
-        self.work.start(MODEL_TITLES[kind], done, fit_model, task, workspace.samples)
+        self.work.start_in_turn(MODEL_TITLES[kind], done, call)
 
     def take_response(self, request: ResponseRequest, fitted: FittedResponse) -> None:
         """Take over what was fitted to a bracket."""

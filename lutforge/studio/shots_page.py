@@ -54,6 +54,7 @@ class ShotsPage:
         self.notes = ui.text()
         self.grid = pn.FlexBox(sizing_mode="stretch_width", stylesheets=[CARDS])
         session.page.watch(lambda: self.path.param.update(value="", value_input=""), self.listed)
+        session.page.watch(self._open, self.path, of="enter_pressed")
         sample = session.page.button("Sample", self._open, variant="contained", **ui.FULL_WIDTH)
         again = session.page.button("List again", self.list_files, variant="text", **ui.FULL_WIDTH)
         self.chart = ui.select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})

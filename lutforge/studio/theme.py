@@ -22,7 +22,10 @@ THEME = {
         "MuiButton": {**_root(textTransform="none", transition="none"), "defaultProps": {"disableElevation": True}},
         "MuiToggleButton": _root(textTransform="none", color="inherit", whiteSpace="nowrap"),
         "MuiInputLabel": {"styleOverrides": {"root": {"transition": "none", "color": "inherit"}, "outlined": OUTLINED}},
-        "MuiFormLabel": _root(**{"& > strong": {"cursor": "text", "textDecoration": "underline dotted"}}),
+        "MuiFormLabel": _root(
+            **{"& > strong": {"cursor": "text", "textDecoration": "underline dotted", "whiteSpace": "nowrap"}}
+        ),
+        "MuiSelect": {"styleOverrides": {"select": {"whiteSpace": "normal"}}},  # long choices wrap, and are not cut
         "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
         "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
         "MuiAppBar": _root(backgroundColor="#1c1c1c", color="#e6e6e6", **BAR),

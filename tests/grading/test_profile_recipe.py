@@ -164,7 +164,11 @@ def test_what_a_picture_does_not_tell_is_refused_with_advice(recipe_of: Recipes,
     for tells_nothing in (recipe, recipe_of(ev=0.5)):
         with pytest.raises(SettingsError, match=r"does not name its camera.*--from"):
             tells_nothing.grade(tmp_path / "bare.png")
-    assert recipe_of("standard/as-shot", ev=0.5).grade(tmp_path / "bare.png").lut is not None  # exposure alone
+    brightened = recipe_of("standard/as-shot", ev=0.5).grade(tmp_path / "bare.png")  # exposure alone
+    assert brightened.lut is not None
+    assert [note for note in brightened.notes if "white balance" in note] == [
+        "the file does not state its white balance, which stays as it is; it is graded as standard/cloudy"
+    ]
     with pytest.raises(SettingsError, match=r"does not state its picture style.*standard, vivid.*--from"):
         recipe.grade(tmp_path / "named.jpg")
     with pytest.raises(SettingsError, match=r"is of LutForge Other.*--from"):
@@ -321,6 +325,17 @@ def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do(
     )
     with pytest.raises(SettingsError, match=expected):
         source_selector(Path("a.jpg"), settings, camera)
+
+
+def test_an_automatic_white_balance_that_stays_is_noted_with_the_one_that_is_used() -> None:
+    camera = small_profile()
+    camera = replace(camera, white_balances={"auto": replace(camera.white_balances["daylight"], spread=0.2)})
+    settings = ShotMetadata(camera.camera, "standard", "auto", None)
+    given, notes = source_selector(Path("a.jpg"), settings, camera, needed=False)
+    assert given == parse_selector("standard/auto")
+    assert [note.split("; ")[1] for note in notes] == [
+        "it is graded as standard/auto, the white balance of the middle shot"
+    ]
 
 
 @pytest.mark.parametrize(

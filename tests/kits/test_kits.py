@@ -307,6 +307,18 @@ def test_shots_of_a_shell_s_pattern_are_checked_and_those_of_the_calibration_mar
     assert "flatter" in run.stderr and "check others" in run.stderr
 
 
+@pytest.mark.usefixtures("small_profiles")
+def test_kits_of_two_programs_without_a_named_folder_are_both_kept(
+    profile: CameraProfile, tmp_path: Path, lutforge: CommandLine
+) -> None:
+    profile.save(tmp_path / "camera.npz")
+    for program in ("OBS", "lightroom"):
+        lutforge("kit", "camera.npz", "--to", SETTING, "--for", program, cwd=tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == [
+        "camera_lightroom_kit", "camera_obs_kit",
+    ]  # fmt: skip
+
+
 def test_a_kit_that_cannot_be_written_names_its_folder(profile: CameraProfile, tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"not a folder")
     with pytest.raises(LutForgeError, match=r"file is a file, not a folder; choose another output folder"):

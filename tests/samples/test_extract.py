@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lutforge.arrays import Array
+from lutforge.colour.srgb import srgb_encode
 from lutforge.samples.extract import extract
 from lutforge.shots.read import read_shot
 from tests.cases.shots import MULTIPLIERS, render, synthetic_shot
@@ -64,6 +65,20 @@ def test_a_shot_that_gives_nothing_says_why(value: float | None, reason: str, ad
     assert f"gives no samples, {advice}"[:16] in result.summary
     assert advice in result.summary
     assert "\n" not in result.summary
+
+
+def test_small_pictures_show_the_raw_as_finely_as_the_jpeg() -> None:
+    shot = synthetic_shot(squares(8, 2400, 7))
+    cells = extract(shot).cells
+    assert cells is not None
+    sides = [max(picture.shape) for picture in (cells.raw, cells.picture)]
+    assert min(sides) >= 400
+    # Each of the squares is there, with the colour that its white-balanced RAW has.
+    step = shot.raw.pixels.shape[1] / cells.raw.shape[1]
+    rows, columns = (np.arange(4, size, 8) for size in shot.raw.pixels.shape[:2])
+    seen = cells.raw[np.ix_((rows / step).astype(int), (columns / step).astype(int))]
+    wanted = 255 * srgb_encode(np.clip(shot.raw.pixels[np.ix_(rows, columns)] * MULTIPLIERS, 0.0, 1.0))
+    assert np.abs(seen - wanted).max() <= 1.0
 
 
 def test_every_cell_is_accounted_for() -> None:

@@ -109,6 +109,7 @@ class Visit:
     """A page of the studio, and what went wrong in it."""
 
     def __init__(self, context: BrowserContext, url: str) -> None:
+        self.url = url
         self.errors: list[str] = []
         self.page: Page = context.new_page()
         self.page.set_default_timeout(MOST_MS)
@@ -183,13 +184,33 @@ class Visit:
     def reads(self, text: str) -> None:
         expect(self.page.get_by_text(text).first).to_be_visible(timeout=MOST_MS)
 
+    def left_and_continued(self) -> "Visit":
+        """Close the tab, and go on in a new one."""
+        context = self.page.context
+        self.page.close()
+        again = Visit(context, self.url)
+        again.page.get_by_role("link", name="Continue where you were").click()
+        again.page.wait_for_url("**/?continue")
+        expect(again.page.locator("[data-ready]")).to_be_attached(timeout=MOST_MS)
+        again.errors += self.errors
+        return again
+
+    def shows(self, **chosen: str) -> None:
+        """Lists by their labels, with what is chosen in them."""
+        for label, option in chosen.items():
+            expect(self.page.get_by_label(label.replace("_", " "), exact=True).first).to_have_text(option)
+
+    def is_at(self, label: str, value: str) -> None:
+        """A slider with its value, of two the upper one."""
+        expect(self.page.get_by_role("slider", name=re.compile("^" + re.escape(label))).last).to_have_value(value)
+
     def rests(self) -> None:
         """Wait until all figures are drawn, and one frame longer, in which they take their places."""
         self.page.wait_for_function("Bokeh.documents.every(document => document.is_idle)")
         self.page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def open(self, path: str, then: str) -> None:
-        self.write("or its path", path)
+        self.page.get_by_label("or its path", exact=True).fill(path)
         self.press("Sample")
         self.reads(then)
 
@@ -401,6 +422,139 @@ def test_two_visitors_do_not_mix_and_a_fit_can_be_cancelled(browser: Browser, ur
     visit.reads("Lattice: fitted")
     expect(other.page.get_by_text("cancelled")).to_have_count(0)
     assert other.errors == []
+    context.close()
+
+
+@pytest.mark.slow
+def test_nothing_is_lost_in_any_step_when_its_tab_is_closed_beside_another_tab(
+    browser: Browser, url: str, folder: Path
+) -> None:
+    """Ten actions in each step, after which the tab is closed and another one goes on, also while work is under way."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    visit, other = Visit(context, url), Visit(context, url)
+    other.open("hostile.csv", "hostile.csv: 162 samples")
+
+    # Shots: paths, boxes, undo
+    samples = read_samples(folder / "samples.csv")
+    visit.press("List again")
+    visit.write("or its path", "nothing.csv")
+    visit.reads("nothing.csv: no such file")
+    visit.write("or its path", "samples.csv")  # the enter key opens it
+    visit.reads(f"samples.csv: {len(samples):,} samples of 18 shots")
+    names = list(dict.fromkeys(samples.shot.tolist()))[:4]
+    for number, name in enumerate(names, 1):
+        visit.page.get_by_role("checkbox", name=name).click()
+        visit.reads(f"{number} shots left out")
+    visit.press_named("Undo")
+    visit.reads("undone: 4 shots left out")
+    visit.press_named("Redo")
+    visit.press_named("Undo")
+    visit.reads("undone: 4 shots left out")
+    visit = visit.left_and_continued()
+    for name in names:
+        expect(visit.page.get_by_role("checkbox", name=name)).to_be_checked(checked=name == names[3])
+    visit.press_named("Redo")
+    visit.reads("done again: 4 shots left out")
+
+    # Samples: views, limits, a selection, marks, a group
+    visit.step("Samples")
+    visit.choose("Left plot", "Saturation against brightness")
+    visit.choose("Right plot", "sRGB against RAW")
+    visit.choose("Channel", "Blue")
+    visit.choose("Colour by", "own colour")
+    visit.page.get_by_label("Inliers only").click()
+    visit.slide("Saturation", 0.5)
+    visit.slide("Largest RAW value", 0.9)
+    visit.write("Select row, shot or patch", "300-305")
+    visit.reads("6 selected")
+    visit.press("Outliers")
+    visit.reads("6 samples marked as outliers")
+    visit.write("Outlier group", "by hand")
+    visit.press("Save group")
+    visit.reads("outlier group by hand: 6 samples, in effect")
+    inliers = visit.page.get_by_text("samples are inliers").inner_text()
+    visit = visit.left_and_continued()
+    visit.shows(Left_plot="Saturation against brightness", Channel="Blue", Colour_by="own colour")
+    visit.is_at("Saturation", "0.5")
+    visit.is_at("Largest RAW value", "0.9")
+    visit.reads("6 selected, 6 of them outliers")
+    assert visit.page.get_by_text("samples are inliers").inner_text() == inliers
+    expect(visit.page.get_by_role("checkbox", name="by hand")).to_be_checked()
+    expect(visit.page.get_by_label("Inliers only")).to_be_checked()
+    expect(visit.page.get_by_label("Select row, shot or patch")).to_have_value("300-305")
+
+    # Model: options, and two fits, during which the tab is closed
+    visit.step("Model")
+    visit.fold("Options")
+    visit.slide("Nodes per axis", 9)
+    visit.choose("Node levels", "evenly spaced")
+    visit.choose("Interpolation", "tetrahedral")
+    visit.fold("Response and gamut map")
+    visit.slide("Number of curves", 12)
+    visit.choose("Model", "Response, matrix and white balance")
+    visit.press("Compute")
+    visit.choose("Model", "Lattice")
+    visit.press("Compute")
+    expect(visit.page.get_by_role("status").filter(has_text="Lattice")).to_be_visible(timeout=MOST_MS)
+    visit = visit.left_and_continued()
+    expect(visit.page.get_by_role("tab", name="Model: done")).to_be_visible(timeout=MOST_MS)
+    visit.reads("Lattice: fitted to")
+    visit.reads("It builds on the response and matrix that you fitted.")
+    visit.shows(Model="Lattice", Model_in_use="Lattice")
+    visit.press("Lattice")
+    visit.choose("Plane of", "Red")
+    visit = visit.left_and_continued()
+    expect(visit.page.get_by_role("button", name="Lattice", exact=True)).to_have_attribute("aria-pressed", "true")
+    visit.shows(Plane_of="Red")
+    visit.fold("Options")
+    visit.is_at("Nodes per axis", "9")
+    visit.shows(Node_levels="evenly spaced", Interpolation="tetrahedral")
+
+    # Look: before there is a picture, and with one
+    visit.step("Look")
+    for button in ("Clipping", "100 %", "Fit", "Keep as B"):
+        visit.press(button)
+    visit.look_at("picture.jpg", "standard", "tungsten")
+    visit.choose("Wanted: style", "vivid")
+    visit.choose("Wanted: white balance", "cloudy")
+    visit.slide("Exposure", 0.8)
+    visit.press("Side by side")
+    visit.reads("From standard/tungsten to vivid/cloudy, +0.8 EV.")
+    visit = visit.left_and_continued()
+    visit.reads("From standard/tungsten to vivid/cloudy, +0.8 EV.")
+    visit.shows(Photograph_in_the_folders="picture.jpg")
+    visit.is_at("Exposure", "0.8")
+    for button in ("Clipping", "Side by side"):
+        expect(visit.page.get_by_role("button", name=button)).to_have_attribute("aria-pressed", "true")
+    expect(visit.page.locator(".look")).to_have_attribute("data-opened", re.compile("360 × 240"))
+    visit.press_named("Undo")
+    visit.reads("From standard/tungsten to vivid/cloudy, +0 EV.")
+    visit.press_named("Redo")
+
+    # Export: names, kinds, files; one is under way as the tab is closed
+    visit.export("kept")
+    visit.choose("Transform of the LUT", "linearize")
+    visit.choose("Scene of render and linearize", "acescg")
+    visit.choose("LUT file", ".cube")
+    visit.choose("Program of the kit", "lightroom")
+    for button, news in (("Save profile", "profile"), ("Save workspace", "workspace"), ("Bake LUT", "LUT, linearize")):
+        visit.press(button)
+        visit.reads(f"{news}: written")
+    visit.press("Write kit")
+    visit = visit.left_and_continued()
+    visit.reads("read README.md first")
+    for what in ("profile", "workspace", "LUT, linearize", "kit for lightroom"):
+        visit.reads(f"{what}: kept")
+    visit.shows(Transform_of_the_LUT="linearize", LUT_file=".cube", Program_of_the_kit="lightroom")
+    expect(visit.page.get_by_label("Name of the files")).to_have_value("kept")
+    assert (folder / "kept_lightroom_kit" / "README.md").is_file()
+    expect(visit.page.get_by_role("tab", name=re.compile(": done$"))).to_have_count(5)
+
+    # The other tab has kept what is its own, and heard of none of this.
+    other.step("Samples")
+    other.reads("of 162 samples are inliers")
+    expect(other.page.get_by_role("tab", name="Model: to do")).to_be_visible(timeout=MOST_MS)
+    assert [error for error in (*visit.errors, *other.errors) if "_guiEditing" not in error] == []
     context.close()
 
 

@@ -65,7 +65,7 @@ from lutforge.studio.server import ContentSecurityPolicy, refused
 from lutforge.studio.session import Session
 from lutforge.studio.thumbnails import addresses
 from lutforge.studio.ui import written
-from lutforge.studio.workspace import FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
+from lutforge.studio.workspace import MODEL_TITLES, FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
 
 
 def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
@@ -260,6 +260,29 @@ def test_what_is_started_meanwhile_waits_for_its_turn(served: tuple[Page, Docume
     assert results == [2, 4] and not session.work.cancel_button.visible
 
 
+def test_a_lattice_that_waits_for_a_matrix_builds_on_it(served: tuple[Page, Document]) -> None:
+    """It takes the stages, and the samples, of when its turn has come, not of when it was asked for."""
+    session = served[0].session
+    session.change(replace(session.require_workspace(), options=CalibrationOptions(size=9)))
+    session.fit("matrix")
+    session.fit("lattice")
+    session.change(session.require_workspace().mark(np.arange(162) < 3, 1))
+    polled(session, lambda: not session.work.queue.works)
+    workspace = session.require_workspace()
+    assert [workspace.is_stale(kind) for kind in MODEL_TITLES] == [False, False]
+    task = workspace.models["lattice"].task
+    assert task is not None and task.stages is workspace.models["matrix"]
+
+
+def test_work_whose_samples_are_gone_is_one_line(served: tuple[Page, Document]) -> None:
+    session = served[0].session
+    session.work.start("a job", lambda result: None, doubled, 1)
+    session.fit("lattice")
+    session.begin(None)
+    polled(session, lambda: not session.work.queue.works)
+    assert "no samples are open" in session.page.status.object
+
+
 def test_a_picture_is_opened_beside_a_fit(served: tuple[Page, Document], tmp_path: Path) -> None:
     session, results = served[0].session, list[int]()
     session.work.start("a fit", results.append, endless, tmp_path / "alive")
@@ -345,6 +368,15 @@ def test_names_of_styles_are_text_in_every_step(profile: CameraProfile, tmp_path
         shown = [str(pane.object) for part in (page.controls, page.body) for pane in part.select(pn.pane.HTML)]
         assert shown and not any("<img src=x" in text for text in shown), step
         assert step != "Samples" or any("&lt;img src=x" in text for text in shown)  # which names a sample's style
+
+
+def test_a_path_is_opened_by_the_enter_key(tmp_path: Path) -> None:
+    chart_samples(patches=9).save(tmp_path / "samples.csv")
+    page = opened(tmp_path)
+    path = page.pages["Shots"].path
+    path.param.update(value="samples.csv", value_input="samples.csv")
+    path.param.trigger("enter_pressed")
+    assert page.session.workspace is not None
 
 
 def test_a_folder_of_raw_files_is_offered_by_its_name(tmp_path: Path) -> None:
