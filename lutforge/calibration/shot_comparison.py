@@ -87,6 +87,11 @@ class Deviation:
     without_colour: bool = False
 
     @property
+    def is_told(self) -> bool:
+        """True where it is known what deviates."""
+        return any(self.clear) or self.primaries > OTHER_PRIMARIES or self.without_colour
+
+    @property
     def cells(self) -> tuple[str, ...]:
         """The values as cells of a table, under `COLUMNS`."""
         return tuple(f"{value:+.2f} ± {error:.2f}" for value, error in zip(self.values, self.errors, strict=True))
@@ -234,20 +239,27 @@ def compare_shots(
     deviations = list[Deviation]()
     while len(names) > 1:
         comparison = _Comparison(rendered, encoded, shot, names, tinted=balances_known)
-        split = comparison.best_split()
+        split = next(filter(comparison.is_apart, (comparison.best_split(), comparison.best_single())), None)
+        if split is None:
+            break
         unsure = comparison.unsure(split)
         few, others = split & ~unsure, ~split & ~unsure
-        if not (few.any() and others.any() and comparison.is_apart(split)):
+        if not (few.any() and others.any()):
             break
         is_half = 3 * np.count_nonzero(few) > np.count_nonzero(~unsure)
         if not is_half and np.count_nonzero(few) <= most - len(deviations):
-            deviations += comparison.deviations(comparison.singles(few), linearize)
-            names = names[~few]
-        elif deviations:
-            break
+            # Only what has a standard error leaves a shot out; primaries have none.
+            measured = comparison.deviations(comparison.singles(few), linearize)
+            found = [deviation for deviation in measured if any(deviation.clear)]
+            if not found:
+                break
+            deviations += found
+            names = np.setdiff1d(names, [deviation.shot for deviation in found])
         else:
-            first, second, either = (tuple(str(name) for name in names[rows]) for rows in (others, few, unsure))
             (deviation,) = comparison.deviations([split], linearize)
+            if deviations or not deviation.is_told:
+                break
+            first, second, either = (tuple(str(name) for name in names[rows]) for rows in (others, few, unsure))
             return ShotCheck(groups=(ShotGroups(first, second, deviation, either),))
     return ShotCheck(tuple(deviations))
 
@@ -375,14 +387,18 @@ class _Comparison:
         if count <= ALL_SPLITS:
             places = np.arange(count - 1)
             splits = [np.append(bits >> places & 1, 0).astype(np.bool_) for bits in range(1, 1 << (count - 1))]
-            best = max(splits, key=self.gain)
         else:
             # From the shots that deviate most, and from random divisions
             singles = sorted(self.singles(np.ones(count, dtype=np.bool_)), key=self.gain, reverse=True)
             rng = np.random.default_rng(0)
             starts = [*singles[:3], *(rng.random(count) < 0.5 for _ in range(4))]
-            best = max((self._improved(start) for start in starts), key=self.gain)
+            splits = [self._improved(start) for start in starts]
+        best = max(splits, key=self.gain)
         return best if 2 * np.count_nonzero(best) <= count else ~best
+
+    def best_single(self) -> Mask:
+        """The shot, as a mask (s,), that fits best apart from all others."""
+        return max(self.singles(np.ones(len(self.names), dtype=np.bool_)), key=self.gain)
 
     def _improved(self, split: Mask) -> Mask:
         """Move single shots from group to group while that helps."""
