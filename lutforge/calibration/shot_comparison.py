@@ -7,8 +7,9 @@ fitted together, by least squares with robust weights; the sum of squares that a
 better shots fit apart. Shots with few tones in common are compared as well as others, since the function joins them.
 
 Of all divisions of the shots into two groups, the one that fits best is judged by a single measure: how far the groups
-are apart, compared with how far single shots are from others of their own group. A third of the shots or fewer deviate
-from the others; of larger groups nothing says which is right.
+are apart, compared with how far single shots are from others of their own group; where they are not, so is the single
+shot that fits best apart. A third of the shots or fewer deviate from the others; of larger groups nothing says which is
+right.
 """
 
 from collections.abc import Callable, Mapping, Sequence
