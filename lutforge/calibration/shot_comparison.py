@@ -2,18 +2,13 @@
 
 What JPEG values differ by from those that the base renders of their RAW is a smooth function of colour, the same for
 all shots, since the gamut map is fixed: a cubic polynomial. To it each shot, or each of two groups of shots, may add a
-change: of the tone of each channel (three numbers) and of what differs from grey (a matrix). Function and changes are
-fitted together, by least squares with robust weights; the sum of squares that a change takes away states how much
-better shots fit apart. Shots with few tones in common are compared as well as others, since the function joins them.
-
-Of all divisions of the shots into two groups, the one that fits best is judged by a single measure: how far the groups
-are apart, compared with how far single shots are from others of their own group; where they are not, so is the single
-shot that fits best apart. A third of the shots or fewer deviate from the others; of larger groups nothing says which is
-right.
+change: of tone (three numbers) and of what differs from grey (a matrix). Function and changes are fitted together, by
+least squares with robust weights; the sum of squares that a change takes away states how much better shots fit apart.
+Shots with few tones in common are compared as well as others, since the function joins them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +25,8 @@ MOST_OF_SHOT = 400
 """The largest number of a shot's samples that are compared; of more, as many are drawn at random."""
 MOST_TOGETHER = 20_000
 """The largest number of samples of all shots together."""
+MOST_FOR_SPREAD = 24
+"""By how many of the other shots the spread of deviations is measured, at most."""
 LEAST_OF_SHOT = 20
 """Shots with fewer samples are not compared."""
 CODE = 1.0 / 255.0
@@ -38,30 +35,22 @@ CHANGE = 0.3
 ROBUST = RobustWeights(cauchy, multiple=3.0, least=CODE)
 POWERS = [(i, j, k) for i in range(4) for j in range(4) for k in range(4) if i + j + k <= 3]
 TONES = 3
-"""How many numbers of a change are of the tone of each channel."""
-MATRIX = 6
-"""How many are of the matrix."""
+"""How many numbers of a change are of tone."""
 ALL_SPLITS = 12
 """The largest number of shots of which all divisions into two groups are tried.
 
 Of more shots, single ones are moved from group to group as long as that helps.
 """
-USUAL = 1.9
-"""Codes that sound shots are apart from each other beforehand, between the 0.5 of most cameras and the 2.2 of the
-roughest one measured. It counts as much as one difference that was measured."""
-FAR, LEAST_CODES = 1.9, 1.6
-"""Groups are apart by so many times what is usual, and by so many codes."""
-SURE = 1.0
-"""A shot is surely of its group if the other group fits it worse by so many times what is usual."""
+OFF, BEYOND = 0.8, 1.3
+"""A shot deviates if its change takes away so many codes, and so many times those of the others' changes."""
+APART, APART_CODES = 1.25, 0.2
+"""Shots are of two groups if the error of all is so many times that of both, and so many codes more."""
 HUE_GROUPS = 5
 """Errors of similar colours of a shot are alike: standard errors come from its residuals by groups of hue (Liang &
 Zeger 1986, https://doi.org/10.1093/biomet/73.1.13)."""
-QUANTITIES = ("exposure", "contrast", "saturation", "red", "blue")
-COLUMNS = ("exposure, EV", "contrast", "saturation", "red, EV", "blue, EV")
-"""What is measured of a deviation; red and blue are those of the white balance, compared with green."""
-LEAST = np.array([0.1, 0.06, 0.12, 0.08, 0.08])
 CLEARLY = 4.0
-"""A quantity deviates clearly by so many standard errors, and by the least value above: EV, EV per EV, a share."""
+"""A quantity deviates clearly by so many standard errors, and by one of these: EV, EV per EV, share of saturation."""
+LEAST = (0.1, 0.06, 0.12)
 OTHER_PRIMARIES = 0.12
 """Share of the colours' strength from which on primaries are named."""
 WITHOUT_COLOUR = 2.0 * CODE
@@ -75,9 +64,9 @@ ADVICE = "shoot in manual mode with one picture style, scene-dependent features 
 class Deviation:
     """How a shot, or a group of them, deviates from the others.
 
-    values, errors: exposure in EV, contrast in EV per EV, change of saturation, red and blue of greys compared with
-    green in EV, and their standard errors; clear: which of them are beyond chance. primaries: the share of their
-    strength by which colours deviate besides. without_colour: the shot is black and white, and others are not.
+    values, errors: exposure in EV, contrast in EV per EV, change of saturation, and their standard errors; clear: which
+    of them are beyond chance. primaries: the share of their strength by which colours deviate besides. without_colour:
+    the shot is black and white, and others are not.
     """
 
     shot: str
@@ -88,13 +77,8 @@ class Deviation:
     without_colour: bool = False
 
     @property
-    def is_told(self) -> bool:
-        """True where it is known what deviates."""
-        return any(self.clear) or self.primaries > OTHER_PRIMARIES or self.without_colour
-
-    @property
     def cells(self) -> tuple[str, ...]:
-        """The values as cells of a table, under `COLUMNS`."""
+        """Exposure, contrast and saturation as cells of a table."""
         return tuple(f"{value:+.2f} ± {error:.2f}" for value, error in zip(self.values, self.errors, strict=True))
 
     @property
@@ -102,15 +86,12 @@ class Deviation:
         """What deviates clearly, with standard errors."""
         if self.without_colour:
             return "black and white"
-        exposure, contrast, saturation, red, blue = (
-            f"{value:+.0%} ± {error:.0%}" if name in ("contrast", "saturation") else f"{value:+.2f} ± {error:.2f} EV"
-            for name, value, error in zip(QUANTITIES, self.values, self.errors, strict=True)
-        )
-        named = [
-            f"exposure {exposure}", f"contrast {contrast}", f"saturation {saturation}",
-            f"white balance: red {red}", f"white balance: blue {blue}",
-        ]  # fmt: skip
-        shown = [words for words, clear in zip(named, self.clear, strict=True) if clear]
+        parts = zip(("exposure", "contrast", "saturation"), self.values, self.errors, self.clear, strict=True)
+        shown = [
+            f"{name} {value:+.2f} ± {error:.2f} EV" if name == "exposure" else f"{name} {value:+.0%} ± {error:.0%}"
+            for name, value, error, clear in parts
+            if clear
+        ]
         if self.primaries > OTHER_PRIMARIES:
             shown.append("primaries")
         return ", ".join(shown) or "tones and colours"
@@ -118,23 +99,18 @@ class Deviation:
 
 @dataclass(frozen=True)
 class ShotGroups:
-    """Two groups of shots that were rendered in two ways.
-
-    deviation: of the second group from the first; either: shots that fit both groups.
-    """
+    """Two groups of shots that were rendered in two ways. deviation: of the second group from the first."""
 
     first: tuple[str, ...]
     second: tuple[str, ...]
     deviation: Deviation
-    either: tuple[str, ...] = ()
 
     @property
     def diagnosis(self) -> Diagnosis:
         """The groups as a cause that spoils the whole set: it is not known which are right."""
-        either = f"; {_listed(self.either)} may be of either" if self.either else ""
         return Diagnosis(
             "the shots are of two groups that the camera rendered in two ways",
-            f"{_listed(self.second)} differ from {_listed(self.first)}: {self.deviation.words}{either}",
+            f"{_listed(self.second)} differ from {_listed(self.first)}: {self.deviation.words}",
             "calibrate from one group alone, or give the groups two names of styles",
         )
 
@@ -182,15 +158,13 @@ def check_shots(
         rows = usable & (samples.style == style)
         balanced = samples.raw[rows] * multipliers[rows]
         encoded, shot = samples.srgb[rows], samples.shot[rows]
-        known = bool(np.isfinite(samples.wb[rows]).all())
 
         colourless = _colourless(balanced, encoded, shot)
         checks.append(colourless)
         if not colourless.groups:
             rest = ~np.isin(shot, [deviation.shot for deviation in colourless.deviations])
             rendered = base.render(balanced[rest])
-            compared = compare_shots(rendered, encoded[rest], shot[rest], base.response.linearize, balances_known=known)
-            checks.append(replace(compared, groups=()) if colourless.deviations else compared)
+            checks.append(compare_shots(rendered, encoded[rest], shot[rest], base.response.linearize))
     return ShotCheck.of(checks)
 
 
@@ -213,56 +187,59 @@ def _colourless(balanced: Array, encoded: Array, shot: NDArray[np.str_]) -> Shot
 
 def _without_colour(shot: str, without: bool = True) -> Deviation:
     """The deviation of a black-and-white shot from others, or of one with colour from black-and-white ones."""
-    is_saturation = np.array(QUANTITIES) == "saturation"
-    values = (-1.0 if without else 1.0) * is_saturation
-    return Deviation(shot, tuple(values.tolist()), (0.0,) * len(values), tuple(is_saturation.tolist()), 0.0, without)
+    return Deviation(shot, (0.0, 0.0, -1.0 if without else 1.0), (0.0,) * 3, (False, False, True), 0.0, without)
 
 
 def compare_shots(
-    rendered: Array,
-    encoded: Array,
-    shot: NDArray[np.str_],
-    linearize: Callable[[Array], Array],
-    *,
-    balances_known: bool = True,
+    rendered: Array, encoded: Array, shot: NDArray[np.str_], linearize: Callable[[Array], Array]
 ) -> ShotCheck:
-    """Find the shots of one style that deviate, or the two groups that they are of.
+    """Find the shots of one style that deviate, the farthest first, or the two groups that they are of.
 
     rendered: (n, 3) the RAW as a fixed rendering has it; encoded: (n, 3) the JPEG values, neither clipped; shot: (n,)
-    names; linearize: JPEG values (m, 3) → linear (m, 3); balances_known: the files state the multipliers, so that a
-    tint is the rendering's. At most a third of the shots deviates: where more are otherwise, nothing says which are
-    right. Groups are looked for among all shots only: what is left after a shot was left out may differ by what that
-    shot had bent.
+    names; linearize: JPEG values (m, 3) → linear (m, 3). At most a third of the shots deviates: where more are
+    otherwise, nothing says which are right. Groups are looked for among all shots only: what is left after a shot was
+    left out may differ by what that shot had bent.
     """
     names, counts = np.unique(shot, return_counts=True)
     names = names[counts >= LEAST_OF_SHOT]
     most = len(names) // 3
     deviations = list[Deviation]()
     while len(names) > 1:
-        comparison = _Comparison(rendered, encoded, shot, names, tinted=balances_known)
-        split = next(filter(comparison.is_apart, (comparison.best_split(), comparison.best_single())), None)
-        if split is None:
+        comparison = _Comparison(rendered, encoded, shot, names)
+        split = comparison.best_split()
+        few = split if 2 * np.count_nonzero(split) <= len(split) else ~split
+        is_half = 3 * np.count_nonzero(few) > len(names)
+        if is_half and not deviations and comparison.is_apart(few):
+            deviation = comparison.deviation(few, linearize)
+            if any(deviation.clear):
+                first, second = (tuple(str(name) for name in names[rows]) for rows in (~few, few))
+                return ShotCheck(groups=(ShotGroups(first, second, deviation),))
+
+        if len(deviations) == most:
             break
-        unsure = comparison.unsure(split)
-        few, others = split & ~unsure, ~split & ~unsure
-        if not (few.any() and others.any()):
+        places = np.arange(len(names))
+        worst = max(places if is_half else places[few], key=lambda place: comparison.codes(places == place))
+        outlier = places == worst
+        single = _outlier(comparison, outlier, _Comparison(rendered, encoded, shot, names[~outlier]), linearize)
+        if single is None:
             break
-        is_half = 3 * np.count_nonzero(few) > np.count_nonzero(~unsure)
-        if not is_half and np.count_nonzero(few) <= most - len(deviations):
-            # Only what has a standard error leaves a shot out; primaries have none.
-            measured = comparison.deviations(comparison.singles(few), linearize)
-            found = [deviation for deviation in measured if any(deviation.clear)]
-            if not found:
-                break
-            deviations += found
-            names = np.setdiff1d(names, [deviation.shot for deviation in found])
-        else:
-            (deviation,) = comparison.deviations([split], linearize)
-            if deviations or not deviation.is_told:
-                break
-            first, second, either = (tuple(str(name) for name in names[rows]) for rows in (others, few, unsure))
-            return ShotCheck(groups=(ShotGroups(first, second, deviation, either),))
+        deviations.append(single)
+        names = names[~outlier]
     return ShotCheck(tuple(deviations))
+
+
+def _outlier(
+    comparison: "_Comparison", outlier: Mask, rest: "_Comparison", linearize: Callable[[Array], Array]
+) -> Deviation | None:
+    """The deviation of one shot, a mask (s,), from the rest of them; None where it is not clear."""
+    count = len(rest.names)
+    singles = [np.arange(count) == place for place in np.random.default_rng(0).permutation(count)[:MOST_FOR_SPREAD]]
+    usual = float(np.median([rest.codes(single) for single in singles]))
+    if comparison.codes(outlier) < max(OFF, BEYOND * usual):
+        return None
+    spread = 1.4826 * np.median([np.abs(rest.deviation(single, linearize).values) for single in singles], axis=0)
+    deviation = comparison.deviation(outlier, linearize, spread)
+    return deviation if any(deviation.clear) else None
 
 
 class _Comparison:
@@ -271,9 +248,7 @@ class _Comparison:
     rendered, encoded: (n, 3); shot: (n,); names: (s,), the shots that are compared.
     """
 
-    def __init__(
-        self, rendered: Array, encoded: Array, shot: NDArray[np.str_], names: NDArray[np.str_], *, tinted: bool
-    ) -> None:
+    def __init__(self, rendered: Array, encoded: Array, shot: NDArray[np.str_], names: NDArray[np.str_]) -> None:
         self.names = names
         most = min(MOST_OF_SHOT, max(LEAST_OF_SHOT, MOST_TOGETHER // len(names)))
         rng = np.random.default_rng(0)
@@ -282,8 +257,7 @@ class _Comparison:
         self.parts = np.split(np.arange(len(chosen)), np.cumsum([len(part) for part in rows])[:-1])
 
         self.rendered = np.clip(rendered[chosen], 0.0, 1.0)
-        self.tinted = tinted
-        self.changes = _changes(self.rendered, tinted=tinted)
+        self.changes = _changes(self.rendered)
         self.prior = (CODE / CHANGE) ** 2 * np.eye(self.changes.shape[2])
         functions = _polynomials(self.rendered)
         off = encoded[chosen] - self.rendered
@@ -297,9 +271,7 @@ class _Comparison:
             self._set_normal(orthonormal, weight)
             weight = ROBUST(np.linalg.norm(self.residual - self._by_shot(orthonormal), axis=1))
         self.orthonormal, self.weight = orthonormal, weight
-        remaining = self.residual - self._by_shot(orthonormal)
-        freedom = 3.0 * (weight.sum() - len(POWERS)) - self.right.size
-        self.noise = float((weight[:, None] * remaining**2).sum() / max(freedom, 1.0))
+        self.squares = float((weight[:, None] * self.residual**2).sum())
 
     def _set_normal(self, orthonormal: Array, weight: Array) -> None:
         """Set the normal equations of a change of each shot: (s, q, q), with the shared function, and right sides."""
@@ -323,83 +295,47 @@ class _Comparison:
         explained = np.concatenate([self.changes[part] @ numbers for part, numbers in by_part])
         return np.asarray(explained - (shared @ orthonormal).T)
 
-    def _change(self, signs: Array) -> tuple[Array, Array, float]:
-        """Changes (m q,) of shots by signs (m, s), the inverse of their normal matrix, and the squares they take."""
-        cross = self._cross(signs)
-        right = (signs @ self.right).ravel()
-        normal = np.einsum("is,js,sqr->iqjr", signs, signs, self.normal).reshape(cross.shape[1], -1)
-        inverse = np.linalg.inv(normal + np.kron(np.eye(len(signs)), self.prior) - cross.T @ cross)
+    def _change(self, sign: Array) -> tuple[Array, Array, float]:
+        """The change d of shots by signs (s,), ±d, the inverse of its normal matrix, and the squares it takes away."""
+        cross, right = np.tensordot(sign, self.cross, 1), sign @ self.right
+        inverse = np.linalg.inv(np.tensordot(sign**2, self.normal, 1) + self.prior - cross.T @ cross)
         change = inverse @ right
         return change, inverse, float(right @ change)
 
-    def _cross(self, signs: Array) -> Array:
-        """The products of the shared functions with changes of shots by signs (m, s): (k, m q)."""
-        return np.concatenate([np.tensordot(sign, self.cross, 1) for sign in signs], axis=1)
-
-    def gain(self, *groups: Mask) -> float:
-        """The sum of squares that changes of some groups (s,) against the others take away, by Akaike's criterion."""
-        change, _, gain = self._change(np.where(groups, 1.0, -1.0))
-        return gain - 2.0 * len(change) * self.noise
+    def gain(self, group: Mask) -> float:
+        """The sum of squares that a change of a group (s,) against the others takes away."""
+        return self._change(np.where(group, 1.0, -1.0))[2]
 
     def codes(self, group: Mask) -> float:
-        """How far a group (s,) is from the others, in codes: root mean square."""
-        return self._as_codes(self.gain(group), group, ~group)
-
-    def usual_codes(self, group: Mask) -> float:
-        """How far single shots are from the others of their own group, (s,) or not, in codes.
-
-        The median of the shots, and what is usual beforehand as one more difference to those within groups.
-        """
-        gain, found = self.gain(group), []
-        for single in self.singles(group | ~group):
-            others = (group == group[single]) & ~single
-            if others.any():
-                found.append(self._as_codes(self.gain(group, single) - gain, single, others))
-        within = len(group) - 2
-        squared = within * float(np.median(found)) ** 2 if found else 0.0
-        return float(np.sqrt((USUAL**2 + squared) / (1 + within)))
-
-    def _as_codes(self, gain: float, group: Mask, others: Mask) -> float:
-        """The squares that a change of a group (s,) against others takes away as a difference of the two, in codes."""
-        weights = [float(self.weight[self._rows(mask)].sum()) for mask in (group, others)]
-        return 255.0 * float(np.sqrt(max(gain, 0.0) / 3.0 * (1.0 / weights[0] + 1.0 / weights[1])))
+        """The gain of a group (s,) in codes: its root mean square over the samples of the group."""
+        weight = float(self.weight[self._rows(group)].sum())
+        return 255.0 * float(np.sqrt(max(self.gain(group), 0.0) / (3.0 * weight)))
 
     def _rows(self, group: Mask) -> NDArray[np.intp]:
         """The samples of a group (s,)."""
         return np.concatenate([self.parts[place] for place in np.flatnonzero(group)])
 
     def is_apart(self, group: Mask) -> bool:
-        """True where a group (s,) is far from the others, compared with how far single shots usually are."""
-        return self.codes(group) > max(LEAST_CODES, FAR * self.usual_codes(group))
-
-    def unsure(self, group: Mask) -> Mask:
-        """The shots (s,) that fit a group (s,) about as well as the others."""
-        gain, least = self.gain(group), SURE * self.usual_codes(group)
-        singles = self.singles(group | ~group)
-        return np.array([self._as_codes(gain - self.gain(group ^ one), one, ~one) < least for one in singles])
-
-    def singles(self, shots: Mask) -> list[Mask]:
-        """A group (s,) of its own for each of some shots (s,)."""
-        return [np.arange(len(shots)) == place for place in np.flatnonzero(shots)]
+        """True where a group (s,) and the others fit much better apart."""
+        mean = 255.0**2 / (3.0 * float(self.weight.sum()))
+        together = np.sqrt(mean * self.squares)
+        apart = np.sqrt(mean * max(self.squares - self.gain(group), 0.0))
+        return bool(together > APART * apart and together - apart > APART_CODES)
 
     def best_split(self) -> Mask:
-        """The smaller (s,) of the two groups of shots that fit best apart."""
+        """The division of the shots into two groups (s,) that fit best apart."""
         count = len(self.names)
         if count <= ALL_SPLITS:
-            places = np.arange(count - 1)
-            splits = [np.append(bits >> places & 1, 0).astype(np.bool_) for bits in range(1, 1 << (count - 1))]
-        else:
-            # From the shots that deviate most, and from random divisions
-            singles = sorted(self.singles(np.ones(count, dtype=np.bool_)), key=self.gain, reverse=True)
-            rng = np.random.default_rng(0)
-            starts = [*singles[:3], *(rng.random(count) < 0.5 for _ in range(4))]
-            splits = [self._improved(start) for start in starts]
-        best = max(splits, key=self.gain)
-        return best if 2 * np.count_nonzero(best) <= count else ~best
-
-    def best_single(self) -> Mask:
-        """The shot, as a mask (s,), that fits best apart from all others."""
-        return max(self.singles(np.ones(len(self.names), dtype=np.bool_)), key=self.gain)
+            splits = [
+                np.array([False, *(bits >> place & 1 for place in range(count - 1))], dtype=np.bool_)
+                for bits in range(1, 1 << (count - 1))
+            ]
+            return max(splits, key=self.gain)
+        singles = sorted(range(count), key=lambda place: -self.gain(np.arange(count) == place))
+        # From the shots that deviate most, and from random divisions
+        rng = np.random.default_rng(0)
+        starts = [np.arange(count) == place for place in singles[:3]] + [rng.random(count) < 0.5 for _ in range(4)]
+        return max((self._improved(start) for start in starts), key=self.gain)
 
     def _improved(self, split: Mask) -> Mask:
         """Move single shots from group to group while that helps."""
@@ -417,76 +353,55 @@ class _Comparison:
                 break
         return split
 
-    def deviations(self, groups: Sequence[Mask], linearize: Callable[[Array], Array]) -> list[Deviation]:
-        """Measure how the shots of each of some groups (s,) deviate from those of none."""
-        signs = np.where(groups, 1.0, -1.0)
-        change, inverse, _ = self._change(signs)
-        scores = self._scores(signs, change)
-        found = []
-        for group, own in zip(groups, np.split(np.arange(len(change)), len(groups)), strict=True):
-            measure = _Measure(self.rendered[self._rows(group)], linearize, tinted=self.tinted)
-            values, slopes = measure(change[own]), measure.slopes(change[own])
-            within = np.square(slopes @ inverse[own] @ scores).sum(axis=1) * HUE_GROUPS / (HUE_GROUPS - 1)
-            errors = np.sqrt(within)
-            clear = (np.abs(values) > LEAST) & (np.abs(values) > CLEARLY * errors)
-            name = _listed([str(shot) for shot in self.names[group]])
-            primaries = measure.primaries(change[own])
-            found.append(
-                Deviation(name, tuple(values.tolist()), tuple(errors.tolist()), tuple(clear.tolist()), primaries)
-            )
-        return found
+    def deviation(self, group: Mask, linearize: Callable[[Array], Array], spread: Array | float = 0.0) -> Deviation:
+        """Measure how the shots of a group (s,) deviate from the others. spread: (3,), of other shots' values."""
+        sign = np.where(group, 1.0, -1.0)
+        change, inverse, _ = self._change(sign)
+        rows = self._rows(group)
+        rendered, changes = self.rendered[rows], self.changes[rows]
+        chroma = rendered - rendered.mean(axis=1, keepdims=True)
+        strength = max(float(np.sum(chroma**2)), 1e-12)
+        low, high = np.percentile(rendered.mean(axis=1), (10, 90))
+        greys = np.repeat(np.linspace(max(low, 0.04), max(high, 0.08), 9)[:, None], 3, axis=1)
+        changes_of_greys = _changes(greys)
 
-    def _scores(self, signs: Array, change: Array) -> Array:
-        """The derivatives (m q, g) of the squares by changes of signs (m, s), summed over hues of each shot."""
-        cross = self._cross(signs)
-        of_samples = np.repeat(signs, [len(part) for part in self.parts], axis=1)
-        changes = np.concatenate([sign[:, None, None] * self.changes for sign in of_samples], axis=2)
+        def stops(encoded: Array) -> Array:
+            return np.asarray(np.log2(np.maximum(linearize(encoded).sum(axis=1), DARKEST_LINEAR)))
+
+        tones = stops(greys)
+
+        def measured(change: Array) -> Array:
+            step = changes_of_greys @ change
+            brighter = stops(np.clip(greys + step, 0.0, 1.0)) - stops(np.clip(greys - step, 0.0, 1.0))
+            contrast, exposure = np.polyfit(tones - np.median(tones), brighter, 1)
+            saturation = 2.0 * float(np.sum((changes[..., TONES:] @ change[TONES:]) * chroma)) / strength
+            return np.array([exposure, contrast, saturation])
+
+        values, small = measured(change), 1e-4
+        slopes = np.stack([(measured(change + step) - values) / small for step in small * np.eye(len(change))], axis=1)
+
+        within = np.square(slopes @ inverse @ self._scores(sign, change)).sum(axis=1) * HUE_GROUPS / (HUE_GROUPS - 1)
+        errors = np.hypot(np.sqrt(within * len(rows) / (len(rows) - len(change))), spread)
+        clear = (np.abs(values) > np.array(LEAST)) & (np.abs(values) > CLEARLY * errors)
+
+        rest = 2.0 * changes[..., TONES:] @ change[TONES:] - values[2] * chroma
+        primaries = float(np.sqrt(np.sum(rest**2) / strength))
+        name = _listed([str(shot) for shot in self.names[group]])
+        return Deviation(name, tuple(values.tolist()), tuple(errors.tolist()), tuple(clear.tolist()), primaries)
+
+    def _scores(self, sign: Array, change: Array) -> Array:
+        """The derivatives (q, g) of the squares by the change, summed over each group of hue of each shot."""
+        signs = np.repeat(sign, [len(part) for part in self.parts])
+        cross = np.tensordot(sign, self.cross, 1)
         shared = (cross @ change).reshape(3, -1)
-        residual = self.residual - changes @ change + (shared @ self.orthonormal).T
+        residual = self.residual - signs[:, None] * (self.changes @ change) + (shared @ self.orthonormal).T
         hue = np.arctan2(self.rendered[:, 2] - self.rendered[:, 1], self.rendered[:, 0] - self.rendered[:, 1])
         # Each change, less what the shared function explains of it
         explained = np.einsum("ckq,kn->ncq", cross.reshape(3, -1, len(change)), self.orthonormal)
-        scores = np.einsum("n,ncq,nc->nq", self.weight, changes - explained, residual)
+        remaining = signs[:, None, None] * self.changes - explained
+        scores = np.einsum("n,ncq,nc->nq", self.weight, remaining, residual)
         groups = [group for part in self.parts for group in np.array_split(part[np.argsort(hue[part])], HUE_GROUPS)]
         return np.stack([scores[group].sum(axis=0) for group in groups], axis=1)
-
-
-class _Measure:
-    """What photographers call a change of colours that are rendered so, (n, 3): exposure, contrast and more."""
-
-    def __init__(self, rendered: Array, linearize: Callable[[Array], Array], *, tinted: bool) -> None:
-        self.linearize = linearize
-        self.changes = _changes(rendered, tinted=tinted)[..., -MATRIX:]
-        self.chroma = rendered - rendered.mean(axis=1, keepdims=True)
-        self.strength = max(float(np.sum(self.chroma**2)), 1e-12)
-        low, high = np.percentile(rendered.mean(axis=1), (10, 90))
-        self.greys = np.repeat(np.linspace(max(low, 0.04), max(high, 0.08), 9)[:, None], 3, axis=1)
-        self.of_greys = _changes(self.greys, tinted=tinted)
-
-    def __call__(self, change: Array) -> Array:
-        """The values of a `Deviation` by a change ±d (q,)."""
-        step = self.of_greys @ change
-        linear = [self.linearize(np.clip(self.greys + off, 0.0, 1.0)) for off in (0.0, step, -step)]
-        tones, brighter, darker = (_stops(values.sum(axis=1)) for values in linear)
-        contrast, exposure = np.polyfit(tones - np.median(tones), brighter - darker, 1)
-        saturation = 2.0 * float(np.sum((self.changes @ change[-MATRIX:]) * self.chroma)) / self.strength
-        red, green, blue = (_stops(linear[1]) - _stops(linear[2])).mean(axis=0)
-        return np.array([exposure, contrast, saturation, red - green, blue - green])
-
-    def slopes(self, change: Array, small: float = 1e-4) -> Array:
-        """The derivatives (5, q) of these values by the numbers of a change (q,)."""
-        steps = small * np.eye(len(change))
-        return np.stack([(self(change + step) - self(change)) / small for step in steps], axis=1)
-
-    def primaries(self, change: Array) -> float:
-        """The share of their strength by which a change (q,) moves colours otherwise than by saturation."""
-        moved = 2.0 * self.changes @ change[-MATRIX:]
-        rest = moved - np.sum(moved * self.chroma) / self.strength * self.chroma
-        return float(np.sqrt(np.sum(rest**2) / self.strength))
-
-
-def _stops(linear: Array) -> Array:
-    return np.asarray(np.log2(np.maximum(linear, DARKEST_LINEAR)))
 
 
 def _polynomials(rendered: Array) -> Array:
@@ -495,15 +410,11 @@ def _polynomials(rendered: Array) -> Array:
     return np.stack([red**i * green**j * blue**k for i, j, k in POWERS], axis=1)
 
 
-def _changes(rendered: Array, *, tinted: bool) -> Array:
-    """The values that each number of a change adds to encoded colours (n, 3), (n, 3, q): tones, a matrix on chroma.
-
-    tinted: tones of each channel, else of all alike.
-    """
+def _changes(rendered: Array) -> Array:
+    """The values that each number of a change adds to encoded colours (n, 3), (n, 3, 9): tone, a matrix on chroma."""
     mean = rendered.mean(axis=1)
     middle = mean * (1.0 - mean)
     tones = np.stack([middle * (2.0 * mean - 1.0) ** power for power in range(TONES)], axis=1)
     chroma = rendered[:, [0, 2]] - mean[:, None]
-    channels = np.eye(3) if tinted else np.ones((3, 1))
-    parts = np.einsum("ni,co->ncio", tones, channels), np.einsum("ni,co->ncio", chroma, np.eye(3))
-    return np.concatenate([part.reshape(len(rendered), 3, -1) for part in parts], axis=2)
+    matrix = np.einsum("ni,co->ncio", chroma, np.eye(3)).reshape(len(rendered), 3, -1)
+    return np.concatenate([np.repeat(tones[:, None], 3, axis=1), matrix], axis=2)

@@ -243,11 +243,11 @@ def drop_outlier_shots(state: State) -> State:
 
 
 def _causes_of_all_groups(state: State, comparison: ShotCheck) -> set[str]:
-    """The causes that were diagnosed, and that each of two groups of shots shows, with those that may be of either."""
+    """The causes that were diagnosed, and that each of two groups of shots shows by itself."""
     causes = {diagnosis.cause for diagnosis in state.diagnoses} - {NOT_ONE_CAMERA}
     for groups in comparison.groups if causes else ():
         for names in (groups.first, groups.second):
-            group = diagnose(state.select(np.isin(state.samples.shot, (*names, *groups.either))))
+            group = diagnose(state.select(np.isin(state.samples.shot, names)))
             causes &= {diagnosis.cause for diagnosis in group.diagnoses}
     return causes
 
