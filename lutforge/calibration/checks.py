@@ -159,7 +159,7 @@ def _cause_of_reading(colours: _Colours, given: _Judgement) -> Diagnosis | None:
 
 
 def _misfit(colours: _Colours, fit: Callable[[Array, Array], MatrixAndResponse]) -> float:
-    """The misfit of a base that is fitted to samples, white-balanced RAW and JPEG values; infinite without a fit."""
+    """The misfit of samples to a base that `fit` makes of white-balanced RAW and JPEG values; infinite if it fails."""
     some = np.random.default_rng(0).permutation(len(colours.raw))[:MOST_COMPARED]
     balanced = colours.raw[some] * colours.multipliers[some]
     encoded = np.clip(colours.encoded[some], 0.0, 1.0)
@@ -204,7 +204,7 @@ def _judged(colours: _Colours, base: MatrixAndResponse) -> _Judgement:
 
 
 def _causes(colours: _Colours, given: _Judgement) -> Iterator[tuple[str, str, list[_Colours]]]:
-    """Yield each cause that could apply, what to do, and its corrections: samples without more or less of it."""
+    """Yield each cause that could apply, what to do, and its corrections: samples with it partly or wholly undone."""
     raw, encoded, multipliers = colours.raw, colours.encoded, colours.multipliers
 
     for order in OTHER_ORDERS:

@@ -129,8 +129,7 @@ class MatrixAndResponseFit(MatrixAndResponse):
     """A matrix and response that were fitted to samples.
 
     in_gamut: (n,) the weight in [0, 1] of a sample by its saturation, 1 where the gamut map leaves its colour alone;
-    status: how
-    the rounds ended.
+    status: how the rounds ended.
     """
 
     in_gamut: Array
@@ -148,7 +147,7 @@ def fit_matrix_and_response(
     counts; curves: of EMoR. saturates: 1 is where the sensor does, which cameras render white: f⁻¹(1) ≤ 1, however
     dark the samples are. Raises CalibrationError below 10 samples.
     """
-    chroma, problem = _joint_fit(x, encoded, beta)
+    in_gamut, problem = _joint_fit(x, encoded, beta)
 
     def fit(basis: CurveBasis) -> Status:
         return robust_fit(problem, basis.with_white_by_one() if saturates else basis)
@@ -157,14 +156,15 @@ def fit_matrix_and_response(
     for _ in range(2):
         status = fit(spline_basis(problem.response.inverse.mean(axis=1)))
     matrix = matrix_of_rows(problem.coefficients)
-    return MatrixAndResponseFit(matrix, problem.response, in_gamut_weight(chroma, _wide_enough(chroma, beta)), status)
+    return MatrixAndResponseFit(matrix, problem.response, in_gamut, status)
 
 
 @one_blas_thread
 def fit_typical_response(x: Array, encoded: Array) -> MatrixAndResponse:
-    """The same by EMoR's curves alone, in a third of the time: what suits one hypothesis among many.
+    """Fit Ts and f to white-balanced RAW x (n, 3) and JPEG values encoded (n, 3), with f among EMoR's curves.
 
-    Raises CalibrationError below 10 samples.
+    Without the splines of `fit_matrix_and_response` this takes a third of its time, which matters where many hypotheses
+    are compared. Raises CalibrationError below 10 samples.
     """
     _, problem = _joint_fit(x, encoded, BETA)
     robust_fit(problem, emor_basis(CURVES))
@@ -172,7 +172,7 @@ def fit_typical_response(x: Array, encoded: Array) -> MatrixAndResponse:
 
 
 def _joint_fit(x: Array, encoded: Array, beta: float) -> tuple[Array, "JointFit"]:
-    """The saturation of each sample (n,), and the fit of matrix and response to those that the gamut map leaves alone.
+    """The weight (n,) of each sample by its saturation, and the problem of matrix and response with these weights.
 
     Raises CalibrationError below 10 samples.
     """
@@ -183,9 +183,9 @@ def _joint_fit(x: Array, encoded: Array, beta: float) -> tuple[Array, "JointFit"
     rows = np.flatnonzero(chroma < MOST_BETAS * beta)
     if len(rows) > MOST_SAMPLES:  # the same ones every time
         rows = np.random.default_rng(0).choice(rows, MOST_SAMPLES, replace=False, shuffle=False)
-    odds = in_gamut_weight(chroma[rows], beta)
-    weights = ToneWeights(encoded[rows].mean(axis=1), odds**SELECTION)
-    return chroma, JointFit(x[rows], encoded[rows], weights, neutral_rows)
+    in_gamut = in_gamut_weight(chroma, beta)
+    weights = ToneWeights(encoded[rows].mean(axis=1), in_gamut[rows] ** SELECTION)
+    return in_gamut, JointFit(x[rows], encoded[rows], weights, neutral_rows)
 
 
 def neutral_rows(x: Array) -> tuple[Array, Array]:

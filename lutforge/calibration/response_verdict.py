@@ -53,7 +53,7 @@ class ResponseVerdict:
         """The verdict in words, with its figures."""
         return (
             f"the response {'is a fixed property of this camera' if self.fixed else 'is not the same in all shots'}: "
-            f"unsaturated colours of the worst shot depart by {255 * self.shift:.1f} codes, "
+            f"unsaturated colours of the worst shot deviate by {255 * self.shift:.1f} codes, "
             f"{100 * self.outliers:.0f} % of all colours by more than 3; a curve of its own for each shot explains "
             f"{100 * max(self.explained_by_shots, 0.0):.0f} % of what is left (10 % or more: something adapts to the "
             "scene)"

@@ -68,10 +68,10 @@ def robust_fit(problem: Problem, basis: CurveBasis, most_rounds: int = 20) -> St
 
 @dataclass(frozen=True, eq=False)
 class _Prior:
-    """What all rounds of a fit share, of the θ of three channels and of s.
+    """The prior of the θ of all three channels and of s, which is the same in all rounds of a fit.
 
-    of_curves: (3 m, 3 m) and shift: (3 m,), of θ; of_shared: (p, p), of s; rising: (3 c, 3 m), θ such that the curves
-    rise, which are at least `least` (3 c,).
+    of_curves: (3 m, 3 m), shift: (3 m,): the prior θ'·of_curves·θ − 2 shift·θ; of_shared: (p, p), the precision of s;
+    rising (3 c, 3 m) θ ≥ least (3 c,): the curves rise.
     """
 
     of_curves: Array
@@ -157,7 +157,7 @@ class ToneWeights:
         return self.prior * cauchy(residual / np.interp(self.tone, self.levels, scale))
 
     def _ranges(self) -> list[tuple[int, int]]:
-        """Samples in order of tone around each level, of so wide a range of tones that eight samples' worth tell it."""
+        """Around each level the first and the last of the samples in order of tone: enough to weigh eight in all."""
         tone = self.tone[self.order]
         mass = np.concatenate([[0.0], np.cumsum(self.odds[self.order])])
         half, enough = 0.5 * (self.levels[1] - self.levels[0]), min(8.0, mass[-1])

@@ -17,7 +17,7 @@ from lutforge.threads import each, slabs
 
 
 def clipped_sides(jpeg: Array) -> Index:
-    """Where channels of JPEG colours (n, 3) are clipped: 1 at white, −1 at black, else 0."""
+    """The end at which each channel of JPEG colours (n, 3) is clipped: 1 for white, −1 for black, 0 for neither."""
     return np.where(jpeg >= 1 - 1e-7, 1, np.where(jpeg <= 1e-7, -1, 0)).astype(np.int64)
 
 
