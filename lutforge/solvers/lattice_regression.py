@@ -22,6 +22,7 @@ from scipy import sparse
 from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import Interpolation, Levels, interpolate
+from lutforge.solvers import diagonals
 from lutforge.solvers.normal_equations import normal_equations
 from lutforge.solvers.penalties import ThinPlate, smoothness_matrix, thin_plate
 from lutforge.solvers.solution import Solution, Status
@@ -99,7 +100,7 @@ def fit_lattice(
     coarse = _coarse_solve(matrix, diagonal_weight.mean(axis=0), plate, levels) if prior is None else np.zeros_like
 
     def product(b: Array) -> Array:
-        image = np.stack([matrix @ column for column in b]) + diagonal_weight * b
+        image = diagonals.product(matrix, diagonal_weight, b)
         return image if plate is None else image + plate(b.reshape(3, *size)).reshape(3, -1)
 
     solution = conjugate_gradients(
