@@ -37,7 +37,7 @@ SHOTS = (
     DemoShot("standard", "daylight", "wall", 1, 0.35),
     DemoShot("standard", "tungsten", "wall", 2, 1.0),
     DemoShot("standard", "tungsten", "wall", 3, 0.6, light="daylight"),
-    DemoShot("standard", "tungsten", "still-life", 0, 0.8, light="daylight"),
+    DemoShot("standard", "tungsten", "still-life", 1, 0.8, light="daylight"),  # with a deep blue ball
     DemoShot("standard", "fluorescent", "wall", 4, 0.8),
     DemoShot("standard", "cloudy", "wall", 3, 1.2),
     DemoShot("vivid", "daylight", "chart", 0, 1.0),
