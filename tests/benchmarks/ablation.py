@@ -41,8 +41,8 @@ from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.benchmarks import common
 from tests.benchmarks.common import HALF_CODE, heading, row
-from tests.benchmarks.fleet import whole
 from tests.benchmarks.fleet_cameras import STYLES, fleet
+from tests.benchmarks.fleet_figures import whole
 from tests.cases.real_data import read_published_pairs, sensors, spectral_data, split
 from tests.cases.samples import style_of
 

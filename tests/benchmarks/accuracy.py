@@ -56,8 +56,9 @@ from lutforge.simulate.scenes import SCENES
 from lutforge.thesis.options import Options, ThesisOptions
 from tests.benchmarks import common, lattices
 from tests.benchmarks.common import ROOT, Figure, Figures, Parts
-from tests.benchmarks.fleet import is_error, measure
+from tests.benchmarks.fleet import is_error
 from tests.benchmarks.fleet_cameras import fleet
+from tests.benchmarks.fleet_figures import measure
 from tests.cases import input_transforms
 from tests.cases.real_data import CHARTS
 

@@ -221,26 +221,35 @@ class FleetCamera:
                 x, y = rng.uniform(-1, 1, (2, len(surfaces)))
                 place = np.column_stack([3 * x, 2 * y]) / np.sqrt(13)
                 raw = np.clip(level * self.expose(surfaces, lit_by), 0.0, None)
-                pixels = raw[:, None] + np.sqrt(raw / FULL_WELL + (READ_NOISE / FULL_WELL) ** 2)[:, None] * rng.normal(
-                    size=(len(raw), PIXELS, 3)
-                )
-                brighter = 2.0 ** (self.vignetting * np.sum(place**2, axis=1))[:, None, None]
-                shown = self.render((pixels * brighter).reshape(-1, 3), style, balance).reshape(pixels.shape)
-                of_pixel, of_all = JPEG_ERROR
-                off = of_pixel * rng.normal(size=shown.shape) + of_all * rng.normal(size=(len(raw), 1, 3))
-                inside = (shown > 0.5 / 255) & (
-                    shown < 1 - 0.5 / 255
-                )  # what is clipped all over is coded without error
-                jpeg = np.clip(np.rint(255 * shown + off * inside), 0, 255).mean(axis=1) / 255
+                brighter = 2.0 ** (self.vignetting * np.sum(place**2, axis=1))
+                seen_raw, jpeg = self.sampled(rng, raw, style, balance, brighter)
                 rows = self.known(raw, style, balance)
                 factors = self.balances[balance]
                 part = lf.SampleSet.from_arrays(
-                    np.clip(pixels, 0.0, 1.0).mean(axis=1)[rows], jpeg[rows], camera=self.name, style=style,
+                    seen_raw[rows], jpeg[rows], camera=self.name, style=style,
                     white_balance=balance, shot=f"{style} {number}", patch=[f"{n:04d}" for n in np.flatnonzero(rows)],
                     exposure_s=level / 60, wb=factors / factors[1],
                 )  # fmt: skip
                 parts.append(replace(part, position=place[rows]) if self.sampling == "casual" else part)
         return concatenate(parts)
+
+    def sampled(
+        self, rng: np.random.Generator, raw: Array, style: str, balance: str, brighter: Array | None = None
+    ) -> tuple[Array, Array]:
+        """What a sample holds of RAW (n, 3): the means of noisy RAW pixels, and of 8-bit pixels of a JPEG, each (n, 3).
+
+        brighter: (n,), by how much the JPEG is brighter than the RAW says, 1 unless given.
+        """
+        pixels = raw[:, None] + np.sqrt(raw / FULL_WELL + (READ_NOISE / FULL_WELL) ** 2)[:, None] * rng.normal(
+            size=(len(raw), PIXELS, 3)
+        )
+        exposed = pixels if brighter is None else pixels * brighter[:, None, None]
+        shown = self.render(exposed.reshape(-1, 3), style, balance).reshape(pixels.shape)
+        of_pixel, of_all = JPEG_ERROR
+        off = of_pixel * rng.normal(size=shown.shape) + of_all * rng.normal(size=(len(raw), 1, 3))
+        inside = (shown > 0.5 / 255) & (shown < 1 - 0.5 / 255)  # what is clipped all over is coded without error
+        jpeg = np.clip(np.rint(255 * shown + off * inside), 0, 255).mean(axis=1) / 255
+        return np.clip(pixels, 0.0, 1.0).mean(axis=1), jpeg
 
     def _shots(self, rng: np.random.Generator, seen: Array) -> Iterator[tuple[str, str, float, Array]]:
         """White balance, light, exposure and reflectances of each shot of a style."""
