@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 Progress = Callable[[str, float], None]
@@ -19,6 +20,17 @@ def part(progress: Progress, start: float, end: float, title: str = "") -> Progr
         progress(f"{title}: {step}" if title else step, start + share * (end - start))
 
     return within
+
+
+def of_tasks(progress: Progress, step: str, count: int) -> list[Callable[[float], None]]:
+    """Return a callback for each of `count` tasks that run side by side, which gets the share of it that is done."""
+    shares = [0.0] * count
+
+    def report(task: int, share: float) -> None:
+        shares[task] = share
+        progress(step, sum(shares) / count)
+
+    return [partial(report, task) for task in range(count)]
 
 
 @contextmanager

@@ -12,7 +12,7 @@ of two on one half of a fleet of cameras; the guide has the figures of both halv
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import minimize_scalar
 
 from lutforge.arrays import Array, Mask
@@ -143,11 +143,12 @@ def posterior_deviation(source: Array) -> Callable[[Array], Array]:
     covariance = kriging_covariance(centres)
     variance = covariance[0, 0]
     covariance[np.diag_indices(len(centres))] += NOISE
-    factor = cholesky(covariance, lower=True, overwrite_a=True)
+    # Products with an inverse release Python's lock, so that they run beside other fits; triangular solves do not.
+    whitening = np.linalg.inv(np.linalg.cholesky(covariance))
 
     def deviation(linear: Array) -> Array:
         across = kriging_covariance(centres, to_even(linear.reshape(-1, 3), OFFSET))
-        known = np.sum(solve_triangular(factor, across, lower=True, overwrite_b=True) ** 2, axis=0)
+        known = np.sum((whitening @ across) ** 2, axis=0)
         return np.asarray(np.sqrt(np.maximum(variance - known, NOISE)).reshape(linear.shape[:-1]))
 
     return deviation

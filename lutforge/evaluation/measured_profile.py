@@ -1,8 +1,7 @@
 """The held-out errors of a calibration: each shot is predicted by a fit to the others."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -14,9 +13,9 @@ from lutforge.evaluation.methods import BASELINES, CAMERA_MODEL, LATTICE
 from lutforge.evaluation.predictions import Predictions, predict
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile import PictureStyle
-from lutforge.progress import Progress, part
+from lutforge.progress import Progress, of_tasks
 from lutforge.thesis.options import Options
-from lutforge.threads import one_blas_thread
+from lutforge.threads import each, one_blas_thread
 
 
 @one_blas_thread
@@ -24,26 +23,36 @@ def measured(
     profile: CameraProfile, data: Mapping[str, StyleData], options: Options, progress: Progress
 ) -> CameraProfile:
     """The profile with its errors on held-out shots, by style, and with notes on styles whose calibration is weak."""
+    progress("held-out error", 0.0)
+
+    def of_style(task: tuple[str, Callable[[float], None]]) -> tuple[PictureStyle, list[str]]:
+        name, report = task
+        return _measured(name, profile.styles[name], data[name], options, report, bool(profile.diagnoses))
+
     styles = dict(profile.styles)
     notes = list(profile.notes)
-    for index, (name, style) in enumerate(data.items()):
-        of_style = part(progress, index / len(data), (index + 1) / len(data), name)
-        styles[name], weaknesses = _measured(
-            name, profile.styles[name], style, options, of_style, bool(profile.diagnoses)
-        )
+    tasks = list(zip(data, of_tasks(progress, "held-out error", len(data)), strict=True))
+    for name, (style, weaknesses) in zip(data, each(of_style, tasks), strict=True):
+        styles[name] = style
         notes.extend(f"{name}: {note}" for note in weaknesses)
     progress("done", 1.0)
     return replace(profile, styles=styles, notes=tuple(notes))
 
 
 def _measured(
-    name: str, style: PictureStyle, data: StyleData, options: Options, progress: Progress, is_diagnosed: bool
+    name: str,
+    style: PictureStyle,
+    data: StyleData,
+    options: Options,
+    report: Callable[[float], None],
+    is_diagnosed: bool,
 ) -> tuple[PictureStyle, list[str]]:
-    """A style with its errors, and notes on why its calibration is weak. is_diagnosed: the samples have a fault."""
+    """A style with its errors, and notes on why its calibration is weak.
+
+    report: called with the share that is done; is_diagnosed: the samples have a fault.
+    """
     notes = []
     shots = tuple(str(shot) for shot in np.unique(data.shot))
-    refitted = partial(progress, "held-out error")
-    refitted(0.0)
     if len(data.shot) < 500:
         notes.append(f"only {len(data.shot)} samples: colours between them are guessed from the matrix and response")
     if len(shots) < 2:
@@ -55,7 +64,7 @@ def _measured(
         )
         return style, notes
     try:
-        predictions = predict(style, name, data, shots, options, progress=refitted)
+        predictions = predict(style, name, data, shots, options, progress=report)
     except CalibrationError:
         notes.append("too few samples to leave a shot out: the error is not known")
         return style, notes
