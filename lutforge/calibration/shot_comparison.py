@@ -1,10 +1,10 @@
 """Comparison of the shots of a style: which the camera rendered otherwise than the rest, and how.
 
 What JPEG values differ by from those that the base renders of their RAW is a smooth function of colour, the same for
-all shots, since the gamut map is fixed: a cubic polynomial. To it each shot, or each of two groups of shots, may add a
-change: of tone (three numbers) and of what differs from grey (a matrix). Function and changes are fitted together, by
-least squares with robust weights; the sum of squares that a change takes away states how much better shots fit apart.
-Shots with few tones in common are compared as well as others, since the function joins them.
+all shots, since the gamut map is fixed (`shared_function`). To it each shot, or each of two groups of shots, may add a
+change: of tone (three numbers) and of what differs from grey (a matrix). The sum of squares that a change saves states
+how much better shots fit apart. Shots with few tones in common are compared as well as others, since the function joins
+them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,51 +12,62 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.shared_function import (
+    CODE,
+    TONES,
+    ComparedColours,
+    SharedFunctionFit,
+    change_basis,
+    fit_shared_function,
+)
+from lutforge.calibration.split_search import best_split
 from lutforge.model.profile import Diagnosis
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 MOST_OF_SHOT = 400
 """The largest number of a shot's samples that are compared; of more, as many are drawn at random."""
 MOST_TOGETHER = 20_000
 """The largest number of samples of all shots together."""
-MOST_FOR_SPREAD = 24
-"""By how many of the other shots the spread of deviations is measured, at most."""
 LEAST_OF_SHOT = 20
 """Shots with fewer samples are not compared."""
-CODE = 1.0 / 255.0
-CHANGE = 0.3
-"""Standard deviation of the numbers of a change beforehand, in encoded values."""
-ROBUST = RobustWeights(cauchy, multiple=3.0, least=CODE)
-POWERS = [(i, j, k) for i in range(4) for j in range(4) for k in range(4) if i + j + k <= 3]
-TONES = 3
-"""How many numbers of a change are of tone."""
-ALL_SPLITS = 12
-"""The largest number of shots of which all divisions into two groups are tried.
+MOST_FOR_SPREAD = 24
+"""By how many of the other shots the spread of deviations is measured, at most."""
 
-Of more shots, single ones are moved from group to group as long as that helps.
-"""
-OFF, BEYOND = 0.8, 1.3
-"""A shot deviates if its change takes away so many codes, and so many times those of the others' changes."""
-APART, APART_CODES = 1.25, 0.2
-"""Shots are of two groups if the error of all is so many times that of both, and so many codes more."""
+LEAST_DEVIATION = 0.8
+"""A shot deviates only if its change saves at least this error, in codes."""
+TIMES_USUAL_DEVIATION = 1.3
+"""A shot deviates only if its change saves so many times the error, in codes, that those of the other shots save."""
+GROUPS_ERROR_RATIO = 1.25
+"""Shots are of two groups only if the error of all together is so many times that of the two apart."""
+GROUPS_ERROR_SAVED = 0.2
+"""Shots are of two groups only if the error of all together is so many codes larger than that of the two apart."""
+
+CLEAR_STANDARD_ERRORS = 4.0
+"""A quantity deviates clearly only by so many standard errors."""
+LEAST_EXPOSURE, LEAST_CONTRAST, LEAST_SATURATION = 0.1, 0.06, 0.12
+"""A quantity deviates clearly only by this: EV, EV per EV, share of the saturation."""
 HUE_GROUPS = 5
 """Errors of similar colours of a shot are alike: standard errors come from its residuals by groups of hue (Liang &
 Zeger 1986, https://doi.org/10.1093/biomet/73.1.13)."""
-CLEARLY = 4.0
-"""A quantity deviates clearly by so many standard errors, and by one of these: EV, EV per EV, share of saturation."""
-LEAST = (0.1, 0.06, 0.12)
 OTHER_PRIMARIES = 0.12
 """Share of the colours' strength from which on primaries are named."""
 WITHOUT_COLOUR = 2.0 * CODE
 """Channels of a black-and-white picture differ by at most this, but for a twentieth of it."""
+
 DARKEST_LINEAR = 1e-6
 """Least linear value that has a logarithm."""
+DARKEST_GREYS = (0.04, 0.08)
+"""The darkest grey that a change is measured at is no darker than the first, and the brightest than the second."""
+GREYS = 9
+"""The number of greys that a change is measured at."""
+DERIVATIVE_STEP = 1e-4
+"""Step of a numerical derivative by a number of a change."""
+LEAST_STRENGTH = 1e-12
+"""Least sum of squares of what differs from grey, so that colours without any divide."""
 ADVICE = "shoot in manual mode with one picture style, scene-dependent features (D-Lighting, HDR, auto tone) off"
 
 
@@ -162,9 +173,9 @@ def check_shots(
         colourless = _colourless(balanced, encoded, shot)
         checks.append(colourless)
         if not colourless.groups:
-            rest = ~np.isin(shot, [deviation.shot for deviation in colourless.deviations])
-            rendered = base.render(balanced[rest])
-            checks.append(compare_shots(rendered, encoded[rest], shot[rest], base.response.linearize))
+            in_agreement = ~np.isin(shot, [deviation.shot for deviation in colourless.deviations])
+            rendered = base.render(balanced[in_agreement])
+            checks.append(compare_shots(rendered, encoded[in_agreement], shot[in_agreement], base.response.linearize))
     return ShotCheck.of(checks)
 
 
@@ -173,21 +184,39 @@ def _colourless(balanced: Array, encoded: Array, shot: NDArray[np.str_]) -> Shot
     names = np.unique(shot)
     if not any(is_monochrome(balanced[shot == name], encoded[shot == name]) for name in names):
         return ShotCheck()
+
     # Dark shots without colour then are, too, though their RAW has too little of it to show that.
     tints = np.ptp(encoded, axis=1)
     grey = np.array([bool(np.percentile(tints[shot == name], 95) <= WITHOUT_COLOUR) for name in names])
     if grey.all() or not grey.any():
         return ShotCheck()
-    few = grey if 2 * np.count_nonzero(grey) <= len(grey) else ~grey
-    if 3 * np.count_nonzero(few) > len(names):
+
+    if _is_large(_minority(grey)):
         first, second = (tuple(str(name) for name in names[rows]) for rows in (~grey, grey))
-        return ShotCheck(groups=(ShotGroups(first, second, _without_colour(_listed(second))),))
-    return ShotCheck(tuple(_without_colour(str(name), bool(grey[few].all())) for name in names[few]))
+        return ShotCheck(groups=(ShotGroups(first, second, _black_and_white(_listed(second))),))
+    if 2 * np.count_nonzero(grey) <= len(grey):
+        return ShotCheck(tuple(_black_and_white(str(name)) for name in names[grey]))
+    return ShotCheck(tuple(_in_colour(str(name)) for name in names[~grey]))
 
 
-def _without_colour(shot: str, without: bool = True) -> Deviation:
-    """The deviation of a black-and-white shot from others, or of one with colour from black-and-white ones."""
-    return Deviation(shot, (0.0, 0.0, -1.0 if without else 1.0), (0.0,) * 3, (False, False, True), 0.0, without)
+def _black_and_white(shot: str) -> Deviation:
+    """The deviation of a black-and-white shot from shots with colour."""
+    return Deviation(shot, (0.0, 0.0, -1.0), (0.0,) * 3, (False, False, True), 0.0, without_colour=True)
+
+
+def _in_colour(shot: str) -> Deviation:
+    """The deviation of a shot with colour from black-and-white shots."""
+    return Deviation(shot, (0.0, 0.0, 1.0), (0.0,) * 3, (False, False, True), 0.0, without_colour=False)
+
+
+def _minority(group: Mask) -> Mask:
+    """The smaller of two groups of shots, of which one is a mask (s,)."""
+    return group if 2 * np.count_nonzero(group) <= len(group) else ~group
+
+
+def _is_large(minority: Mask) -> bool:
+    """True where a minority is more than a third of the shots (s,): then nothing says which of them are right."""
+    return bool(3 * np.count_nonzero(minority) > len(minority))
 
 
 def compare_shots(
@@ -196,31 +225,33 @@ def compare_shots(
     """Find the shots of one style that deviate, the farthest first, or the two groups that they are of.
 
     rendered: (n, 3) the RAW as a fixed rendering has it; encoded: (n, 3) the JPEG values, neither clipped; shot: (n,)
-    names; linearize: JPEG values (m, 3) → linear (m, 3). At most a third of the shots deviates: where more are
-    otherwise, nothing says which are right. Groups are looked for among all shots only: what is left after a shot was
-    left out may differ by what that shot had bent.
+    names; linearize: JPEG values (m, 3) → linear (m, 3). At most a third of the shots deviates. Groups are looked for
+    among all shots only: the shots that remain after one was left out may differ by what that shot had bent.
     """
     names, counts = np.unique(shot, return_counts=True)
     names = names[counts >= LEAST_OF_SHOT]
-    most = len(names) // 3
+    most_deviations = len(names) // 3
+
+    def fit_of(names: NDArray[np.str_]) -> SharedFunctionFit:
+        return fit_shared_function(_drawn_colours(rendered, encoded, shot, names))
+
     deviations = list[Deviation]()
     while len(names) > 1:
-        comparison = _Comparison(rendered, encoded, shot, names)
-        split = comparison.best_split()
-        few = split if 2 * np.count_nonzero(split) <= len(split) else ~split
-        is_half = 3 * np.count_nonzero(few) > len(names)
-        if is_half and not deviations and comparison.is_apart(few):
-            deviation = comparison.deviation(few, linearize)
+        fit = fit_of(names)
+        minority = _minority(best_split(len(names), fit.error_saved))
+        if not deviations and _is_large(minority) and _are_apart(fit, minority):
+            deviation = _deviation(_listed(names[minority].tolist()), fit, minority, linearize)
             if any(deviation.clear):
-                first, second = (tuple(str(name) for name in names[rows]) for rows in (~few, few))
+                first, second = (tuple(str(name) for name in names[rows]) for rows in (~minority, minority))
                 return ShotCheck(groups=(ShotGroups(first, second, deviation),))
 
-        if len(deviations) == most:
+        if len(deviations) == most_deviations:
             break
         places = np.arange(len(names))
-        worst = max(places if is_half else places[few], key=lambda place: comparison.codes(places == place))
-        outlier = places == worst
-        single = _outlier(comparison, outlier, _Comparison(rendered, encoded, shot, names[~outlier]), linearize)
+        candidates = places if _is_large(minority) else places[minority]
+        outlier = places == max(candidates, key=lambda place: fit.deviation_in_codes(places == place))
+        outlier_name = str(names[outlier][0])
+        single = _outlier_deviation(outlier_name, fit, outlier, fit_of(names[~outlier]), linearize)
         if single is None:
             break
         deviations.append(single)
@@ -228,193 +259,127 @@ def compare_shots(
     return ShotCheck(tuple(deviations))
 
 
-def _outlier(
-    comparison: "_Comparison", outlier: Mask, rest: "_Comparison", linearize: Callable[[Array], Array]
+def _drawn_colours(rendered: Array, encoded: Array, shot: NDArray[np.str_], names: NDArray[np.str_]) -> ComparedColours:
+    """The colours of the shots of these names (s,), of each shot as many as are compared."""
+    most = min(MOST_OF_SHOT, max(LEAST_OF_SHOT, MOST_TOGETHER // len(names)))
+    rng = np.random.default_rng(0)
+    drawn = [np.sort(rng.permutation(np.flatnonzero(shot == name))[:most]) for name in names]
+    rows = np.concatenate(drawn)
+    ends_of_shots = np.cumsum([len(of_shot) for of_shot in drawn])
+    return ComparedColours.of(rendered[rows], encoded[rows], np.split(np.arange(len(rows)), ends_of_shots[:-1]))
+
+
+def _are_apart(fit: SharedFunctionFit, group: Mask) -> bool:
+    """True where a group of shots (s,) and the others fit much better apart."""
+    together, apart = fit.errors_together_and_apart(group)
+    return together > GROUPS_ERROR_RATIO * apart and together - apart > GROUPS_ERROR_SAVED
+
+
+def _outlier_deviation(
+    name: str,
+    fit: SharedFunctionFit,
+    outlier: Mask,
+    fit_without_outlier: SharedFunctionFit,
+    linearize: Callable[[Array], Array],
 ) -> Deviation | None:
-    """The deviation of one shot, a mask (s,), from the rest of them; None where it is not clear."""
-    count = len(rest.names)
-    singles = [np.arange(count) == place for place in np.random.default_rng(0).permutation(count)[:MOST_FOR_SPREAD]]
-    usual = float(np.median([rest.codes(single) for single in singles]))
-    if comparison.codes(outlier) < max(OFF, BEYOND * usual):
+    """The deviation of one shot, a mask (s,), from the others; None where it is not clear.
+
+    The others' deviations from each other, in a fit without the shot, are what is usual.
+    """
+    places = np.arange(len(outlier) - 1)
+    singles = [places == place for place in np.random.default_rng(0).permutation(len(places))[:MOST_FOR_SPREAD]]
+    usual = float(np.median([fit_without_outlier.deviation_in_codes(single) for single in singles]))
+    if fit.deviation_in_codes(outlier) < max(LEAST_DEVIATION, TIMES_USUAL_DEVIATION * usual):
         return None
-    spread = 1.4826 * np.median([np.abs(rest.deviation(single, linearize).values) for single in singles], axis=0)
-    deviation = comparison.deviation(outlier, linearize, spread)
+
+    of_others = [_deviation("", fit_without_outlier, single, linearize).values for single in singles]
+    spread = 1.4826 * np.median(np.abs(of_others), axis=0)  # the standard deviation, by the median
+    deviation = _deviation(name, fit, outlier, linearize, spread)
     return deviation if any(deviation.clear) else None
 
 
-class _Comparison:
-    """The fit of a smooth function of colour that all shots share, and of changes of some shots to it.
+@dataclass(frozen=True, eq=False)
+class _ChangeMeter:
+    """Measures a change by what it makes of the greys and colours of some shots.
 
-    rendered, encoded: (n, 3); shot: (n,); names: (s,), the shots that are compared.
+    chroma: (n, 3) what the shots' colours differ from grey by; basis: (n, 3, q) what the numbers of a change add to the
+    colours. greys: (g, 3) encoded, over the shots' tones; tones: (g,) their brightness in stops; basis_of_greys: (g, 3,
+    q).
     """
 
-    def __init__(self, rendered: Array, encoded: Array, shot: NDArray[np.str_], names: NDArray[np.str_]) -> None:
-        self.names = names
-        most = min(MOST_OF_SHOT, max(LEAST_OF_SHOT, MOST_TOGETHER // len(names)))
-        rng = np.random.default_rng(0)
-        rows = [np.sort(rng.permutation(np.flatnonzero(shot == name))[:most]) for name in names]
-        chosen = np.concatenate(rows)
-        self.parts = np.split(np.arange(len(chosen)), np.cumsum([len(part) for part in rows])[:-1])
+    chroma: Array
+    basis: Array
+    greys: Array
+    tones: Array
+    basis_of_greys: Array
+    linearize: Callable[[Array], Array]
 
-        self.rendered = np.clip(rendered[chosen], 0.0, 1.0)
-        self.changes = _changes(self.rendered)
-        self.prior = (CODE / CHANGE) ** 2 * np.eye(self.changes.shape[2])
-        functions = _polynomials(self.rendered)
-        off = encoded[chosen] - self.rendered
-        weight = np.ones(len(chosen))
-        for _ in range(6):
-            weighted = functions * weight[:, None]
-            normal = weighted.T @ functions + 0.1 * (CODE / CHANGE) ** 2 * np.eye(len(POWERS))
-            # Functions of which the weighted squares are 1 and the weighted products 0
-            orthonormal = solve_triangular(np.linalg.cholesky(normal), functions.T, lower=True)
-            self.residual = off - orthonormal.T @ (orthonormal * weight @ off)
-            self._set_normal(orthonormal, weight)
-            weight = ROBUST(np.linalg.norm(self.residual - self._by_shot(orthonormal), axis=1))
-        self.orthonormal, self.weight = orthonormal, weight
-        self.squares = float((weight[:, None] * self.residual**2).sum())
-
-    def _set_normal(self, orthonormal: Array, weight: Array) -> None:
-        """Set the normal equations of a change of each shot: (s, q, q), with the shared function, and right sides."""
-        normal, cross, right = [], [], []
-        for part in self.parts:
-            weighted = self.changes[part] * weight[part, None, None]
-            normal.append(np.einsum("ncq,ncr->qr", weighted, self.changes[part]))
-            right.append(np.einsum("ncq,nc->q", weighted, self.residual[part]))
-            cross.append(np.einsum("kn,ncq->ckq", orthonormal[:, part], weighted).reshape(-1, len(self.prior)))
-        self.normal, self.cross, self.right = np.array(normal), np.array(cross), np.array(right)
-
-    def _by_shot(self, orthonormal: Array) -> Array:
-        """The part of the residuals (n, 3) that a change of each shot by itself explains."""
-        inverse = np.linalg.inv(self.normal + self.prior)
-        reduced = np.einsum("skq,sqr->skr", self.cross, inverse)
-        core = (1.0 + 1e-9) * np.eye(self.cross.shape[1]) - np.einsum("skr,slr->kl", reduced, self.cross)
-        joint = np.linalg.solve(core, np.einsum("skr,sr->k", reduced, self.right))
-        change = np.einsum("sqr,sr->sq", inverse, self.right + np.einsum("skq,k->sq", self.cross, joint))
-        shared = np.einsum("skq,sq->k", self.cross, change).reshape(3, -1)
-        by_part = zip(self.parts, change, strict=True)
-        explained = np.concatenate([self.changes[part] @ numbers for part, numbers in by_part])
-        return np.asarray(explained - (shared @ orthonormal).T)
-
-    def _change(self, sign: Array) -> tuple[Array, Array, float]:
-        """The change d of shots by signs (s,), ±d, the inverse of its normal matrix, and the squares it takes away."""
-        cross, right = np.tensordot(sign, self.cross, 1), sign @ self.right
-        inverse = np.linalg.inv(np.tensordot(sign**2, self.normal, 1) + self.prior - cross.T @ cross)
-        change = inverse @ right
-        return change, inverse, float(right @ change)
-
-    def gain(self, group: Mask) -> float:
-        """The sum of squares that a change of a group (s,) against the others takes away."""
-        return self._change(np.where(group, 1.0, -1.0))[2]
-
-    def codes(self, group: Mask) -> float:
-        """The gain of a group (s,) in codes: its root mean square over the samples of the group."""
-        weight = float(self.weight[self._rows(group)].sum())
-        return 255.0 * float(np.sqrt(max(self.gain(group), 0.0) / (3.0 * weight)))
-
-    def _rows(self, group: Mask) -> NDArray[np.intp]:
-        """The samples of a group (s,)."""
-        return np.concatenate([self.parts[place] for place in np.flatnonzero(group)])
-
-    def is_apart(self, group: Mask) -> bool:
-        """True where a group (s,) and the others fit much better apart."""
-        mean = 255.0**2 / (3.0 * float(self.weight.sum()))
-        together = np.sqrt(mean * self.squares)
-        apart = np.sqrt(mean * max(self.squares - self.gain(group), 0.0))
-        return bool(together > APART * apart and together - apart > APART_CODES)
-
-    def best_split(self) -> Mask:
-        """The division of the shots into two groups (s,) that fit best apart."""
-        count = len(self.names)
-        if count <= ALL_SPLITS:
-            splits = [
-                np.array([False, *(bits >> place & 1 for place in range(count - 1))], dtype=np.bool_)
-                for bits in range(1, 1 << (count - 1))
-            ]
-            return max(splits, key=self.gain)
-        singles = sorted(range(count), key=lambda place: -self.gain(np.arange(count) == place))
-        # From the shots that deviate most, and from random divisions
-        rng = np.random.default_rng(0)
-        starts = [np.arange(count) == place for place in singles[:3]] + [rng.random(count) < 0.5 for _ in range(4)]
-        return max((self._improved(start) for start in starts), key=self.gain)
-
-    def _improved(self, split: Mask) -> Mask:
-        """Move single shots from group to group while that helps."""
-        best, split = self.gain(split), split.copy()
-        for _ in range(10):
-            before = best
-            for place in range(len(split)):
-                split[place] = not split[place]
-                gain = self.gain(split) if 0 < np.count_nonzero(split) < len(split) else 0.0
-                if gain > best:
-                    best = gain
-                else:
-                    split[place] = not split[place]
-            if best <= before * (1 + 1e-9):
-                break
-        return split
-
-    def deviation(self, group: Mask, linearize: Callable[[Array], Array], spread: Array | float = 0.0) -> Deviation:
-        """Measure how the shots of a group (s,) deviate from the others. spread: (3,), of other shots' values."""
-        sign = np.where(group, 1.0, -1.0)
-        change, inverse, _ = self._change(sign)
-        rows = self._rows(group)
-        rendered, changes = self.rendered[rows], self.changes[rows]
+    @classmethod
+    def of(cls, rendered: Array, basis: Array, linearize: Callable[[Array], Array]) -> "_ChangeMeter":
+        """The meter for rendered colours (n, 3) with the basis of their changes (n, 3, q)."""
         chroma = rendered - rendered.mean(axis=1, keepdims=True)
-        strength = max(float(np.sum(chroma**2)), 1e-12)
-        low, high = np.percentile(rendered.mean(axis=1), (10, 90))
-        greys = np.repeat(np.linspace(max(low, 0.04), max(high, 0.08), 9)[:, None], 3, axis=1)
-        changes_of_greys = _changes(greys)
+        darkest, brightest = np.maximum(np.percentile(rendered.mean(axis=1), (10, 90)), DARKEST_GREYS)
+        greys = np.repeat(np.linspace(darkest, brightest, GREYS)[:, None], 3, axis=1)
+        return cls(chroma, basis, greys, _stops(linearize(greys)), change_basis(greys), linearize)
 
-        def stops(encoded: Array) -> Array:
-            return np.asarray(np.log2(np.maximum(linearize(encoded).sum(axis=1), DARKEST_LINEAR)))
+    @property
+    def strength(self) -> float:
+        """The sum of squares of what the colours differ from grey by."""
+        return max(float(np.sum(self.chroma**2)), LEAST_STRENGTH)
 
-        tones = stops(greys)
+    def values(self, change: Array) -> Array:
+        """How shots with + change (q,) differ from shots with − change (3,).
 
-        def measured(change: Array) -> Array:
-            step = changes_of_greys @ change
-            brighter = stops(np.clip(greys + step, 0.0, 1.0)) - stops(np.clip(greys - step, 0.0, 1.0))
-            contrast, exposure = np.polyfit(tones - np.median(tones), brighter, 1)
-            saturation = 2.0 * float(np.sum((changes[..., TONES:] @ change[TONES:]) * chroma)) / strength
-            return np.array([exposure, contrast, saturation])
+        Their exposure in EV, contrast in EV per EV, and share of the saturation.
+        """
+        step = self.basis_of_greys @ change
+        brighter, darker = (
+            _stops(self.linearize(np.clip(greys, 0.0, 1.0))) for greys in (self.greys + step, self.greys - step)
+        )
+        contrast, exposure = np.polyfit(self.tones - np.median(self.tones), brighter - darker, 1)
+        saturation = float(np.sum(self._moved_colours(change) * self.chroma)) / self.strength
+        return np.array([exposure, contrast, saturation])
 
-        values, small = measured(change), 1e-4
-        slopes = np.stack([(measured(change + step) - values) / small for step in small * np.eye(len(change))], axis=1)
+    def slopes(self, change: Array) -> Array:
+        """The derivatives (3, q) of the values by the numbers of a change (q,)."""
+        values = self.values(change)
+        steps = DERIVATIVE_STEP * np.eye(len(change))
+        return np.stack([(self.values(change + step) - values) / DERIVATIVE_STEP for step in steps], axis=1)
 
-        within = np.square(slopes @ inverse @ self._scores(sign, change)).sum(axis=1) * HUE_GROUPS / (HUE_GROUPS - 1)
-        errors = np.hypot(np.sqrt(within * len(rows) / (len(rows) - len(change))), spread)
-        clear = (np.abs(values) > np.array(LEAST)) & (np.abs(values) > CLEARLY * errors)
+    def primaries(self, change: Array, saturation: float) -> float:
+        """The share of their strength by which a change (q,) moves colours other than by its change of saturation."""
+        remaining = self._moved_colours(change) - saturation * self.chroma
+        return float(np.sqrt(np.sum(remaining**2) / self.strength))
 
-        rest = 2.0 * changes[..., TONES:] @ change[TONES:] - values[2] * chroma
-        primaries = float(np.sqrt(np.sum(rest**2) / strength))
-        name = _listed([str(shot) for shot in self.names[group]])
-        return Deviation(name, tuple(values.tolist()), tuple(errors.tolist()), tuple(clear.tolist()), primaries)
-
-    def _scores(self, sign: Array, change: Array) -> Array:
-        """The derivatives (q, g) of the squares by the change, summed over each group of hue of each shot."""
-        signs = np.repeat(sign, [len(part) for part in self.parts])
-        cross = np.tensordot(sign, self.cross, 1)
-        shared = (cross @ change).reshape(3, -1)
-        residual = self.residual - signs[:, None] * (self.changes @ change) + (shared @ self.orthonormal).T
-        hue = np.arctan2(self.rendered[:, 2] - self.rendered[:, 1], self.rendered[:, 0] - self.rendered[:, 1])
-        # Each change, less what the shared function explains of it
-        explained = np.einsum("ckq,kn->ncq", cross.reshape(3, -1, len(change)), self.orthonormal)
-        remaining = signs[:, None, None] * self.changes - explained
-        scores = np.einsum("n,ncq,nc->nq", self.weight, remaining, residual)
-        groups = [group for part in self.parts for group in np.array_split(part[np.argsort(hue[part])], HUE_GROUPS)]
-        return np.stack([scores[group].sum(axis=0) for group in groups], axis=1)
+    def _moved_colours(self, change: Array) -> Array:
+        """How far (n, 3) colours with + change (q,) are from those with − change, apart from tone."""
+        return np.asarray(2.0 * (self.basis[..., TONES:] @ change[TONES:]))
 
 
-def _polynomials(rendered: Array) -> Array:
-    """Cubic polynomials of encoded colours (n, 3), (n, 20)."""
-    red, green, blue = (2.0 * rendered - 1.0).T
-    return np.stack([red**i * green**j * blue**k for i, j, k in POWERS], axis=1)
+def _stops(linear: Array) -> Array:
+    """The brightness of linear colours (m, 3) → (m,), in stops."""
+    return np.asarray(np.log2(np.maximum(linear.sum(axis=1), DARKEST_LINEAR)))
 
 
-def _changes(rendered: Array) -> Array:
-    """The values that each number of a change adds to encoded colours (n, 3), (n, 3, 9): tone, a matrix on chroma."""
-    mean = rendered.mean(axis=1)
-    middle = mean * (1.0 - mean)
-    tones = np.stack([middle * (2.0 * mean - 1.0) ** power for power in range(TONES)], axis=1)
-    chroma = rendered[:, [0, 2]] - mean[:, None]
-    matrix = np.einsum("ni,co->ncio", chroma, np.eye(3)).reshape(len(rendered), 3, -1)
-    return np.concatenate([np.repeat(tones[:, None], 3, axis=1), matrix], axis=2)
+def _deviation(
+    name: str,
+    fit: SharedFunctionFit,
+    group: Mask,
+    linearize: Callable[[Array], Array],
+    spread: Array | float = 0.0,
+) -> Deviation:
+    """Measure how the shots of a group (s,) deviate from the others. spread: (3,), of other shots' values."""
+    change = fit.fitted_change(group)
+    rows = fit.colours.rows(group)
+    meter = _ChangeMeter.of(fit.colours.rendered[rows], fit.colours.basis[rows], linearize)
+    values = meter.values(change.numbers)
+
+    # Variances by the scores of groups of hue, corrected for the number of groups and of samples
+    by_hue_group = meter.slopes(change.numbers) @ change.inverse @ fit.scores(change, HUE_GROUPS)
+    within = np.square(by_hue_group).sum(axis=1) * HUE_GROUPS / (HUE_GROUPS - 1)
+    errors = np.hypot(np.sqrt(within * len(rows) / (len(rows) - len(change.numbers))), spread)
+
+    least = np.array([LEAST_EXPOSURE, LEAST_CONTRAST, LEAST_SATURATION])
+    clear = (np.abs(values) > least) & (np.abs(values) > CLEAR_STANDARD_ERRORS * errors)
+    primaries = meter.primaries(change.numbers, float(values[2]))
+    return Deviation(name, tuple(values.tolist()), tuple(errors.tolist()), tuple(clear.tolist()), primaries)

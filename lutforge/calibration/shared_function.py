@@ -1,0 +1,219 @@
+"""The smooth function of colour that the shots of a style share, fitted together with a change of each shot.
+
+What JPEG values differ by from those that the base renders of their RAW is a cubic polynomial of the rendered colour,
+the same for all shots. To it a shot adds a change of tone and of what differs from grey. The polynomial is fitted by
+least squares with robust weights, which are those of residuals to the polynomial and to a change of each shot. Then the
+change of any group of shots is the solution of a few equations, from sums that are made once.
+
+Letters of the sums here: n samples, c channels, s shots, f functions of the polynomial, k and l such functions of a
+channel (three times as many), q and r numbers of a change.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from lutforge.arrays import Array, Mask
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
+
+CODE = 1.0 / 255.0
+"""Standard deviation of the noise of JPEG values."""
+CHANGE_SPREAD = 0.3
+"""Standard deviation of the prior of the numbers of a change, in encoded values."""
+FUNCTION_PENALTY = 0.1 * (CODE / CHANGE_SPREAD) ** 2
+"""Penalty of the coefficients of the polynomial: its prior is wider than that of a change."""
+POWERS = [(i, j, k) for i in range(4) for j in range(4) for k in range(4) if i + j + k <= 3]
+"""The powers of red, green and blue in each function of the polynomial."""
+TONES = 3
+"""How many numbers of a change are of tone; the others are a matrix (2, 3) on what differs from grey."""
+ROBUST_WEIGHTS = RobustWeights(cauchy, multiple=3.0, least=CODE)
+ROUNDS = 6
+"""Rounds of reweighting."""
+SINGULAR = 1e-9
+"""What keeps equations solvable that the shots' changes explain as well as the polynomial does."""
+
+
+def change_basis(rendered: Array) -> Array:
+    """The values that each number of a change adds to encoded colours (n, 3), (n, 3, 9): tone, a matrix on chroma."""
+    mean = rendered.mean(axis=1)
+    middle = mean * (1.0 - mean)
+    tones = np.stack([middle * (2.0 * mean - 1.0) ** power for power in range(TONES)], axis=1)
+    chroma = rendered[:, [0, 2]] - mean[:, None]
+    # i is red or blue, whose chroma moves each channel c by a number o of its own.
+    matrix = np.einsum("ni,co->ncio", chroma, np.eye(3)).reshape(len(rendered), 3, -1)
+    return np.concatenate([np.repeat(tones[:, None], 3, axis=1), matrix], axis=2)
+
+
+def _polynomials(rendered: Array) -> Array:
+    """Cubic polynomials of encoded colours (n, 3), (n, 20)."""
+    red, green, blue = (2.0 * rendered - 1.0).T
+    return np.stack([red**i * green**j * blue**k for i, j, k in POWERS], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedColours:
+    """The colours of the shots that are compared.
+
+    rendered: (n, 3) as the base renders them; encoded: (n, 3) as the camera did; basis: (n, 3, q) what the numbers of a
+    change add to them; rows_of_shots: the samples of each shot.
+    """
+
+    rendered: Array
+    encoded: Array
+    basis: Array
+    rows_of_shots: Sequence[NDArray[np.intp]]
+
+    @classmethod
+    def of(cls, rendered: Array, encoded: Array, rows_of_shots: Sequence[NDArray[np.intp]]) -> "ComparedColours":
+        """The colours with the basis of changes."""
+        clipped = np.clip(rendered, 0.0, 1.0)
+        return cls(clipped, encoded, change_basis(clipped), rows_of_shots)
+
+    @property
+    def prior(self) -> Array:
+        """The penalty (q, q) of the numbers of a change."""
+        return (CODE / CHANGE_SPREAD) ** 2 * np.eye(self.basis.shape[2])
+
+    def rows(self, group: Mask) -> NDArray[np.intp]:
+        """The samples of a group of shots (s,)."""
+        return np.concatenate([self.rows_of_shots[place] for place in np.flatnonzero(group).tolist()])
+
+    def by_shot(self, values: Array) -> Array:
+        """The samples' values (n,) of values by shot (s,)."""
+        return np.repeat(values, [len(rows) for rows in self.rows_of_shots])
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """The normal equations of the polynomial and the changes, with the samples weighted in one way.
+
+    orthonormal: (f, n) functions of the polynomial of which the weighted squares are 1 and the weighted products 0;
+    residual: (n, 3) to the polynomial alone; of a change of each shot: normal: (s, q, q) its products with itself;
+    cross: (s, k, q) with the polynomial; right: (s, q) with the residual.
+    """
+
+    colours: ComparedColours
+    orthonormal: Array
+    residual: Array
+    normal: Array
+    cross: Array
+    right: Array
+
+    @classmethod
+    def of(cls, colours: ComparedColours, weight: Array) -> "NormalEquations":
+        """The equations of samples that count by weights (n,)."""
+        functions = _polynomials(colours.rendered)
+        weighted_functions = functions * weight[:, None]
+        normal_of_functions = weighted_functions.T @ functions + FUNCTION_PENALTY * np.eye(len(POWERS))
+        orthonormal = solve_triangular(np.linalg.cholesky(normal_of_functions), functions.T, lower=True)
+        difference = colours.encoded - colours.rendered
+        residual = difference - orthonormal.T @ (orthonormal * weight @ difference)
+
+        normal, cross, right = [], [], []
+        for rows in colours.rows_of_shots:
+            basis = colours.basis[rows]
+            weighted = basis * weight[rows, None, None]
+            normal.append(np.einsum("ncq,ncr->qr", weighted, basis))
+            right.append(np.einsum("ncq,nc->q", weighted, residual[rows]))
+            cross.append(np.einsum("fn,ncq->cfq", orthonormal[:, rows], weighted).reshape(-1, basis.shape[2]))
+        return cls(colours, orthonormal, residual, np.array(normal), np.array(cross), np.array(right))
+
+    def explained_by_each_shot(self) -> Array:
+        """The part of the residuals (n, 3) that a change of each shot by itself explains.
+
+        The changes are eliminated from the equations, which leaves those of the polynomial (k, k).
+        """
+        inverse = np.linalg.inv(self.normal + self.colours.prior)
+        reduced = np.einsum("skq,sqr->skr", self.cross, inverse)
+        of_polynomial = (1.0 + SINGULAR) * np.eye(self.cross.shape[1]) - np.einsum("skr,slr->kl", reduced, self.cross)
+        polynomial = np.linalg.solve(of_polynomial, np.einsum("skr,sr->k", reduced, self.right))
+        changes = np.einsum("sqr,sr->sq", inverse, self.right + np.einsum("skq,k->sq", self.cross, polynomial))
+
+        shared = np.einsum("skq,sq->k", self.cross, changes).reshape(3, -1)
+        by_shot = zip(self.colours.rows_of_shots, changes, strict=True)
+        explained = np.concatenate([self.colours.basis[rows] @ change for rows, change in by_shot])
+        return np.asarray(explained - (shared @ self.orthonormal).T)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedChange:
+    """The change of a group of shots against the others: the numbers are added to the group, and taken from the others.
+
+    signs: (s,) 1 of the group, −1 of the others; numbers: (q,); inverse: (q, q) of their normal matrix; error_saved:
+    the sum of squares by which a fit with the change is better.
+    """
+
+    signs: Array
+    numbers: Array
+    inverse: Array
+    error_saved: float
+
+
+@dataclass(frozen=True, eq=False)
+class SharedFunctionFit:
+    """The robust fit of the function that shots share. weight: (n,) of the samples; equations: of the last round."""
+
+    colours: ComparedColours
+    equations: NormalEquations
+    weight: Array
+
+    def fitted_change(self, group: Mask) -> FittedChange:
+        """The change of a group of shots (s,) against the others."""
+        signs = np.where(group, 1.0, -1.0)
+        cross = np.tensordot(signs, self.equations.cross, 1)
+        right = signs @ self.equations.right
+        normal = np.tensordot(signs**2, self.equations.normal, 1) + self.colours.prior - cross.T @ cross
+        inverse = np.linalg.inv(normal)
+        numbers = inverse @ right
+        return FittedChange(signs, numbers, inverse, float(right @ numbers))
+
+    def error_saved(self, group: Mask) -> float:
+        """The sum of squares by which a fit with a change of a group (s,) against the others is better."""
+        return self.fitted_change(group).error_saved
+
+    def deviation_in_codes(self, group: Mask) -> float:
+        """The error that a change of a group (s,) saves, as root mean square over its samples, in codes."""
+        weight = float(self.weight[self.colours.rows(group)].sum())
+        return 255.0 * float(np.sqrt(max(self.error_saved(group), 0.0) / (3.0 * weight)))
+
+    def errors_together_and_apart(self, group: Mask) -> tuple[float, float]:
+        """The root mean square residual, in codes, without and with a change of a group (s,) against the others."""
+        mean = 255.0**2 / (3.0 * float(self.weight.sum()))
+        squares = float((self.weight[:, None] * self.equations.residual**2).sum())
+        apart = max(squares - self.error_saved(group), 0.0)
+        return float(np.sqrt(mean * squares)), float(np.sqrt(mean * apart))
+
+    def scores(self, change: FittedChange, hue_groups: int) -> Array:
+        """The derivatives (q, g) of the squares by a change, summed over each group of similar hue of each shot."""
+        colours, orthonormal = self.colours, self.equations.orthonormal
+        signs = colours.by_shot(change.signs)
+        cross = np.tensordot(change.signs, self.equations.cross, 1)
+        shared = (cross @ change.numbers).reshape(3, -1)
+        residual = (
+            self.equations.residual - signs[:, None] * (colours.basis @ change.numbers) + (shared @ orthonormal).T
+        )
+
+        # Each number of the change, less what the polynomial explains of it
+        explained = np.einsum("cfq,fn->ncq", cross.reshape(3, -1, len(change.numbers)), orthonormal)
+        remaining = signs[:, None, None] * colours.basis - explained
+        scores = np.einsum("n,ncq,nc->nq", self.weight, remaining, residual)
+
+        red, green, blue = colours.rendered.T
+        hue = np.arctan2(blue - green, red - green)
+        groups = [
+            group for rows in colours.rows_of_shots for group in np.array_split(rows[np.argsort(hue[rows])], hue_groups)
+        ]
+        return np.stack([scores[group].sum(axis=0) for group in groups], axis=1)
+
+
+def fit_shared_function(colours: ComparedColours) -> SharedFunctionFit:
+    """Fit the function that the shots share, with weights that do not count a shot's change as an error."""
+    weight = np.ones(len(colours.rendered))
+    for _ in range(ROUNDS):
+        equations = NormalEquations.of(colours, weight)
+        residual = equations.residual - equations.explained_by_each_shot()
+        weight = ROBUST_WEIGHTS(np.linalg.norm(residual, axis=1))
+    return SharedFunctionFit(colours, equations, weight)
