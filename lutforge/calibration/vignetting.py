@@ -1,12 +1,10 @@
 """The vignetting that a camera corrects in its JPEGs only, fitted to samples whose places in the picture are known.
 
 A fixed rendering takes each scene colour to one JPEG colour I, so that y = log₂ Σ Tw E is a smooth function λ of I. The
-JPEG of a corner is brighter than the RAW says: y = λ(I) − vignetting(place) + ε, a partially linear model (Robinson
-1988, https://doi.org/10.2307/1912705). λ is a Gaussian process for each style, with the kernel of the gamut map,
-spanned by its values at a few of the colours. It is projected out of y and of every linear term, whose coefficients are
-fitted to the residuals, which gives those of the joint fit (Frisch & Waugh 1933, https://doi.org/10.2307/1907330). So
-the gamut map need not be known. The vignetting of each lens setting is monotone in the squared distance from a centre
-that is free within some per cent; it is fitted together with λ by damped Gauss–Newton steps and robust weights.
+JPEG of a corner is brighter than the RAW says: y = λ(I) − vignetting(place) + ε, a partially linear model
+(`partially_linear_model`), so that the gamut map need not be known. The vignetting of each lens setting is monotone in
+the squared distance from a centre that is free within some per cent; it is fitted together with λ by damped
+Gauss–Newton steps and robust weights.
 
 Channels may be shaded by different amounts, as by a sensor that slanting light reaches less. So what log₂ of each
 channel of Tw E keeps of a vignetting, once the brightness is corrected, is fitted by linear least squares.
@@ -23,110 +21,92 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, cho_factor, cho_solve
 from scipy.special import stdtr
 
 from lutforge.arrays import Array, Mask
-from lutforge.model.gamut_map import kriging_covariance
+from lutforge.calibration.partially_linear_model import (
+    SAMPLE_NOISE,
+    PartiallyLinearModel,
+    Projection,
+    partially_linear_model,
+)
 from lutforge.model.vignetting import NO_SHADING, VIGNETTING_DEGREE, Vignetting, vignetting_basis, vignetting_of
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.farthest_points import farthest_points
 from lutforge.solvers.gauss_newton import gauss_newton
-from lutforge.solvers.robust_weights import RobustWeights, cauchy
 from lutforge.threads import one_blas_thread
 
-SAMPLE_NOISE = 0.03
-"""Standard deviation of y, in stops, of bright samples; that of darker ones is larger, because codes are rounded."""
-VIGNETTING_SPREAD = 10.0
-"""Standard deviation of λ, in stops, from black to white."""
-OF_SHOT = 0.1
-"""That of the offset of a shot, in stops."""
 SIGNIFICANCE = 0.005
 """Largest p-value, one-sided, of a vignetting that is taken out."""
 LEAST_EV = 0.03
 """Least difference between corners and centre, in stops; it moves a bright colour by a code."""
-FARTHEST_CENTRE, CENTRE_SPREAD = 0.15, 0.04
-"""Bounds of the centre in each direction; standard deviation of its prior around the middle of the picture."""
-VIGNETTING_WEIGHTS = RobustWeights(cauchy, multiple=2.5, least=0.02)
-SAME_FOCAL_LENGTH = 0.03
-"""Focal lengths within so much are one, as zooms report them in steps."""
 LITTLE_INFORMATION = 0.05
 """Quarters of a shot with less information than this share of the median quarter are left out."""
-TYPICAL_POWER, LEAST_ROUNDED_VALUE = 2.2, 0.02
-"""Rounding of codes is that of a response of this power, and of values of this at least."""
+LEAST_QUARTERS = 3
+"""Fewer estimates have no scatter to compare their mean with."""
+TINIEST = 1e-300
+"""What takes the place of 0 in a division."""
+
+SAME_FOCAL_LENGTH = 0.03
+"""Focal lengths within so much are one, as zooms report them in steps."""
+UNKNOWN_FOCAL_LENGTH, UNKNOWN_APERTURE = -1e9, -1.0
+"""Stand for NaN where settings are compared: no rounded logarithm of a focal length, and no f-number."""
+
+START, LARGEST_COEFFICIENT = 0.1, 4.0
+"""First value of the coefficients of a vignetting, and the largest, in stops."""
+FARTHEST_CENTRE, CENTRE_SPREAD = 0.15, 0.04
+"""Bounds of the centre in each direction; standard deviation of its prior around the middle of the picture."""
+UNKNOWNS = VIGNETTING_DEGREE + 2
+"""Coefficients and the two coordinates of the centre, of each lens setting."""
+DERIVATIVE_STEP = 1e-4
+"""Step of the numerical derivative by the centre."""
+MOST_STEPS = 20
+"""Gauss–Newton steps with the same weights, at most."""
+VIGNETTING_ROUNDS, SHADING_ROUNDS, STRENGTH_ROUNDS = 6, 4, 3
+"""Rounds of reweighting of the vignettings, of the shading of a channel, and of the fit without a vignetting."""
 
 
 @dataclass(frozen=True, eq=False)
-class _PartialModel:
-    """The samples of a partially linear model.
-
-    rows: (n,) their places in the sample set; channels: log₂ of balanced RAW, (n, 3); y: of its sum, (n,); precision:
-    (n,) by their noise;
-    parts: by style its places among them (k,), the functions of λ there (k, p), and their penalty (p, p).
-    """
-
-    rows: NDArray[np.intp]
-    channels: Array
-    y: Array
-    precision: Array
-    parts: Sequence[tuple[slice, Array, Array]]
-
-    def residual(self, columns: Array, weight: Array) -> Array:
-        """Fit a function of colour to columns (n, k) with weights (n,), and return the residuals (n, k)."""
-        residuals = np.empty_like(columns)
-        for of_style, design, bending in self.parts:
-            weighted = design * weight[of_style, None]
-            normal = weighted.T @ design + bending
-            coefficients = cho_solve(cho_factor(normal), weighted.T @ columns[of_style])
-            residuals[of_style] = columns[of_style] - design @ coefficients
-        return residuals
-
-    def reweighted(self, residual: Array) -> Array:
-        """Weights (n,) of the next round of a robust fit, from the residuals (n,) of this one."""
-        return np.asarray(self.precision * VIGNETTING_WEIGHTS(np.abs(residual)))
-
-
-def _partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> _PartialModel | None:
-    """State the model of the usable samples (n,), at most 4,000 of a style; None where colours cannot tell λ.
-
-    multipliers: (n, 3), what makes RAW white-balanced. Each shot has an offset of its own with a prior of a tenth of a
-    stop around 0, so that no exposure that is off is taken for something else.
-    """
-    rng, rows, parts, count = np.random.default_rng(0), [], [], 0
-    for name in np.unique(samples.style[usable]):
-        of_style = np.flatnonzero(usable & (samples.style == name))
-        of_style = np.sort(rng.permutation(of_style)[:4000])
-        encoded = np.ascontiguousarray(samples.srgb[of_style])
-        shots, member = np.unique(samples.shot[of_style], return_inverse=True)
-        centres = encoded[farthest_points(encoded, min(150, len(of_style) // 8))]
-        covariance = np.tril(kriging_covariance(centres))
-        covariance += np.tril(covariance, -1).T + 1e-9 * np.eye(len(centres))
-        design = np.hstack([kriging_covariance(encoded, centres), np.eye(len(shots))[member]])
-        bending = block_diag(
-            (SAMPLE_NOISE / VIGNETTING_SPREAD) ** 2 * covariance, (SAMPLE_NOISE / OF_SHOT) ** 2 * np.eye(len(shots))
-        )
-        parts.append((slice(count, count + len(of_style)), design, bending))
-        rows.append(of_style)
-        count += len(of_style)
-    if not parts:
-        return None
-    places = np.concatenate(rows)
-    balanced = samples.raw[places] * multipliers[places]
-    rounding = (
-        TYPICAL_POWER / np.log(2.0) * (0.5 / 255) / np.maximum(samples.srgb[places].mean(axis=1), LEAST_ROUNDED_VALUE)
-    )
-    precision = SAMPLE_NOISE**2 / (SAMPLE_NOISE**2 + rounding**2)
-    return _PartialModel(places, np.log2(balanced), np.log2(balanced.sum(axis=1)), precision, parts)
-
-
-@dataclass(frozen=True, eq=False)
-class _Setting:
-    """One lens setting; member: (n,) the samples of the model that are of it."""
+class _LensSetting:
+    """One lens setting; member: (n,) the samples that are of it."""
 
     lens: str
     focal_mm: float
     aperture: float
     member: Mask
+
+    def vignetting(self, coefficients: Sequence[float], centre: Sequence[float]) -> Vignetting:
+        """The vignetting of this setting with three coefficients and the two coordinates of its centre."""
+        a, b, c = coefficients
+        x, y = centre
+        return Vignetting((a, b, c), (x, y), self.lens, self.focal_mm, self.aperture)
+
+
+def _lens_settings(samples: SampleSet) -> Iterable[_LensSetting]:
+    """The lens settings of samples."""
+    focal = np.round(np.log(samples.focal_mm) / SAME_FOCAL_LENGTH)
+    keys = np.rec.fromarrays(
+        [
+            samples.lens,
+            np.nan_to_num(focal, nan=UNKNOWN_FOCAL_LENGTH),
+            np.nan_to_num(samples.aperture, nan=UNKNOWN_APERTURE),
+        ]
+    )
+    for key in np.unique(keys):
+        member = keys == key
+        first = int(np.argmax(member))
+        yield _LensSetting(
+            str(samples.lens[first]), float(samples.focal_mm[first]), float(samples.aperture[first]), member
+        )
+
+
+def at_the_centre(samples: SampleSet, vignettings: Sequence[Vignetting]) -> SampleSet:
+    """Return the samples with RAW corrected for the vignettings, so that one rendering holds for all places."""
+    stops = np.zeros((len(samples), 3))
+    for setting in _lens_settings(samples) if vignettings else ():
+        vignetting = vignetting_of(vignettings, setting.lens, setting.focal_mm, setting.aperture)
+        if vignetting is not None:
+            stops[setting.member] = vignetting.stops(samples.position[setting.member])
+    return replace(samples, raw=samples.raw * 2.0**stops)
 
 
 @one_blas_thread
@@ -136,57 +116,119 @@ def fit_vignettings(samples: SampleSet, multipliers: Array, usable: Mask) -> tup
     multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples. Samples without a place say
     nothing.
     """
-    usable = usable & np.all(np.isfinite(samples.position), axis=1)
-    model = _partial_model(samples, multipliers, usable) if usable.any() else None
+    located = usable & np.all(np.isfinite(samples.position), axis=1)
+    model = partially_linear_model(samples, multipliers, located)
     if model is None:
         return ()
-    settings = list(_settings(samples.select(model.rows)))
-    places, shot = samples.position[model.rows], samples.shot[model.rows]
-    bright = _significant(model, places, shot, settings)
+
+    settings = list(_lens_settings(model.samples))
+    of_brightness = _significant_vignettings(model, settings)
+    places = model.samples.position
     stops = np.zeros((len(places), 3))
-    for setting, vignetting in bright:
+    for setting, vignetting in of_brightness.items():
         stops[setting.member] = vignetting.stops(places[setting.member])
 
     vignettings = []
-    of_brightness = {id(setting): vignetting for setting, vignetting in bright}
     for setting in settings:
-        vignetting = of_brightness.get(id(setting)) or Vignetting(
-            (0.0, 0.0, 0.0), (0.0, 0.0), setting.lens, setting.focal_mm, setting.aperture
-        )
-        shading = _shading(model, stops, places, shot, setting, vignetting.centre)
-        if id(setting) in of_brightness or shading != NO_SHADING:
+        vignetting = of_brightness.get(setting, setting.vignetting((0.0, 0.0, 0.0), (0.0, 0.0)))
+        shading = _fit_shading(model, stops, setting, vignetting.centre)
+        if setting in of_brightness or shading != NO_SHADING:
             vignettings.append(replace(vignetting, shading=shading))
     return tuple(vignettings)
 
 
-def _significant(
-    model: _PartialModel, places: Array, shot: NDArray[np.str_], settings: Sequence[_Setting]
-) -> list[tuple[_Setting, Vignetting]]:
-    """The settings whose vignetting of brightness is significant, with these vignettings."""
+def _significant_vignettings(
+    model: PartiallyLinearModel, settings: Sequence[_LensSetting]
+) -> dict[_LensSetting, Vignetting]:
+    """The vignettings of brightness that are significant.
+
+    Settings with an insignificant one are left out of a further fit, because it may not affect that of the others.
+    """
+    places = model.samples.position
     while settings:
-        vignettings = _fit(model, places, settings)
+        vignettings = _fit_together(model, settings)
         stops = np.zeros(len(places))
-        for setting, vignetting in zip(settings, vignettings, strict=True):
+        for setting, vignetting in vignettings.items():
             stops[setting.member] = vignetting.stops(places[setting.member])[:, 1]
-        kept = []
-        for setting, vignetting in zip(settings, vignettings, strict=True):
-            without = model.y + np.where(setting.member, 0.0, stops)
-            statistic, freedom = _strength(model, without, places, shot, setting.member)
+
+        significant = {}
+        for setting, vignetting in vignettings.items():
+            without_others = model.y + np.where(setting.member, 0.0, stops)
+            statistic, freedom = _strength(model, without_others, setting)
             if vignetting.corner_ev > LEAST_EV and stdtr(freedom, -statistic) < SIGNIFICANCE:
-                kept.append(setting)
-        if len(kept) == len(settings):
-            return list(zip(settings, vignettings, strict=True))
-        settings = kept  # an insignificant vignetting may not affect the fit of the others
-    return []
+                significant[setting] = vignetting
+        if len(significant) == len(settings):
+            return significant
+        settings = list(significant)
+    return {}
 
 
-def _shading(
-    model: _PartialModel,
-    stops: Array,
-    places: Array,
-    shot: NDArray[np.str_],
-    setting: _Setting,
-    centre: tuple[float, float],
+@dataclass(frozen=True, eq=False)
+class _VignettingTerms:
+    """The vignettings at places (n, 2), as a function of the unknowns of all settings."""
+
+    places: Array
+    settings: Sequence[_LensSetting]
+
+    def stops_and_slopes(self, unknowns: Array) -> tuple[Array, Array]:
+        """The vignetting at each place (n,), and its slopes (n, u), of unknowns (u,)."""
+        stops = np.zeros(len(self.places))
+        slopes = np.zeros((len(self.places), len(unknowns)))
+        for place, setting in enumerate(self.settings):
+            of_setting = slice(UNKNOWNS * place, UNKNOWNS * (place + 1))
+            coefficients, centre = np.split(unknowns[of_setting], [VIGNETTING_DEGREE])
+            offset = self.places[setting.member] - centre
+            basis, right, down = (
+                vignetting_basis(np.sum((offset - step) ** 2, axis=1))
+                for step in ((0, 0), (DERIVATIVE_STEP, 0), (0, DERIVATIVE_STEP))
+            )
+            stops[setting.member] = basis @ coefficients
+            by_centre = np.stack([(right - basis) @ coefficients, (down - basis) @ coefficients], axis=1)
+            slopes[setting.member, of_setting] = np.hstack([basis, by_centre / DERIVATIVE_STEP])
+        return stops, slopes
+
+
+def _fit_together(model: PartiallyLinearModel, settings: Sequence[_LensSetting]) -> dict[_LensSetting, Vignetting]:
+    """The vignettings of all settings together, as least squares.
+
+    Unknowns are, of each setting, the coefficients and the two coordinates of the centre. The prior of a coefficient is
+    a stop around 0, which a handful of samples outweighs.
+    """
+    count = len(settings)
+    prior = SAMPLE_NOISE / np.tile([1.0] * VIGNETTING_DEGREE + [CENTRE_SPREAD] * 2, count)
+    lower = np.tile([0.0] * VIGNETTING_DEGREE + [-FARTHEST_CENTRE] * 2, count)
+    upper = np.tile([LARGEST_COEFFICIENT] * VIGNETTING_DEGREE + [FARTHEST_CENTRE] * 2, count)
+    terms = _VignettingTerms(model.samples.position, settings)
+
+    def least_squares(start: Array, projection: Projection) -> Array:
+        """The unknowns of least squares, as Gauss–Newton steps from other ones find them."""
+        root = np.sqrt(projection.weight)[:, None]
+
+        def linearize(unknowns: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
+            stops, slopes = terms.stops_and_slopes(unknowns[0])
+            residuals = projection.residual(np.column_stack([model.y + stops, slopes])) * root
+            residual = np.concatenate([residuals[:, 0], prior * unknowns[0]])
+            return residual[None], np.vstack([residuals[:, 1:], np.diag(prior)])[None]
+
+        minima = gauss_newton(linearize, start[None], lower=lower, upper=upper, most=MOST_STEPS)
+        return np.asarray(minima.value[0])
+
+    unknowns = np.tile([START] * VIGNETTING_DEGREE + [0.0] * 2, count)
+    projection = model.by_noise
+    for _ in range(VIGNETTING_ROUNDS):
+        unknowns = least_squares(unknowns, projection)
+        stops, _ = terms.stops_and_slopes(unknowns)
+        projection = model.reweighted(projection.residual((model.y + stops)[:, None])[:, 0])
+
+    by_setting = zip(settings, unknowns.reshape(-1, UNKNOWNS).tolist(), strict=True)
+    return {
+        setting: setting.vignetting(values[:VIGNETTING_DEGREE], values[VIGNETTING_DEGREE:])
+        for setting, values in by_setting
+    }
+
+
+def _fit_shading(
+    model: PartiallyLinearModel, stops: Array, setting: _LensSetting, centre: tuple[float, float]
 ) -> tuple[tuple[float, ...], ...]:
     """The coefficients (3, VIGNETTING_DEGREE) by which channels are brightened beyond the vignetting of brightness.
 
@@ -195,113 +237,55 @@ def _shading(
     """
     channels = model.channels + stops
     ratios = channels - channels.mean(axis=1, keepdims=True)
-    tests = [_strength(model, ratios[:, channel], places, shot, setting.member) for channel in range(3)]
+    tests = [_strength(model, ratios[:, channel], setting) for channel in range(3)]
     if min(2.0 * stdtr(freedom, -abs(statistic)) for statistic, freedom in tests) > SIGNIFICANCE / 3:
         return NO_SHADING
 
-    basis = vignetting_basis(np.sum((places - centre) ** 2, axis=1)) * setting.member[:, None]
-    shading = []
-    for channel in range(3):
-        weight = model.precision
-        for _ in range(4):
-            residual = model.residual(np.column_stack([basis, channels[:, channel]]), weight)
-            columns, values = residual[:, :-1], residual[:, -1]
-            weighted = columns * weight[:, None]
-            coefficients = -np.linalg.solve(
-                weighted.T @ columns + SAMPLE_NOISE**2 * np.eye(VIGNETTING_DEGREE), weighted.T @ values
-            )
-            weight = model.reweighted(values + columns @ coefficients)
-        shading.append(tuple(coefficients.tolist()))
+    squared_distance = np.sum((model.samples.position - centre) ** 2, axis=1)
+    basis = vignetting_basis(squared_distance) * setting.member[:, None]
+    shading = tuple(_channel_shading(model, basis, channels[:, channel]) for channel in range(3))
     corners = np.sum(shading, axis=1)
-    return tuple(shading) if np.abs(corners - corners.mean()).max() > LEAST_EV else NO_SHADING
+    return shading if np.abs(corners - corners.mean()).max() > LEAST_EV else NO_SHADING
 
 
-def at_the_centre(samples: SampleSet, vignettings: Sequence[Vignetting]) -> SampleSet:
-    """Return the samples with RAW corrected for the vignettings, so that one rendering holds for all places."""
-    stops = np.zeros((len(samples), 3))
-    for setting in _settings(samples) if vignettings else ():
-        vignetting = vignetting_of(vignettings, setting.lens, setting.focal_mm, setting.aperture)
-        if vignetting is not None:
-            stops[setting.member] = vignetting.stops(samples.position[setting.member])
-    return replace(samples, raw=samples.raw * 2.0**stops)
+def _channel_shading(model: PartiallyLinearModel, basis: Array, channel: Array) -> tuple[float, ...]:
+    """The coefficients of a basis (n, VIGNETTING_DEGREE) by which a channel (n,) is brightened."""
+    prior = SAMPLE_NOISE**2 * np.eye(VIGNETTING_DEGREE)
+    projection = model.by_noise
+    for _ in range(SHADING_ROUNDS):
+        residual = projection.residual(np.column_stack([basis, channel]))
+        columns, values = residual[:, :-1], residual[:, -1]
+        weighted = columns * projection.weight[:, None]
+        coefficients = -np.linalg.solve(weighted.T @ columns + prior, weighted.T @ values)
+        projection = model.reweighted(values + columns @ coefficients)
+    return tuple(coefficients.tolist())
 
 
-def _settings(samples: SampleSet) -> Iterable[_Setting]:
-    """The lens settings of samples."""
-    focal = np.round(np.log(samples.focal_mm) / SAME_FOCAL_LENGTH)
-    keys = np.rec.fromarrays(
-        [samples.lens, np.nan_to_num(focal, nan=-(10**9)), np.nan_to_num(samples.aperture, nan=-1.0)]
-    )
-    for key in np.unique(keys):
-        member = keys == key
-        first = int(np.argmax(member))
-        yield _Setting(str(samples.lens[first]), float(samples.focal_mm[first]), float(samples.aperture[first]), member)
-
-
-def _fit(model: _PartialModel, places: Array, settings: Sequence[_Setting]) -> list[Vignetting]:
-    """The vignettings of all settings together, as least squares.
-
-    Unknowns are, of each setting, the coefficients and the two coordinates of the centre. The prior of a coefficient is
-    a stop around 0, which a handful of samples outweighs.
-    """
-    unknown_count, step, weight = VIGNETTING_DEGREE + 2, 1e-4, model.precision
-    prior = SAMPLE_NOISE / np.tile([1.0] * VIGNETTING_DEGREE + [CENTRE_SPREAD] * 2, len(settings))
-
-    def terms(unknowns: Array) -> tuple[Array, Array]:
-        """The vignetting at each sample (n,), and its slopes (n, unknowns)."""
-        stops, slopes = np.zeros(len(places)), np.zeros((len(places), len(unknowns)))
-        for place, setting in enumerate(settings):
-            of_setting = slice(unknown_count * place, unknown_count * (place + 1))
-            coefficients, centre = unknowns[of_setting][:VIGNETTING_DEGREE], unknowns[of_setting][VIGNETTING_DEGREE:]
-            offset = places[setting.member] - centre
-            basis, right, down = (
-                vignetting_basis(np.sum((offset - d) ** 2, axis=1)) for d in ((0, 0), (step, 0), (0, step))
-            )
-            stops[setting.member] = basis @ coefficients
-            moved = np.stack([(right - basis) @ coefficients, (down - basis) @ coefficients], axis=1) / step
-            slopes[setting.member, of_setting] = np.hstack([basis, moved])
-        return stops, slopes
-
-    def linearize(unknowns: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
-        stops, slopes = terms(unknowns[0])
-        residuals = model.residual(np.column_stack([model.y + stops, slopes]), weight) * np.sqrt(weight)[:, None]
-        residual = np.concatenate([residuals[:, 0], prior * unknowns[0]])
-        return residual[None], np.vstack([residuals[:, 1:], np.diag(prior)])[None]
-
-    lower = np.tile([0.0] * VIGNETTING_DEGREE + [-FARTHEST_CENTRE] * 2, len(settings))
-    upper = np.tile([4] * VIGNETTING_DEGREE + [FARTHEST_CENTRE] * 2, len(settings))
-    value = np.tile([0.1] * VIGNETTING_DEGREE + [0.0] * 2, len(settings))
-    for _ in range(6):
-        value = gauss_newton(linearize, value[None], lower=lower, upper=upper, most=20).value[0]
-        weight = model.reweighted(model.residual((model.y + terms(value)[0])[:, None], weight)[:, 0])
-    vignettings = []
-    for setting, (a, b, c, x, y) in zip(settings, value.reshape(-1, unknown_count).tolist(), strict=True):
-        vignettings.append(Vignetting((a, b, c), (x, y), setting.lens, setting.focal_mm, setting.aperture))
-    return vignettings
-
-
-def _strength(model: _PartialModel, y: Array, places: Array, shot: NDArray[np.str_], member: Mask) -> tuple[float, int]:
+def _strength(model: PartiallyLinearModel, y: Array, setting: _LensSetting) -> tuple[float, int]:
     """Student's t of the strength of a vignetting r², estimated in each quarter of each shot, and its freedom.
 
-    y: (n,), without the vignettings of the other settings; member: (n,) the samples of this one. Weights are those of a
-    fit without its vignetting, which do not favour samples that agree with it.
+    y: (n,), without the vignettings of the settings other than this one. Weights are those of a fit without its
+    vignetting, which do not favour samples that agree with it.
     """
-    weight = model.precision
-    for _ in range(3):
-        weight = model.reweighted(model.residual(y[:, None], weight)[:, 0])
-    residual = model.residual(np.column_stack([np.where(member, np.sum(places**2, axis=1), 0.0), -y]), weight)
+    projection = model.by_noise
+    for _ in range(STRENGTH_ROUNDS):
+        projection = model.reweighted(projection.residual(y[:, None])[:, 0])
+
+    places, shot = model.samples.position, model.samples.shot
+    squared_radius = np.where(setting.member, np.sum(places**2, axis=1), 0.0)
+    residual = projection.residual(np.column_stack([squared_radius, -y]))
     quarter = 2 * (places[:, 0] > 0) + (places[:, 1] > 0)
     strengths, information = [], []
-    for name in np.unique(shot[member]):
+    for name in np.unique(shot[setting.member]):
         for place in range(4):
-            block = member & (shot == name) & (quarter == place)
-            information.append(float(weight[block] @ residual[block, 0] ** 2))
-            strengths.append(
-                float(weight[block] @ (residual[block, 0] * residual[block, 1])) / max(information[-1], 1e-300)
-            )
+            block = setting.member & (shot == name) & (quarter == place)
+            weight, (term, value) = projection.weight[block], residual[block].T
+            information.append(float(weight @ term**2))
+            strengths.append(float(weight @ (term * value)) / max(information[-1], TINIEST))
+
     enough = np.array(information) > LITTLE_INFORMATION * np.median(information)
-    if np.count_nonzero(enough) < 3:
+    if np.count_nonzero(enough) < LEAST_QUARTERS:
         return 0.0, 1
     estimates = np.array(strengths)[enough]
-    error_of_mean = max(float(estimates.std(ddof=1)), 1e-300) / np.sqrt(len(estimates))
+    error_of_mean = max(float(estimates.std(ddof=1)), TINIEST) / np.sqrt(len(estimates))
     return float(estimates.mean() / error_of_mean), len(estimates) - 1
