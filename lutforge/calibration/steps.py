@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.checks import LEAST_TO_CHECK, NOT_ONE_CAMERA, implausible
+from lutforge.calibration.checks import LEAST_TO_CHECK, NOT_ONE_CAMERA, diagnoses_of
 from lutforge.calibration.dark_greys import dark_end_notes
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.matrix_and_response import (
@@ -199,7 +199,7 @@ def diagnose(state: State) -> State:
     """Recognize samples that no camera makes, and what made them so."""
     of_all = state.bases_of_all_colours()
     of_unsaturated = {style: state.base(style) for style in of_all}
-    return replace(state, diagnoses=implausible(state.samples, state.multipliers, of_all, of_unsaturated))
+    return replace(state, diagnoses=diagnoses_of(state.samples, state.multipliers, of_all, of_unsaturated))
 
 
 def fit_gains(state: State) -> State:
