@@ -7,8 +7,8 @@ gamut map h leaves alone:
 - f of each style and Tz_i = Ts Tw_i Tc of each white balance together, as f⁻¹(I) = Tz_i E' is linear in both;
 - with f known, Tz_i⁻¹ of f⁻¹(I) to E' (4.10), in this direction because f⁻¹(I) is known to a code, while E' holds what
   one sensor tells apart and the other does not, which would shrink the saturation of every Tz_i fitted to it;
-- Tz_i⁻¹ = Tc⁻¹ Tw_i⁻¹ Ts⁻¹ with diagonal Tw_i, which two white balances and more determine. What they leave open,
-  all of Tc for a single one, makes no difference: Ts and h hold it.
+- Tz_i⁻¹ = Tc⁻¹ Tw_i⁻¹ Ts⁻¹ with diagonal Tw_i, which two white balances and more determine (`joint_diagonalization`).
+  What they leave open, all of Tc for a single one, makes no difference: Ts and h hold it.
 
 Two shutters and two metering systems do not agree to a per cent, nor do clouds: each shot has a gain of its own, which
 is fitted with f and Tz.
@@ -23,6 +23,7 @@ from scipy.linalg import null_space
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import emor_basis, spline_basis, srgb_response
+from lutforge.calibration.joint_diagonalization import jointly_diagonal
 from lutforge.calibration.matrix_and_response import (
     LEAST_HUE_SPREAD,
     LEAST_UNSATURATED,
@@ -41,24 +42,28 @@ from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.reweighted import reweighted
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 
 LEAST_MATCHED_COLOURS = 12
+"""Colours that the matrix of a white balance needs at least."""
 LEAST_WEIGHT = 1e-9
 """Weight that every colour has at least, so that shots without near-neutral colours have a weighted median."""
 RANK = 1e-6
 """Singular values below this share of the largest are 0."""
 WORST_ERROR = 0.08
 """Median encoded error beyond which RAW and JPEG are not of one scene; the chart cameras have 0.002 … 0.03."""
-WIDER = (BETA, 0.4, 0.5, 0.7)
+BETAS = (BETA, 0.4, 0.5, 0.7)
 """Values of β that are tried in turn: on a small chart hardly any unsaturated colour is not grey."""
 NOISY_SHARE = 0.05
 """Colours below this share of the bright ones hold noise."""
-LARGEST_CONDITION = 100
-DERIVATIVE_STEP = 1e-6
-"""Step of a numerical derivative."""
+LARGEST_CONDITION, LARGEST_ERROR = 100, 0.5
+"""Condition and relative error of Tz⁻¹ beyond which it is no matrix between two cameras."""
+SURE = 3
+"""A setting keeps a level of its own beyond so many standard errors."""
+INVERSE_ROUNDS = 10
+"""Rounds of reweighting of Tz⁻¹."""
+INVERSE_OUTLIERS = RobustWeights(cauchy, multiple=2.0, least=2e-4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,25 +94,28 @@ def own_raw(samples: SampleSet, beta: float = BETA) -> tuple[SampleSet, Array]:
     Raises CalibrationError, in one line with what to shoot, where the samples do not determine f or Tz of a white
     balance, or contradict every one.
     """
-    inside = unclipped_pairs(samples)
-    setting = inside.settings
-    values = linear_values(inside, setting, lambda style, of: _fit_style(style, of, beta))
-    even = replace(inside, raw=values.gain[:, None] * inside.raw)
-    inverses = {str(name): _inverse(values.linear, even, setting == name, str(name)) for name in np.unique(setting)}
+    unclipped = unclipped_pairs(samples)
+    setting = unclipped.settings
+    values = linear_values(unclipped, setting, lambda style, of_style: _fit_style(style, of_style, beta))
+
+    with_gains = replace(unclipped, raw=values.gain[:, None] * unclipped.raw)
+    names = [str(name) for name in np.unique(setting)]
+    inverses = {name: _fit_inverse(values.linear, with_gains, setting == name, name) for name in names}
     transfer, matrix, balances = jointly_diagonal(inverses)
+
     multipliers = np.array([balances[str(name)] / balances[str(name)][1] for name in setting])
-    gain, scale = gains_and_scale(inside, setting, values, transfer, matrix, multipliers)
-    return transformed(inside, values, transfer, multipliers, gain, scale)
+    gain, scale = gains_and_scale(unclipped, setting, values, transfer, matrix, multipliers)
+    return transformed(unclipped, values, transfer, multipliers, gain, scale)
 
 
 def unclipped_pairs(samples: SampleSet) -> SampleSet:
     """The samples that neither the JPEG nor the reference clips. Raises CalibrationError where they are too few."""
-    inside = samples.select(unclipped_colours(samples.srgb, samples.raw))
-    if len(inside) < LEAST_MATCHED_COLOURS:
+    unclipped = samples.select(unclipped_colours(samples.srgb, samples.raw))
+    if len(unclipped) < LEAST_MATCHED_COLOURS:
         raise CalibrationError(
-            f"{len(inside)} samples are unclipped in both the JPEG and the reference camera's RAW: expose less"
+            f"{len(unclipped)} samples are unclipped in both the JPEG and the reference camera's RAW: expose less"
         )
-    return inside
+    return unclipped
 
 
 def transformed(
@@ -142,20 +150,28 @@ def gains_and_scale(
 def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: Array) -> tuple[Array, Array]:
     """What the RAW of each shot (n,) is multiplied by, and the scale of f⁻¹ of each style (n,).
 
-    level: (n,) log of f⁻¹(I) over Ts Tw Tc E'; weight: (n,). The shots of a style tell the scale of its f⁻¹. A setting
-    whose shots agree on a level of their own beyond the scatter (three standard errors) keeps it: there the camera
-    multiplies by more than its white balance.
+    level: (n,) log of f⁻¹(I) over Ts Tw Tc E'; weight: (n,). The level that the shots of a style have in common is the
+    scale of its f⁻¹. A setting whose shots agree on a level of their own beyond the scatter (three standard errors)
+    keeps it: there the camera multiplies by more than its white balance.
     """
-    _, first, shot = np.unique(samples.shot, return_index=True, return_inverse=True)
-    of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + LEAST_WEIGHT) for k in range(len(first))])
-    style, balance = samples.style[first], setting[first]
-    scale = np.array([np.median(of_shot[style == name]) for name in style])
-    remaining = of_shot - scale
-    of_setting = np.array([np.median(remaining[balance == name]) for name in balance])
-    count = np.array([np.count_nonzero(balance == name) for name in balance])
-    doubt = 3 * float(np.std(remaining - of_setting if np.any(count > 1) else remaining)) / np.sqrt(count)
-    kept = np.where((np.abs(of_setting) > doubt) & (count > 1), of_setting, 0.0)
-    return np.exp(remaining - kept)[shot], np.exp(scale)[shot]
+    _, first_sample, shot = np.unique(samples.shot, return_index=True, return_inverse=True)
+    level_of_shot = np.array(
+        [
+            weighted_median(level[shot == place], weight[shot == place] + LEAST_WEIGHT)
+            for place in range(len(first_sample))
+        ]
+    )
+    style_of_shot, setting_of_shot = samples.style[first_sample], setting[first_sample]
+    scale = np.array([np.median(level_of_shot[style_of_shot == name]) for name in style_of_shot])
+
+    remaining = level_of_shot - scale
+    level_of_setting = np.array([np.median(remaining[setting_of_shot == name]) for name in setting_of_shot])
+    shots_of_setting = np.array([np.count_nonzero(setting_of_shot == name) for name in setting_of_shot])
+    has_several = shots_of_setting > 1
+    scatter = float(np.std(remaining - level_of_setting if np.any(has_several) else remaining))
+    doubt = SURE * scatter / np.sqrt(shots_of_setting)
+    own_level = np.where((np.abs(level_of_setting) > doubt) & has_several, level_of_setting, 0.0)
+    return np.exp(remaining - own_level)[shot], np.exp(scale)[shot]
 
 
 def linear_values(
@@ -195,60 +211,94 @@ def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> St
     Were gains fitted after f, f would bend where the shots of some tones are all too bright, and leave a part of that
     to them.
     """
-    raw, encoded = samples.raw, samples.srgb
+    raw, encoded, chroma = samples.raw, samples.srgb, saturation(samples.srgb)
     names, place = np.unique(setting, return_inverse=True)
-    votes = np.bincount(place, neutral_weight(raw, encoded))
-    first = int(np.argmax(votes))
-    multipliers, _ = estimated_multipliers(raw[place == first], encoded[place == first])
-    chroma = saturation(encoded)
+
+    # β takes in as many colours as a response needs; far more saturated ones do not count.
     beta = max(beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
-    near = chroma < MOST_BETAS * beta
-    is_of = np.eye(len(names))[place]
-    is_of_other = np.delete(is_of, first, axis=1)
+    counts = chroma < MOST_BETAS * beta
+    weights = ToneWeights(encoded[counts].mean(axis=1), in_gamut_weight(chroma[counts], beta))
+    columns = _MatrixColumns.of(samples, place, counts)
+    changes = _changes_of_gains(samples, place)
 
-    def columns(x: Array) -> tuple[Array, Array]:
-        # The rows of Ts of the first setting sum to 1, which settles the scale; the coefficients of all others are free
-        known, of_first = neutral_rows(x * multipliers * is_of[near, first, None])
-        free = (is_of_other[near, :, None] * x[:, None, :]).reshape(len(x), 1, -1)
-        return known, np.concatenate([of_first, np.repeat(free, 3, axis=1)], axis=2)
-
-    weights = ToneWeights(encoded[near].mean(axis=1), in_gamut_weight(chroma[near], beta))
-    # The changes of the shots' log gains, sample by sample, that RAW and JPEG tell, as columns (n, q). One gain for all
-    # shots of a white balance is a part of its Tz; gains that go with the light of the shots are hardly told from a
-    # power of f, and shutters do not err so.
-    _, of_shot, index = np.unique(samples.shot, return_index=True, return_inverse=True)
-    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), LEAST_RAW))) / np.bincount(index)
-    untold = np.vstack([np.unique(place)[:, None] == place[of_shot], light])
-    changes = np.asarray(null_space(untold, rcond=RANK)[index])
-    fit = JointFit(raw[near], encoded[near], weights, columns, changes[near], srgb_response())
-    robust_fit(fit, emor_basis())  # as there: EMoR's shape first, then what it cannot follow
+    # EMoR's shape first, then a spline for what EMoR cannot follow, as in `fit_matrix_and_response`.
+    fit = JointFit(raw[counts], encoded[counts], weights, columns, changes[counts], srgb_response())
+    robust_fit(fit, emor_basis())
     robust_fit(fit, spline_basis(fit.response.inverse.mean(axis=1)))
+
     gain = np.exp(changes @ fit.logs)
-    free = fit.coefficients[:, 2:].reshape(3, len(names) - 1, 3)
-    matrices = {str(names[first]): matrix_of_rows(fit.coefficients[:, :2]) * multipliers}
-    matrices |= {str(name): free[:, index] for index, name in enumerate(np.delete(names, first))}
-    of_sample = np.array([matrices[str(name)] for name in names])[place]
-    rendered = fit.response.encode(np.einsum("nij,nj->ni", of_sample, gain[:, None] * raw))
+    matrices = columns.matrices(fit.coefficients)
+    rendered = fit.response.encode(np.einsum("nij,nj->ni", matrices[place], gain[:, None] * raw))
     error = float(np.median(np.linalg.norm(rendered - encoded, axis=1)[chroma < beta]))
     if error > WORST_ERROR:
         raise CalibrationError(
             f"no matrix takes the reference camera's RAW to these JPEGs (median error {255 * error:.0f} codes): "
             "were both taken of the same scene, in the same order, in manual mode?"
         )
-    return StyleFit(fit.response, matrices, gain, in_gamut_weight(chroma, beta))
+    by_name = {str(name): matrix for name, matrix in zip(names, matrices, strict=True)}
+    return StyleFit(fit.response, by_name, gain, in_gamut_weight(chroma, beta))
 
 
-def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class _MatrixColumns:
+    """The columns of the matrices Tz of b settings, as `JointFit` takes them.
+
+    The rows of Ts of one setting sum to 1, which settles the scale of f⁻¹: that with most colours near grey. All
+    entries of the matrices of other settings are free. is_of: (n, b) 1 where a sample is of a setting, else 0; scaled:
+    the place of the setting that settles the scale; multipliers: (3,), its estimated white balance.
+    """
+
+    is_of: Array
+    scaled: int
+    multipliers: Array
+
+    @classmethod
+    def of(cls, samples: SampleSet, place: NDArray[np.intp], counts: Mask) -> "_MatrixColumns":
+        """The columns for the samples that count, a mask (n,). place: (n,) of the setting of each sample."""
+        votes = np.bincount(place, neutral_weight(samples.raw, samples.srgb))
+        scaled = int(np.argmax(votes))
+        rows = place == scaled
+        multipliers, _ = estimated_multipliers(samples.raw[rows], samples.srgb[rows])
+        return cls(np.eye(len(votes))[place[counts]], scaled, multipliers)
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """The light (n, 3) that known coefficients give of RAW (n, 3), and the columns (n, 3, q) of unknown ones."""
+        known, of_scaled = neutral_rows(x * self.multipliers * self.is_of[:, self.scaled, None])
+        is_of_others = np.delete(self.is_of, self.scaled, axis=1)
+        of_others = (is_of_others[:, :, None] * x[:, None, :]).reshape(len(x), 1, -1)
+        return known, np.concatenate([of_scaled, np.repeat(of_others, 3, axis=1)], axis=2)
+
+    def matrices(self, coefficients: Array) -> Array:
+        """The matrices (b, 3, 3) of fitted coefficients (3, q)."""
+        of_scaled, of_others = coefficients[:, :2], coefficients[:, 2:]
+        others = of_others.reshape(3, -1, 3).transpose(1, 0, 2)
+        return np.insert(others, self.scaled, matrix_of_rows(of_scaled) * self.multipliers, axis=0)
+
+
+def _changes_of_gains(samples: SampleSet, place: NDArray[np.intp]) -> Array:
+    """The changes of the shots' log gains that RAW and JPEG determine, sample by sample, as columns (n, q).
+
+    One gain for all shots of a setting is a part of its Tz; gains that go with the light of the shots are hardly
+    distinguished from a power of f, and shutters do not err so. place: (n,) of the setting of each sample.
+    """
+    _, first_sample, shot = np.unique(samples.shot, return_index=True, return_inverse=True)
+    logs = np.log(np.maximum(samples.raw.sum(axis=1), LEAST_RAW))
+    light_of_shot = np.bincount(shot, logs) / np.bincount(shot)
+    is_of_setting = np.unique(place)[:, None] == place[first_sample]
+    undetermined = np.vstack([is_of_setting, light_of_shot])
+    return np.asarray(null_space(undetermined, rcond=RANK)[shot])
+
+
+def _fit_inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[Array, Array]:
     """Tz⁻¹ (3, 3) of one white balance, f⁻¹(I) → E', and the precision (3, 3) of each of its rows.
 
     Colours count by their relative error, as E' deviates by a share of itself. Raises CalibrationError where the
     colours do not determine it, or contradict every matrix.
     """
     x, y, chroma = linear[rows], samples.raw[rows], saturation(samples.srgb[rows])
-    plain, beta = unsaturated_of_several_hues(x, chroma, name)
+    unsaturated, beta = unsaturated_of_several_hues(x, chroma, name)
     in_gamut = in_gamut_weight(chroma, beta)
     level = level_of(y)
-    outliers = RobustWeights(cauchy, multiple=2.0, least=2e-4)
 
     def solve(weight: Array) -> tuple[Array, Array]:
         root = np.sqrt(weight) / level
@@ -259,10 +309,10 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[
 
     def weights(fit: tuple[Array, Array]) -> Array:
         error = error_of(fit[0])
-        return in_gamut * outliers(error, error[plain])
+        return in_gamut * INVERSE_OUTLIERS(error, error[unsaturated])
 
-    inverse, root = reweighted(solve, weights, in_gamut, rounds=10)
-    scale = outliers.scale(error_of(inverse)[plain]) / 2.0
+    inverse, root = reweighted(solve, weights, in_gamut, rounds=INVERSE_ROUNDS)
+    scale = INVERSE_OUTLIERS.scale(error_of(inverse)[unsaturated]) / INVERSE_OUTLIERS.multiple
     check_inverse(inverse, scale, name)
     weighted = x * root[:, None] / scale
     return inverse, weighted.T @ weighted
@@ -270,13 +320,13 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[
 
 def unsaturated_of_several_hues(linear: Array, chroma: Array, name: str) -> tuple[Mask, float]:
     """The colours (n,) below the least saturation β by which they are enough, and that β. Raises CalibrationError."""
-    for beta in WIDER:
-        plain = chroma < beta
-        if plain.sum() >= LEAST_MATCHED_COLOURS and hue_spread(linear[plain]) >= LEAST_HUE_SPREAD:
-            return plain, beta
+    for beta in BETAS:
+        unsaturated = chroma < beta
+        if unsaturated.sum() >= LEAST_MATCHED_COLOURS and hue_spread(linear[unsaturated]) >= LEAST_HUE_SPREAD:
+            return unsaturated, beta
     raise CalibrationError(
-        f'white balance "{name}": {int(plain.sum())} unsaturated colours, and {LEAST_MATCHED_COLOURS} of several hues '
-        "are needed: shoot a colour chart with both cameras"
+        f'white balance "{name}": {int(unsaturated.sum())} unsaturated colours, and {LEAST_MATCHED_COLOURS} of several '
+        "hues are needed: shoot a colour chart with both cameras"
     )
 
 
@@ -288,47 +338,8 @@ def level_of(raw: Array) -> Array:
 
 def check_inverse(inverse: Array, scale: float, name: str) -> None:
     """Raise CalibrationError where Tz⁻¹ (3, 3) of a white balance is of no two cameras. scale: its relative error."""
-    if scale > 0.5 or np.linalg.cond(inverse) > LARGEST_CONDITION or np.any(inverse.sum(axis=1) <= 0):
+    if scale > LARGEST_ERROR or np.linalg.cond(inverse) > LARGEST_CONDITION or np.any(inverse.sum(axis=1) <= 0):
         raise CalibrationError(
             f'white balance "{name}": no matrix takes the reference camera\'s RAW to these JPEGs (they differ by '
             f"{100 * scale:.0f} %): were both taken of the same scene, in the same order, in manual mode?"
         )
-
-
-def jointly_diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array, dict[str, Array]]:
-    """Split the matrices of several white balances, Tz_i = Ts Tw_i Tc with diagonal Tw_i, into one Ts and one Tc.
-
-    The way is that of a joint diagonalization: B. N. Flury & W. Gautschi (1986), https://doi.org/10.1137/0907013.
-    Returns Tc with ones on its diagonal, Ts, and Tw (3,) by white balance, of Tz⁻¹ = Tc⁻¹ Tw⁻¹ Ts⁻¹ and its precision.
-
-    The other six entries of Tc are expected to be 0 within a half, which settles what the white balances leave open.
-    """
-    inverses = np.stack([inverse for inverse, _ in fits.values()])
-    roots = np.stack([np.linalg.cholesky(precision) for _, precision in fits.values()])
-    off = ~np.eye(3, dtype=np.bool_)
-
-    def parts(unknown: Array) -> tuple[Array, Array, Array]:
-        transfer, from_linear = np.eye(3), np.eye(3)
-        transfer[off] = unknown[:6]
-        from_linear[off] = unknown[6:12]
-        from_linear[np.diag_indices(3)] -= from_linear.sum(axis=1) - 1.0
-        return transfer, from_linear, np.exp(unknown[12:].reshape(-1, 3))
-
-    def residuals(unknown: Array) -> Array:
-        transfer, from_linear, balances = parts(unknown)
-        modelled = np.linalg.inv(transfer) @ (from_linear / balances[..., None])
-        return np.concatenate([((modelled - inverses) @ roots).ravel(), unknown[:6] / 0.5])
-
-    def linearize(unknown: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
-        values = residuals(unknown[0])
-        steps = DERIVATIVE_STEP * np.eye(unknown.shape[1])
-        slopes = [
-            (residuals(unknown[0] + step) - residuals(unknown[0] - step)) / (2 * DERIVATIVE_STEP) for step in steps
-        ]
-        return values[None], np.stack(slopes, axis=1)[None]
-
-    sums = inverses.sum(axis=2)
-    first = inverses[0] / sums[0][:, None]
-    start = np.concatenate([np.zeros(6), first[off], -np.log(sums).ravel()])
-    transfer, from_linear, balances = parts(gauss_newton(linearize, start[None], most=200).value[0])
-    return transfer, np.asarray(np.linalg.inv(from_linear), dtype=np.float64), dict(zip(fits, balances, strict=True))
