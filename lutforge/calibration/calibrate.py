@@ -8,6 +8,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.coverage_notes import thin_settings
 from lutforge.calibration.fit_styles import fit_styles, notes_on_fits
+from lutforge.calibration.named_white_balances import colorimetric_matrix, named_white_balances
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.steps import (
     State,
@@ -22,7 +23,6 @@ from lutforge.calibration.steps import (
     use_reference_raw,
 )
 from lutforge.calibration.style import StyleData, fit_lattices, style_data
-from lutforge.calibration.white_balance import colorimetric_matrix, named_white_balances
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile import CameraModel, PictureStyle
 from lutforge.model.provenance import OwnRaw

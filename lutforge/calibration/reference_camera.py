@@ -37,7 +37,8 @@ from lutforge.calibration.matrix_and_response import (
 )
 from lutforge.calibration.options import BETA
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
-from lutforge.calibration.white_balance import LEAST_POSITIVE, LEAST_RAW, ROUNDED, estimated_multipliers, neutral_weight
+from lutforge.calibration.setting_gains import ROUNDED
+from lutforge.calibration.white_balance import LEAST_POSITIVE, LEAST_RAW, estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.clipping import unclipped_colours

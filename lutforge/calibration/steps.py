@@ -22,16 +22,11 @@ from lutforge.calibration.matrix_and_response import (
 )
 from lutforge.calibration.options import BETA, CURVES
 from lutforge.calibration.reference_camera import own_raw
+from lutforge.calibration.setting_gains import gains_of, multiplied_by_gains, refined_gains
 from lutforge.calibration.shot_comparison import ShotCheck, check_shots
 from lutforge.calibration.style import LEAST_SAMPLES, styles_with_enough, unclipped
 from lutforge.calibration.vignetting import at_the_centre, fit_vignettings
-from lutforge.calibration.white_balance import (
-    complete_multipliers,
-    fitted_gains,
-    times_gains,
-    with_gains,
-    with_known_balances,
-)
+from lutforge.calibration.white_balance import complete_multipliers, fill_in_known_multipliers
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile import Diagnosis
@@ -172,7 +167,7 @@ def complete_white_balances(state: State) -> State:
     """Estimate the multipliers that the files do not state, or take them from a given profile."""
     samples = state.samples
     if state.given is not None:
-        samples = with_known_balances(samples, state.given.white_balances)
+        samples = fill_in_known_multipliers(samples, state.given.white_balances)
     multipliers, notes = complete_multipliers(samples)
     return state.with_samples(samples, multipliers, notes)
 
@@ -210,16 +205,17 @@ def fit_gains(state: State) -> State:
     """
     samples, multipliers = state.samples, state.multipliers
     if state.given is not None:
-        return state.with_samples(samples, with_gains(samples, multipliers, state.given.white_balances))
+        given_gains = gains_of(state.given.white_balances)
+        return state.with_samples(samples, multiplied_by_gains(samples, multipliers, given_gains))
 
     gains = {str(name): 1.0 for name in np.unique(samples.white_balance[state.unclipped]) if name != "auto"}
     for _ in range(GAIN_ROUNDS if len(gains) > 1 else 0):
         bases = {style: state.base(style) for style in state.styles}
-        improved = fitted_gains(samples, state.multipliers, state.unclipped, bases, gains)
+        improved = refined_gains(samples, state.multipliers, state.unclipped, bases, gains)
         if improved == gains:
             break
         gains = improved
-        state = state.with_samples(samples, times_gains(samples, multipliers, gains))
+        state = state.with_samples(samples, multiplied_by_gains(samples, multipliers, gains))
     return state
 
 

@@ -33,10 +33,11 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.monochrome import is_monochrome, monochrome_note
+from lutforge.calibration.setting_gains import gains_of, multiplied_by_gains
 from lutforge.calibration.shot_comparison import Deviation, ShotCheck, compare_shots
 from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.calibration.vignetting import at_the_centre
-from lutforge.calibration.white_balance import complete_multipliers, with_gains
+from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.edit_errors import edited_errors
 from lutforge.evaluation.figures import ErrorFigures, error_figures
@@ -167,7 +168,7 @@ def evaluate(
         )
     samples = at_the_centre(with_own_raw(profile, samples), profile.vignettings)
     multipliers, balance_notes = complete_multipliers(samples)
-    multipliers = with_gains(samples, multipliers, profile.white_balances)
+    multipliers = multiplied_by_gains(samples, multipliers, gains_of(profile.white_balances))
     in_profile, style_notes = known_styles(profile, samples)
     samples = samples.select(in_profile)
     multipliers = multipliers[in_profile]
@@ -241,7 +242,8 @@ def compare_with_profile(profile: CameraProfile, samples: SampleSet, multipliers
 def scene_deviations(profile: CameraProfile, samples: SampleSet) -> tuple[Deviation, ...]:
     """The deviations of shots from the fixed rendering, of styles that the profile has."""
     samples = at_the_centre(with_own_raw(profile, samples), profile.vignettings)
-    multipliers = with_gains(samples, complete_multipliers(samples)[0], profile.white_balances)
+    multipliers, _ = complete_multipliers(samples)
+    multipliers = multiplied_by_gains(samples, multipliers, gains_of(profile.white_balances))
     shots = compare_with_profile(profile, samples, multipliers)
     return shots.deviations + tuple(groups.deviation for groups in shots.groups)
 

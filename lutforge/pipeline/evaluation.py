@@ -10,7 +10,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.vignetting import at_the_centre
-from lutforge.calibration.white_balance import with_known_balances
+from lutforge.calibration.white_balance import fill_in_known_multipliers
 from lutforge.evaluation.evaluation import Evaluation, known_styles, scene_deviations
 from lutforge.evaluation.evaluation import evaluate as evaluate_profile
 from lutforge.model.camera_profile import CameraProfile, as_profile
@@ -103,7 +103,7 @@ def predict(profile: CameraProfile, samples: SampleSet) -> Predicted:
     """Render the RAW values of samples and linearize their JPEG values by a profile, each under its own settings."""
     samples = at_the_centre(with_setting_names(samples), profile.vignettings)
     scene, linearized, rendered, transformed, decoded = (np.full_like(samples.raw, np.nan) for _ in range(5))
-    multipliers = with_known_balances(samples, profile.white_balances).wb
+    multipliers = fill_in_known_multipliers(samples, profile.white_balances).wb
     uses_reference = isinstance(profile.provenance, ReferenceRaw)
 
     # Samples with the same settings are predicted together.

@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.calibration.white_balance import (
-    complete_multipliers,
-    multipliers_from_colours,
-    named_temperature,
-    named_white_balances,
-)
+from lutforge.calibration.named_white_balances import named_temperature, named_white_balances
+from lutforge.calibration.white_balance import complete_multipliers, multipliers_from_colours
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100

@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array
+from lutforge.calibration.named_white_balances import named_white_balances
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.white_balance import named_white_balances
 from lutforge.colour.colour_temperature import (
     camera_from_xyz,
     locus,
