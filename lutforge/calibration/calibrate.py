@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.calibration.coverage_notes import thin_settings
 from lutforge.calibration.fit_styles import fit_styles, notes_on_fits
 from lutforge.calibration.named_white_balances import colorimetric_matrix, named_white_balances
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.steps import (
-    State,
     Step,
     complete_white_balances,
     correct_vignetting,
@@ -20,6 +20,7 @@ from lutforge.calibration.steps import (
     drop_small_styles,
     fit_gains,
     note_dark_end,
+    note_given_stages,
     use_reference_raw,
 )
 from lutforge.calibration.style import StyleData, fit_lattices, style_data
@@ -34,6 +35,7 @@ STEPS: tuple[Step, ...] = (
     use_reference_raw,
     complete_white_balances,
     drop_small_styles,
+    note_given_stages,
     correct_vignetting,
     diagnose,
     fit_gains,
@@ -59,17 +61,10 @@ def calibrate(
     progress("checking white balances and shots", 0.0)
     state = prepared(samples, options, given)
 
-    data, clipped = style_data(state.samples, state.multipliers)
+    data, clipped = style_data(state.samples, state.multipliers, options, state.given_bases)
     for name, style in data.items():
-        fitted = None if style.monochrome or state.given_base(name) is not None else state.base(name)
-        data[name] = replace(
-            style,
-            given=state.given_base(name),
-            fitted=fitted,
-            beta=options.beta,
-            curves=options.curves,
-            centres=options.centres,
-        )
+        if style.given is None and not style.monochrome:
+            data[name] = replace(style, fitted=state.base_of_unsaturated(name))
 
     def models_of(name: str) -> tuple[CameraModel, ...]:
         return () if data[name].monochrome else (data[name].model,)
@@ -91,7 +86,7 @@ def calibrate_base(
     options = options or CalibrationOptions()
     progress("response, matrix and white balances", 0.0)
     state = prepared(samples, options)
-    bases = state.coloured_bases()
+    bases = {style: state.base_of_unsaturated(style) for style in state.coloured_styles}
     progress("done", 1.0)
 
     balances = tuple(str(name) for name in np.unique(state.samples.white_balance))
@@ -104,9 +99,9 @@ def calibrate_base(
     return assembled(state, matrix, styles, options.as_json())
 
 
-def prepared(samples: SampleSet, options: CalibrationOptions, given: CameraProfile | None = None) -> State:
+def prepared(samples: SampleSet, options: CalibrationOptions, given: CameraProfile | None = None) -> CalibrationState:
     """The samples after all steps. Raises CalibrationError."""
-    state = State(samples, samples.wb, options.beta, options.curves, given)
+    state = CalibrationState(samples, samples.wb, options.beta, options.curves, given)
     for step in STEPS:
         state = step(state)
     return state
@@ -117,12 +112,12 @@ def matrix_of(data: Mapping[str, StyleData]) -> Array:
     coloured = [style for style in data.values() if not style.monochrome]
     if not coloured:
         return np.eye(3)
-    matrix = max(coloured, key=lambda style: len(style.shot)).unsaturated.matrix
+    matrix = max(coloured, key=lambda style: len(style.shot)).base_of_unsaturated.matrix
     return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
 
 
 def assembled(
-    state: State,
+    state: CalibrationState,
     matrix: Array,
     styles: Mapping[str, PictureStyle],
     options: Mapping[str, object],

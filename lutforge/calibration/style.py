@@ -3,7 +3,8 @@
 The samples are unclipped, and balanced by the multipliers of their setting.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +16,7 @@ from lutforge.calibration.inverse_gamut_map import fit_inverse
 from lutforge.calibration.lattice.fit import bake_linearize, bake_render
 from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochrome
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response, with_matrix_of_all
-from lutforge.calibration.options import BETA, CURVES, MOST_CENTRES, CalibrationOptions
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.scenes import RenderedScenes, likely_scenes
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
@@ -28,17 +29,24 @@ from lutforge.solvers.cross_validation import joined_alike, leave_groups_out
 from lutforge.threads import each, one_blas_thread
 
 LEAST_SAMPLES = 10
+"""Unclipped samples of different colours that a style needs at least."""
 REFIT_CENTRES = 2_500
 """The most centres of a model that is fitted again to a part of the samples."""
+
+
+WHOLE_RAW = 0.999
+"""RAW values below this, as shares of white, are not clipped."""
+HALF_CODE = 0.5 / 255
+"""JPEG values within this of an end are mixtures of clipped pixels and others."""
 
 
 @dataclass(frozen=True, eq=False)
 class StyleData:
     """The fitting samples of one style. balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,); samples: their rows.
 
-    monochrome: the style is black and white. given: matrix and response that hold whatever the samples are; fitted: the
-    same as fitted to just these samples; None where they are still to be fitted. clipped: samples of the style with a
-    JPEG channel at an end and RAW that is whole. beta, curves, centres: as of `CalibrationOptions`.
+    monochrome: the style is black and white. given: matrix and response that hold whatever the samples are; fitted:
+    matrix and response as fitted to just these samples; None where they are still to be fitted. clipped: samples of the
+    style with a JPEG channel at an end and RAW that is whole. options: how the camera model is fitted.
     """
 
     balanced: Array
@@ -49,23 +57,20 @@ class StyleData:
     given: MatrixAndResponse | None = None
     fitted: MatrixAndResponse | None = None
     clipped: "ClippedColours | None" = None
-    beta: float = BETA
-    curves: int = CURVES
-    centres: int = MOST_CENTRES
+    options: CalibrationOptions = field(default_factory=CalibrationOptions)
 
     @cached_property
-    def unsaturated(self) -> MatrixAndResponse:
+    def base_of_unsaturated(self) -> MatrixAndResponse:
         """The matrix and response of the colours that a gamut map leaves alone. Raises CalibrationError.
 
         This is the camera's own matrix: the one that suits all colours takes up a part of the gamut map.
         """
-        return (
-            self.given
-            or self.fitted
-            or fit_matrix_and_response(
-                self.balanced, self.encoded, self.beta, self.curves, saturates=self.samples.is_own_raw
-            )
-        )
+        known = self.given or self.fitted
+        if known is not None:
+            return known
+        beta, curves = self.options.beta, self.options.curves
+        saturates = self.samples.is_own_raw
+        return fit_matrix_and_response(self.balanced, self.encoded, beta, curves, saturates=saturates)
 
     @cached_property
     def base(self) -> MatrixAndResponse:
@@ -76,7 +81,7 @@ class StyleData:
         """
         if self.given is not None:
             return self.given
-        smooth = MatrixAndResponse(self.unsaturated.matrix, smooth_response(self.unsaturated.response))
+        smooth = MatrixAndResponse(self.base_of_unsaturated.matrix, smooth_response(self.base_of_unsaturated.response))
         if self.monochrome:
             return replace(smooth, matrix=np.eye(3))
         return with_matrix_of_all(smooth, self.balanced, self.encoded)
@@ -85,7 +90,7 @@ class StyleData:
     def scenes(self) -> RenderedScenes:
         """Likely scenes with the codes that the camera model renders them to. Raises CalibrationError."""
         clipped = None if self.clipped is None else (self.clipped.balanced, self.clipped.encoded)
-        gamut_map = fit_gamut_map(self.base, self.balanced, self.encoded, clipped, self.centres)
+        gamut_map = fit_gamut_map(self.base, self.balanced, self.encoded, clipped, self.options.centres)
         likely = likely_scenes(self.balanced)
         linear = likely.balanced @ self.base.matrix.T
         mapped = gamut_map(linear)
@@ -105,7 +110,7 @@ class StyleData:
 
     @property
     def both(self) -> ByDirection[tuple[Array, Array]]:
-        """What each direction takes and gives at the samples, each (n, 3)."""
+        """The values that each direction takes and gives at the samples, each (n, 3)."""
         return ByDirection((self.balanced, self.encoded), (self.encoded, self.balanced))
 
     @cached_property
@@ -126,9 +131,8 @@ class StyleData:
         """The rows of a mask, and the clipped samples of the shots that have any."""
         parts = (self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows))
         clipped = None if self.clipped is None else self.clipped.of_shots(self.shot[rows])
-        return StyleData(
-            *parts, self.monochrome, self.given, None, clipped, self.beta, self.curves, min(self.centres, REFIT_CENTRES)
-        )
+        options = replace(self.options, centres=min(self.options.centres, REFIT_CENTRES))
+        return StyleData(*parts, self.monochrome, self.given, None, clipped, options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,38 +159,54 @@ def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[Mask, tu
     usable = unclipped(samples, multipliers)
     colours = np.rint(samples.srgb * 255) @ [1 << 16, 1 << 8, 1]  # a colour that a table repeats counts once
     counts = {str(name): len(np.unique(colours[usable & (samples.style == name)])) for name in np.unique(samples.style)}
-    few = {name: count for name, count in counts.items() if count < LEAST_SAMPLES}
+    too_small = {name: count for name, count in counts.items() if count < LEAST_SAMPLES}
     advice = "add shots with more colours, exposed so that neither the JPEG nor the RAW clips"
     notes = tuple(
         f'style "{name}": {count} unclipped samples of different colours; at least {LEAST_SAMPLES} are needed: {advice}'
-        for name, count in few.items()
+        for name, count in too_small.items()
     )
-    if len(few) == len(counts):
+    if len(too_small) == len(counts):
         raise CalibrationError(notes[0])
-    return ~np.isin(samples.style, list(few)), tuple(f"left out: {note}" for note in notes)
+    return ~np.isin(samples.style, list(too_small)), tuple(f"left out: {note}" for note in notes)
 
 
-def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleData], int]:
-    """The samples of each style with enough unclipped ones, and how many samples take no part in any."""
+def style_data(
+    samples: SampleSet,
+    multipliers: Array,
+    options: CalibrationOptions | None = None,
+    given_bases: Mapping[str, MatrixAndResponse] | None = None,
+) -> tuple[dict[str, StyleData], int]:
+    """The samples of each style with enough unclipped ones, and how many samples take no part in any.
+
+    given_bases: matrix and response of styles, where they hold whatever the samples are.
+    """
+    options = options or CalibrationOptions()
+    given_bases = given_bases or {}
     enough, _ = styles_with_enough(samples, multipliers)
     balanced = samples.raw * multipliers
     usable = unclipped(samples, multipliers) & enough
+
     # Clipped in the JPEG alone, and in whole channels: a value between the last code and the end is a mixture.
-    whole = np.all(((samples.raw > 0.0) & (samples.raw < 0.999) & (balanced < 1.0)), axis=1)
-    ends = (samples.srgb <= 0.0) | (samples.srgb >= 1.0)
-    half_code = 0.5 / 255
-    inside = (samples.srgb >= half_code) & (samples.srgb <= 1.0 - half_code)
-    one_sided = enough & ~usable & whole & np.all(ends | inside, axis=1)
+    is_whole_raw = np.all(((samples.raw > 0.0) & (samples.raw < WHOLE_RAW) & (balanced < 1.0)), axis=1)
+    is_at_end = (samples.srgb <= 0.0) | (samples.srgb >= 1.0)
+    is_inside = (samples.srgb >= HALF_CODE) & (samples.srgb <= 1.0 - HALF_CODE)
+    is_clipped = enough & ~usable & is_whole_raw & np.all(is_at_end | is_inside, axis=1)
+
     styles = {}
     for name in np.unique(samples.style[enough]):
         rows = usable & (samples.style == name)
-        monochrome = is_monochrome(balanced[rows], samples.srgb[rows])
-        more = one_sided & (samples.style == name)
-        clipped = ClippedColours(balanced[more], samples.srgb[more], samples.shot[more])
+        clipped_rows = is_clipped & (samples.style == name)
         styles[str(name)] = StyleData(
-            balanced[rows], samples.srgb[rows], samples.shot[rows], samples.select(rows), monochrome, clipped=clipped
+            balanced[rows],
+            samples.srgb[rows],
+            samples.shot[rows],
+            samples.select(rows),
+            monochrome=is_monochrome(balanced[rows], samples.srgb[rows]),
+            given=given_bases.get(str(name)),
+            clipped=ClippedColours(balanced[clipped_rows], samples.srgb[clipped_rows], samples.shot[clipped_rows]),
+            options=options,
         )
-    return styles, int((enough & ~usable & ~one_sided).sum())
+    return styles, int((enough & ~usable & ~is_clipped).sum())
 
 
 @one_blas_thread

@@ -7,16 +7,17 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.calibrate import assembled, matrix_of
+from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.calibration.coverage_notes import thin_settings
 from lutforge.calibration.fit_styles import fit_styles, notes_on_fits
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
 from lutforge.calibration.steps import (
-    State,
     Step,
     complete_white_balances,
     diagnose,
     drop_small_styles,
     fit_gains,
+    note_given_stages,
     reference_raw_by,
 )
 from lutforge.calibration.style import StyleData, style_data
@@ -33,8 +34,21 @@ from lutforge.thesis.options import ThesisOptions
 from lutforge.thesis.reference_camera import own_raw
 from lutforge.threads import each, one_blas_thread
 
-THESIS_STEPS: tuple[Step, ...] = (complete_white_balances, drop_small_styles, diagnose, fit_gains)
-"""The thesis corrects no vignetting, and leaves no shot out."""
+
+def thesis_steps(options: ThesisOptions) -> tuple[Step, ...]:
+    """The steps that prepare the samples. The thesis corrects no vignetting, and leaves no shot out."""
+
+    def use_reference_raw(state: CalibrationState) -> CalibrationState:
+        return reference_raw_by(state, lambda reference: own_raw(reference, options))
+
+    return (
+        use_reference_raw,
+        complete_white_balances,
+        drop_small_styles,
+        note_given_stages,
+        diagnose,
+        fit_gains,
+    )
 
 
 @one_blas_thread
@@ -67,9 +81,7 @@ def calibrate(
     except CalibrationError as error:
         notes.append(f"the profile holds lattices alone, no camera model: {error}")
 
-    data, clipped = style_data(state.samples, state.multipliers)
-    for name, style in data.items():
-        data[name] = replace(style, given=state.given_base(name))
+    data, clipped = style_data(state.samples, state.multipliers, given_bases=state.given_bases)
 
     def models_of(name: str) -> tuple[CameraModel, ...]:
         return (models[name],) if name in models else ()
@@ -103,11 +115,10 @@ def calibrate_base(
     return assembled(replace(state, multipliers=stages.multipliers), matrix, styles, options.as_json())
 
 
-def prepared(samples: SampleSet, options: ThesisOptions, given: CameraProfile | None = None) -> State:
+def prepared(samples: SampleSet, options: ThesisOptions, given: CameraProfile | None = None) -> CalibrationState:
     """The samples after all steps. Raises CalibrationError."""
-    state = State(samples, samples.wb, options.beta, options.curves, given)
-    state = reference_raw_by(state, lambda reference: own_raw(reference, options))
-    for step in THESIS_STEPS:
+    state = CalibrationState(samples, samples.wb, options.beta, options.curves, given)
+    for step in thesis_steps(options):
         state = step(state)
     return state
 
@@ -140,7 +151,7 @@ def fit_camera_model(data: StyleData, options: ThesisOptions) -> CameraModel:
     return fit_gamut_maps(data.balanced, data.encoded, data.shot, matrix, response, balances, options)
 
 
-def fit_camera_stages(state: State, options: ThesisOptions) -> tuple[CameraStages, Mask]:
+def fit_camera_stages(state: CalibrationState, options: ThesisOptions) -> tuple[CameraStages, Mask]:
     """Fit f of every style, Ts and the unknown Tw; black-and-white styles are left out.
 
     Returns the stages for all samples, and which (n,) a gamut map can be fitted to. Raises CalibrationError.
@@ -166,7 +177,7 @@ def fit_camera_stages(state: State, options: ThesisOptions) -> tuple[CameraStage
     return replace(stages, multipliers=completed), usable
 
 
-def stages_of(profile: CameraProfile, state: State) -> tuple[CameraStages, Mask]:
+def stages_of(profile: CameraProfile, state: CalibrationState) -> tuple[CameraStages, Mask]:
     """The stages of a profile for the samples of a state. Raises CalibrationError where it has none of their styles."""
     models = {name: style.models[0] for name, style in profile.styles.items() if style.models}
     responses: Mapping[str, Response] = {name: model.response for name, model in models.items()}
@@ -179,7 +190,9 @@ def stages_of(profile: CameraProfile, state: State) -> tuple[CameraStages, Mask]
     return CameraStages(next(iter(models.values())).matrix, state.multipliers, responses), usable
 
 
-def camera_models(stages: CameraStages, state: State, usable: Mask, options: ThesisOptions) -> dict[str, CameraModel]:
+def camera_models(
+    stages: CameraStages, state: CalibrationState, usable: Mask, options: ThesisOptions
+) -> dict[str, CameraModel]:
     """Fit h and h⁻¹ of each style that has usable samples (n,). Raises CalibrationError."""
     samples = state.samples
     models = {}

@@ -9,10 +9,11 @@ import pytest
 
 import lutforge as lf
 from lutforge.arrays import Array
+from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.calibration.dark_greys import dark_end_notes
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.shot_comparison import Deviation, ShotCheck, check_shots
-from lutforge.calibration.steps import State, complete_white_balances, diagnose
+from lutforge.calibration.steps import complete_white_balances, diagnose
 from lutforge.calibration.style import unclipped
 from lutforge.colour.rgb_spaces import to_xyz
 from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode
@@ -131,7 +132,7 @@ def test_a_profile_keeps_what_was_found_and_blames_no_shot(sets: dict[str, Sampl
 def test_what_no_cause_explains_is_only_said_to_be_no_camera_s(sets: dict[str, SampleSet]) -> None:
     samples = sets["D40"]
     mixed = replace(samples, srgb=np.random.default_rng(0).permutation(samples.srgb))
-    (found,) = diagnose(State(mixed, mixed.wb)).diagnoses
+    (found,) = diagnose(CalibrationState(mixed, mixed.wb)).diagnoses
     assert found.cause == "these samples do not look like one camera's rendering"
     assert "codes off" in found.evidence
 
@@ -150,7 +151,7 @@ def _fifteen(patches: int = 60) -> SampleSet:
 
 
 def _checked(samples: SampleSet) -> ShotCheck:
-    state = complete_white_balances(State(samples, samples.wb))
+    state = complete_white_balances(CalibrationState(samples, samples.wb))
     return check_shots(state.samples, state.multipliers, state.unclipped, state.bases_of_all_colours())
 
 

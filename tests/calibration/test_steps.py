@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lutforge.calibration import steps, style
+from lutforge.calibration import calibration_state, steps, style
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.matrix_and_response import MatrixAndResponseFit, fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
@@ -32,7 +32,7 @@ def fits(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         counts.append(len(x))
         return fit_matrix_and_response(x, *rest, **options)  # type: ignore[arg-type]  # as it was called
 
-    for module in (steps, style):
+    for module in (calibration_state, style):
         monkeypatch.setattr(module, "fit_matrix_and_response", counted)
     return counts
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.steps import State, fit_gains
+from lutforge.calibration.steps import fit_gains
 from lutforge.evaluation.evaluation import evaluate
 from lutforge.pipeline.calibration import calibrate
 from lutforge.reports.tables import balance_table
@@ -28,7 +29,7 @@ def _photographed(gains: tuple[float, ...], patches: int) -> SampleSet:
 @pytest.mark.parametrize("gains", [GAINS, (1.0, 1.0, 1.1, 1.0, 1.0), (1.0,) * 5])
 def test_gains_are_found_and_none_is_invented(gains: tuple[float, ...], patches: int) -> None:
     samples = _photographed(gains, patches)
-    found = fit_gains(State(samples, samples.wb)).multipliers[:, 1]
+    found = fit_gains(CalibrationState(samples, samples.wb)).multipliers[:, 1]
     assert set(gains) != {1.0} or np.array_equal(found, samples.wb[:, 1])
     true = np.array([gains[BALANCES.index(str(name))] for name in samples.white_balance])
     np.testing.assert_allclose(found, true / np.median(gains), rtol=0.003)

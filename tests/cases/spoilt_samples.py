@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.steps import State, complete_white_balances, diagnose, drop_outlier_shots, note_dark_end
+from lutforge.calibration.steps import complete_white_balances, diagnose, drop_outlier_shots, note_dark_end
 from lutforge.colour.srgb import srgb_decode
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples
@@ -130,7 +131,7 @@ CASES: dict[str, tuple[str, Case]] = {
 
 def diagnosed(samples: SampleSet) -> tuple[str, ...]:
     """The diagnoses of samples, and the notes on their shots and their dark end."""
-    state = complete_white_balances(State(samples, samples.wb))
+    state = complete_white_balances(CalibrationState(samples, samples.wb))
     estimated = len(state.notes)
     for step in (diagnose, drop_outlier_shots, note_dark_end):
         state = step(state)

@@ -8,7 +8,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 
 from lutforge.calibration.calibrate import assembled
-from lutforge.calibration.steps import State
+from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.errors import ImageError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import Image
@@ -92,5 +92,5 @@ def test_a_dngs_own_name_of_the_camera_goes_into_the_profile(tmp_path: Path) -> 
 
 def _profile_of(samples: SampleSet) -> CameraProfile:
     """A profile as a calibration assembles it from samples, with the styles of another."""
-    state = State(samples, samples.wb, beta=0.3, curves=15)
+    state = CalibrationState(samples, samples.wb, beta=0.3, curves=15)
     return assembled(state, np.eye(3), small_profile().styles, {})
