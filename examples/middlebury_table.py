@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.matrix_and_response import MatrixAndResponse, saturation
+from lutforge.calibration.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.options import BETA
 from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.style import StyleData
 from lutforge.calibration.white_balance import complete_multipliers
+from lutforge.colour.saturation import saturation
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.linearization_errors import delta
 from lutforge.evaluation.polynomials import colour_polynomial, mixed_channel_polynomials

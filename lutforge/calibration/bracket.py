@@ -14,22 +14,29 @@ from scipy.optimize import minimize_scalar
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import gamma_response, log_emor_basis, log_spline_basis, srgb_response
 from lutforge.calibration.exposure_pairs import ExposurePairs
-from lutforge.calibration.matrix_and_response import saturation
-from lutforge.calibration.options import BETA
+from lutforge.calibration.options import BETA, CURVES
 from lutforge.calibration.response_from_exposures import (
     ExposureResponseFit,
     fit_response_by_least_squares,
     fit_response_to_exposures,
 )
 from lutforge.calibration.response_verdict import ResponseVerdict, judge
+from lutforge.colour.saturation import saturation
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out
 
 FARTHEST_EXPOSURE = 0.5
-"""Stops by which a shot may depart from its stated exposure: no shutter errs by more, but stated times do."""
+"""Stops by which a shot may deviate from its stated exposure: no shutter errs by more, but stated times do."""
 AGREEMENT = 0.15
 """Stops within which neighbouring shots must agree after linearizing: what an eye sees between two frames."""
+
+TRIED_CURVES = (3, 6, 10, CURVES)
+"""Numbers of EMoR's curves that are tried on held-out surfaces."""
+FOLDS = 3
+"""Parts of the surfaces that are held out in turn."""
+NEARLY_LEAST = 1.02
+"""The fewest curves are taken whose error on held-out surfaces is below so many times the least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +54,12 @@ class CurveFit:
 
 @dataclass(frozen=True, eq=False)
 class BracketFit:
-    """The responses fitted to a bracket. curves: the one that is believed first; pairs: the number of points.
+    """The responses fitted to a bracket.
 
-    exposure_error: by shot, true over stated exposure.
-
+    curves: the one that is believed first; exposure_error: by shot, true over stated exposure; pairs: their number.
     black, white: (3,) JPEG values below and above which a channel does not follow the exposure. basis_curves: of EMoR,
     as held-out pairs chose; held_out: its median on these, with exposure errors taken out, NaN for too few pairs.
-    all_colours: whether saturated ones counted; agreement: the largest departure, in stops, of two neighbouring shots
+    all_colours: whether saturated ones counted; agreement: the largest deviation, in stops, of two neighbouring shots
     from their ratio of exposures after linearizing. verdict: whether the response is a fixed property, with the
     exposure errors taken out.
     """
@@ -97,13 +103,13 @@ def fit_bracket(pairs: ExposurePairs, beta: float = BETA) -> BracketFit:
     reason = ""
     for limit in dict.fromkeys((beta, 1.0)):
         try:
-            found, doubt = _fit(pairs, limit)
+            fit, doubt = _best_fit(pairs, limit)
         except CalibrationError as error:
             if limit == beta:
                 raise
             doubt = str(error)
         if not doubt:
-            return found
+            return fit
         reason = reason or doubt
     raise CalibrationError(
         f"{reason}; counting all colours is no better: check the exposure times (--times), set exposure, white balance "
@@ -111,100 +117,110 @@ def fit_bracket(pairs: ExposurePairs, beta: float = BETA) -> BracketFit:
     )
 
 
-def _fit(pairs: ExposurePairs, beta: float) -> tuple[BracketFit, str]:
+def _best_fit(pairs: ExposurePairs, beta: float) -> tuple[BracketFit, str]:
     """The best fit to colours of a saturation below beta, and why it is not believed, empty where it is."""
-    plain = np.maximum(saturation(pairs.first), saturation(pairs.second)) < beta
-    count, held_out = _choose_curves(pairs, plain, beta)
+    unsaturated = np.maximum(saturation(pairs.first), saturation(pairs.second)) < beta
+    basis_curves, held_out = _choose_curves(pairs, unsaturated, beta)
     fits = {
-        "EMoR": fit_response_to_exposures(pairs, beta=beta, basis=log_emor_basis(count)),
+        "EMoR": fit_response_to_exposures(pairs, beta=beta, basis=log_emor_basis(basis_curves)),
         "monotone spline": fit_response_by_least_squares(pairs, beta, log_spline_basis()),
     }
-    gamma = minimize_scalar(
-        lambda value: _residual(pairs, gamma_response(value), plain)[1], bounds=(0.5, 5), method="bounded"
-    ).x
-    named = {
-        **{name: fit.response for name, fit in fits.items()},
-        f"gamma {gamma:.2f}": gamma_response(float(gamma)),
-        "sRGB": srgb_response(),
-    }
-    # Pairs are of values scaled from black … white: the responses are of the file's own values 0 … 1 again.
-    codes = np.clip((np.linspace(0.0, 1.0, 1024)[:, None] - pairs.black) / (pairs.white - pairs.black), 0.0, 1.0)
-    curves = {
-        name: CurveFit(name, Response(curve.linearize(codes)), *_residual(pairs, curve, plain))
-        for name, curve in named.items()
-    }
-    doubts = {name: _doubt(pairs, fit, plain, curves["sRGB"]) for name, fit in fits.items()}
+    responses = {name: fit.response for name, fit in fits.items()} | _simple_responses(pairs, unsaturated)
+    curves = {name: _curve_fit(name, response, pairs, unsaturated) for name, response in responses.items()}
+
+    doubts = {name: _doubt(pairs, fit, unsaturated, curves["sRGB"]) for name, fit in fits.items()}
     best = next((name for name, (doubt, _) in doubts.items() if not doubt), "EMoR")
-    fit, (doubt, agreement) = fits[best], doubts[best]
-    corrected = pairs.corrected(fit.shot_error)
-    if best != "EMoR":
-        held_out = float("nan")
-    return BracketFit(
-        (curves.pop(best), *curves.values()),
-        {name: float(np.exp(value)) for name, value in fit.shot_error.items()},
-        len(pairs),
-        pairs.black,
-        pairs.white,
-        count,
-        held_out,
-        beta >= 1.0,
-        agreement,
-        judge(corrected, fit.response),
-    ), doubt
+    doubt, agreement = doubts[best]
+    shot_error = fits[best].shot_error
+    fit = BracketFit(
+        curves=(curves.pop(best), *curves.values()),
+        exposure_error={name: float(np.exp(error)) for name, error in shot_error.items()},
+        pairs=len(pairs),
+        black=pairs.black,
+        white=pairs.white,
+        basis_curves=basis_curves,
+        held_out=held_out if best == "EMoR" else float("nan"),
+        all_colours=beta >= 1.0,
+        agreement=agreement,
+        verdict=judge(pairs.corrected(shot_error), fits[best].response),
+    )
+    return fit, doubt
 
 
-def _doubt(pairs: ExposurePairs, fit: ExposureResponseFit, plain: Mask, srgb: CurveFit) -> tuple[str, float]:
+def _simple_responses(pairs: ExposurePairs, unsaturated: Mask) -> dict[str, Response]:
+    """The curves that others are compared with: the gamma that explains the pairs best, and sRGB's."""
+
+    def error(gamma: float) -> float:
+        return _residual(pairs, gamma_response(gamma), unsaturated)[1]
+
+    gamma = float(minimize_scalar(error, bounds=(0.5, 5), method="bounded").x)
+    return {f"gamma {gamma:.2f}": gamma_response(gamma), "sRGB": srgb_response()}
+
+
+def _curve_fit(name: str, response: Response, pairs: ExposurePairs, unsaturated: Mask) -> CurveFit:
+    """A fitted response with its errors, of the file's own values.
+
+    Pairs are of values that are scaled from black … white to 0 … 1, and so is the response that is fitted to them.
+    """
+    file_values = np.linspace(0.0, 1.0, 1024)[:, None]
+    scaled = np.clip((file_values - pairs.black) / (pairs.white - pairs.black), 0.0, 1.0)
+    median, rms = _residual(pairs, response, unsaturated)
+    return CurveFit(name, Response(response.linearize(scaled)), median, rms)
+
+
+def _doubt(pairs: ExposurePairs, fit: ExposureResponseFit, unsaturated: Mask, srgb: CurveFit) -> tuple[str, float]:
     """Why a fit is not believed, empty where it is; and how far neighbouring shots disagree, in stops."""
     corrected = pairs.corrected(fit.shot_error)
-    agreement = _agreement(corrected, fit.response, plain)
+    agreement = _agreement(corrected, fit.response, unsaturated)
     shot, error = max(fit.shot_error.items(), key=lambda entry: abs(entry[1]))
-    off = error / np.log(2.0)
-    median = _residual(corrected, fit.response, plain)[0]
+    error_in_stops = error / np.log(2.0)
+    median = _residual(corrected, fit.response, unsaturated)[0]
     if median > max(srgb.median, 1.0):  # a code of rounding is no difference
         return (
             f"no response explains this bracket: the best is {median:.1f} codes off, where sRGB's curve is "
             f"{srgb.median:.1f}"
         ), agreement
-    if abs(off) > FARTHEST_EXPOSURE:
-        return f"{shot}: its exposure seems to be {off:+.1f} stops from what is stated", agreement
+    if abs(error_in_stops) > FARTHEST_EXPOSURE:
+        return f"{shot}: its exposure seems to be {error_in_stops:+.1f} stops from what is stated", agreement
     if not agreement <= AGREEMENT:
         return f"neighbouring shots disagree by {agreement:.2f} stops after linearizing", agreement
     return "", agreement
 
 
-def _agreement(pairs: ExposurePairs, response: Response, plain: Mask) -> float:
-    """The largest median departure, in stops, of the light of two neighbouring shots from their exposure ratio."""
+def _agreement(pairs: ExposurePairs, response: Response, unsaturated: Mask) -> float:
+    """The largest median deviation, in stops, of the light of two neighbouring shots from their exposure ratio."""
     order = np.argsort(pairs.shot_exposure)
     worst = 0.0
     for darker, brighter in pairwise(order):
         rows = (pairs.first_shot == darker) & (pairs.second_shot == brighter)
-        if not np.any(rows & plain):
+        if not np.any(rows & unsaturated):
             continue
-        chosen = pairs.select(rows & plain)
+        chosen = pairs.select(rows & unsaturated)
         first, second = (np.maximum(response.linearize(side), 1e-6) for side in (chosen.first, chosen.second))
-        departures = np.median(np.log(second / first) - chosen.log_ratio[:, None], axis=0) / np.log(2.0)
-        worst = max(worst, float(np.abs(departures).max()))
+        deviations = np.median(np.log(second / first) - chosen.log_ratio[:, None], axis=0) / np.log(2.0)
+        worst = max(worst, float(np.abs(deviations).max()))
     return worst
 
 
-def _choose_curves(pairs: ExposurePairs, plain: Mask, beta: float) -> tuple[int, float]:
+def _choose_curves(pairs: ExposurePairs, unsaturated: Mask, beta: float) -> tuple[int, float]:
     """The fewest curves of EMoR within 2 % of the least error on held-out surfaces, and that error in codes."""
     surfaces = np.unique(pairs.first_row, return_inverse=True)[1].astype(np.str_)
-    folds = leave_groups_out(surfaces, 3) if len(np.unique(surfaces)) >= 3 else leave_samples_out(len(pairs), 3)
+    folds = (
+        leave_groups_out(surfaces, FOLDS) if len(np.unique(surfaces)) >= FOLDS else leave_samples_out(len(pairs), FOLDS)
+    )
     errors: dict[int, float] = {}
-    every = 15  # as many as there are
-    for count in (3, 6, 10, every):
-        parts = []
+    for count in TRIED_CURVES:
+        residuals = []
         for fold in folds:
             try:
                 fit = fit_response_to_exposures(pairs.select(~fold), beta=beta, basis=log_emor_basis(count))
             except CalibrationError:  # the others span too few tones
-                return every, float("nan")
-            if np.any(fold & plain):
-                parts.append(_codes_off(pairs.corrected(fit.shot_error), fit.response, fold & plain))
-        errors[count] = float(np.median(np.abs(np.concatenate(parts)))) if parts else float("nan")
-    good = [count for count, error in errors.items() if error <= 1.02 * min(errors.values())]
-    return (good[0], errors[good[0]]) if good else (every, float("nan"))
+                return CURVES, float("nan")
+            if np.any(fold & unsaturated):
+                residuals.append(_codes_off(pairs.corrected(fit.shot_error), fit.response, fold & unsaturated))
+        errors[count] = float(np.median(np.abs(np.concatenate(residuals)))) if residuals else float("nan")
+    good = [count for count, error in errors.items() if error <= NEARLY_LEAST * min(errors.values())]
+    return (good[0], errors[good[0]]) if good else (CURVES, float("nan"))
 
 
 def _residual(pairs: ExposurePairs, response: Response, rows: Mask) -> tuple[float, float]:

@@ -4,8 +4,9 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.monochrome import monochrome_note
-from lutforge.calibration.matrix_and_response import LEAST_UNSATURATED, saturation
+from lutforge.calibration.matrix_and_response import LEAST_UNSATURATED
 from lutforge.calibration.options import BETA
+from lutforge.colour.saturation import saturation
 from lutforge.samples.sample_set import SampleSet
 
 LEAST_BRIGHTEST = 0.85

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.matrix_and_response import saturation
+from lutforge.colour.saturation import saturation
 from lutforge.model.response import Response
 
 NEAR_AN_END = 1.5 / 255

@@ -18,9 +18,9 @@ from lutforge.calibration.matrix_and_response import (
     MatrixAndResponse,
     encoded_residual,
     in_gamut_weight,
-    saturation,
 )
 from lutforge.calibration.options import BETA
+from lutforge.colour.saturation import saturation
 from lutforge.model.response import Response
 
 FAR_OFF = 0.25

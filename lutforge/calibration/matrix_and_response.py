@@ -19,7 +19,8 @@ from scipy.optimize import brentq
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.curve_basis import SAMPLE, CurveBasis, emor_basis, spline_basis
 from lutforge.calibration.options import BETA, CURVES
-from lutforge.calibration.robust_fit import Light, ToneWeights, robust_fit
+from lutforge.calibration.robust_fit import LinearModel, ToneWeights, robust_fit
+from lutforge.colour.saturation import saturation
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.solvers.reweighted import reweighted
@@ -36,10 +37,16 @@ NEAR_WHITE = 0.97
 turn a plain least-squares fit of Ts by several per cent (0.1 % without them, on the simulated camera)."""
 LEAST_SPAN = 0.25
 """The unsaturated colours must span this much of the encoded range, or the curve is a guess."""
-ENOUGH_UNSATURATED, LEAST_SATURATED = 0.15, 0.35
-"""If fewer than the first of these shares lie below β, the fit starts from the second, the least saturated colours."""
-ENOUGH = 20.0
+ENOUGH_UNSATURATED = 0.15
+"""A robust fit starts from the colours below β if they are at least this share of all colours."""
+LEAST_SATURATED = 0.35
+"""Otherwise it starts from the least saturated colours, this share of all."""
+MOST_STARTING_BETA = 0.5
+"""It starts from no colours that are more saturated than this, however few there are."""
+ENOUGH_GREYS = 20.0
 """β grows until colours count as much as this many grey ones."""
+WIDEST_BETA = 20.0
+"""The largest β that it grows to: a colour of saturation 1 still counts as a grey one."""
 SELECTION = 1.5
 """Power of the odds that the gamut map leaves a colour alone, by which it counts. With 1, of 5,000 colours spread
 evenly over RAW, a tenth of them unsaturated, the fit follows the others, and is 3 to 22 codes off near grey on five of
@@ -49,16 +56,22 @@ MOST_BETAS = 3.0
 MOST_SAMPLES = 3000
 """The largest number of samples that a fit uses; of more, as many are drawn at random."""
 
+LEAST_SAMPLES = 10
+"""Samples that a matrix and a response need at least."""
+MATRIX_ROUNDS = 6
+"""Rounds of reweighting of the matrix of all colours."""
+LONGEST_STEP = 0.5
+"""The logarithms of gains change by no more than this in a round: a first step may be far too long."""
+STEEPEST = 20.0
+"""The largest slope of f that counts, so that no dark sample outweighs all others."""
+ALIKE = 30.0
+"""By how many times a sample's precision the curves of the channels are kept alike, where they are one."""
+
 Columns = Callable[[Array], tuple[Array, Array]]
-"""A function of RAW (n, 3). It returns the light that known coefficients give (n, 3), and the columns that unknown ones
-multiply (n, 3, q)."""
+"""A function of RAW (n, 3) that returns what Ts x is made of.
 
-
-def saturation(encoded: Array) -> Array:
-    """HSV saturation 1 − min/max of encoded colours (n, 3) → (n,); black is 0."""
-    r, g, b = encoded.T
-    high, low = np.maximum(np.maximum(r, g), b), np.minimum(np.minimum(r, g), b)
-    return np.asarray(1.0 - low / np.maximum(high, 1e-6))
+It returns the linear values that known coefficients give (n, 3), and the columns that unknown ones multiply (n, 3, q).
+"""
 
 
 def plainly_unsaturated(encoded: Array, beta: float = BETA) -> Mask:
@@ -77,20 +90,12 @@ def in_gamut_weight(chroma: Array, beta: float) -> Array:
 def starting_beta(chroma: Array, beta: float = BETA) -> float:
     """The saturation below which a robust fit starts: β, or what takes in enough of the least saturated colours.
 
-    Few colours lie below β under an illuminant that the white balance does not meet; then the fit starts from those
+    Few colours lie below β under an illuminant that the white balance does not correct; then the fit starts from those
     that are least saturated, if they lie below a saturation of one half.
     """
     if (chroma < beta).sum() >= max(2 * LEAST_UNSATURATED, ENOUGH_UNSATURATED * len(chroma)):
         return beta
-    return float(np.clip(np.quantile(chroma, LEAST_SATURATED), beta, 0.5))
-
-
-def hue_spread(linear: Array) -> float:
-    """How far chromaticities of linear colours (n, 3) spread in their second principal direction, root mean square."""
-    if len(linear) < 2:
-        return 0.0
-    shares = linear / np.maximum(linear.sum(axis=1, keepdims=True), 1e-9)
-    return float(np.linalg.svd(shares - shares.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(linear)))
+    return float(np.clip(np.quantile(chroma, LEAST_SATURATED), beta, MOST_STARTING_BETA))
 
 
 def check_tones(encoded: Array, unsaturated: Mask) -> None:
@@ -176,8 +181,10 @@ def _joint_fit(x: Array, encoded: Array, beta: float) -> tuple[Array, "JointFit"
 
     Raises CalibrationError below 10 samples.
     """
-    if len(x) < 10:
-        raise CalibrationError(f"{len(x)} samples cannot determine a matrix and a response; at least 10 are needed")
+    if len(x) < LEAST_SAMPLES:
+        raise CalibrationError(
+            f"{len(x)} samples cannot determine a matrix and a response; at least {LEAST_SAMPLES} are needed"
+        )
     chroma = saturation(encoded)
     beta = _wide_enough(chroma, beta)
     rows = np.flatnonzero(chroma < MOST_BETAS * beta)
@@ -213,47 +220,65 @@ class JointFit:
     (n, 1); weight: (n,).
     """
 
-    before: Array | None = None
+    subtracted: Array | None = None
 
     def __init__(
-        self, x: Array, encoded: Array, weights: ToneWeights, columns: Columns, changes: Array | None = None,
-        response: Response | None = None, *, alike: bool = False,
-    ) -> None:  # fmt: skip
-        self.x, self.encoded, self.weights, self.columns, self.alike = x, encoded, weights, columns, alike
+        self,
+        x: Array,
+        encoded: Array,
+        weights: ToneWeights,
+        columns: Columns,
+        changes: Array | None = None,
+        response: Response | None = None,
+        *,
+        alike: bool = False,
+    ) -> None:
+        self.x = x
+        self.encoded = encoded
+        self.weights = weights
+        self.columns = columns
         self.changes = np.zeros((len(x), 0)) if changes is None else changes
-        self.weight, self.response = weights.prior, response or Response(np.array([[0.0] * 3, [1.0] * 3]))
-        self.logs, self.gain = np.zeros(self.changes.shape[1]), np.ones((len(x), 1))
-        self.coefficients = np.zeros((3, 0))
+        self.alike = alike
 
-    def light(self) -> Light:
-        """The design of the next round, around the gains of the last."""
+        self.weight = weights.prior
+        self.response = response or Response(np.array([[0.0] * 3, [1.0] * 3]))
+        self.coefficients = np.zeros((3, 0))
+        self.logs = np.zeros(self.changes.shape[1])
+        self.gain = np.ones((len(x), 1))
+
+    def linear_model(self) -> LinearModel:
+        """The linear values of the next round, with gains as their derivatives at those of the last round."""
         known, columns = self.columns(self.gain * self.x)
         shared = np.zeros((len(known), 3, len(self.logs)))
-        for place in range(len(self.logs) if self.coefficients.size else 0):
-            shared[..., place] = self._light(self.changes[:, [place]] * self.gain * self.x)
-        return Light(known, columns, shared)
+        if self.coefficients.size:
+            for place in range(len(self.logs)):
+                shared[..., place] = self._modelled(self.changes[:, [place]] * self.gain * self.x)
+        return LinearModel(known, columns, shared)
 
     def precision(self) -> Array:
-        """In JPEG values, by the slope of f."""
+        """The precision (n, 3) of linear values, by that of JPEG values and the slope of f."""
         return np.asarray(SAMPLE * self.weight[:, None] * encoding_slope(self.response, self.encoded) ** 2)
 
     def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
-        """Curves that are alike are one; gains that nothing determines stay."""
+        """The prior by which curves that are alike are one, and gains that nothing determines stay."""
         differences = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])[: 2 if self.alike else 0]
-        ties = 30 * np.sqrt(SAMPLE) * np.kron(differences, np.eye(basis.design.shape[1]))
+        ties = ALIKE * np.sqrt(SAMPLE) * np.kron(differences, np.eye(basis.design.shape[1]))
         return ties, np.eye(len(self.logs))
 
-    def update(self, curves: Array, coefficients: Array, shared: Array) -> float:
-        """Take the solution of a round, and weigh by its residuals."""
-        self.response, self.coefficients = Response(curves), coefficients
-        step = np.clip(shared, -0.5, 0.5)  # a first one may be far too long
+    def update(self, curves: Array, by_channel: Array, shared: Array) -> float:
+        """Take the solution of a round, and weigh by its residuals; return the relative change of the weights."""
+        self.response, self.coefficients = Response(curves), by_channel
+        step = np.clip(shared, -LONGEST_STEP, LONGEST_STEP)
         self.logs = self.logs + step
         self.gain = self.gain * np.exp(self.changes @ step)[:, None]
-        residual = self.response.encode(self._light(self.gain * self.x)) - self.encoded
-        before, self.weight = self.weight, self.weights(np.asarray(np.linalg.norm(residual, axis=1)))
-        return float(np.abs(self.weight - before).sum() / self.weight.sum())
 
-    def _light(self, x: Array) -> Array:
+        residual = self.response.encode(self._modelled(self.gain * self.x)) - self.encoded
+        last_weight = self.weight
+        self.weight = self.weights(np.asarray(np.linalg.norm(residual, axis=1)))
+        return float(np.abs(self.weight - last_weight).sum() / self.weight.sum())
+
+    def _modelled(self, x: Array) -> Array:
+        """The linear values (n, 3) that the present coefficients give of RAW (n, 3)."""
         known, columns = self.columns(x)
         return np.asarray(known + np.einsum("ncq,cq->nc", columns, self.coefficients))
 
@@ -277,31 +302,30 @@ def with_matrix_of_all(fit: MatrixAndResponse, x: Array, encoded: Array) -> Matr
     def weights(matrix: Array) -> Array:
         return robust(encoded_residual(fit.response, matrix, x, encoded))
 
-    return MatrixAndResponse(reweighted(solve, weights, weights(fit.matrix), rounds=6), fit.response)
+    return MatrixAndResponse(reweighted(solve, weights, weights(fit.matrix), rounds=MATRIX_ROUNDS), fit.response)
 
 
 def _wide_enough(chroma: Array, beta: float) -> float:
     """Return the least β, from the given one on, by which colours of saturations (n,) count as enough grey ones.
 
-    Of fewer than twice as many colours it is half of them that must be told.
+    Of fewer than twice as many colours half of them are enough.
     """
-    enough = min(ENOUGH, 0.5 * len(chroma))
-    widest = 20  # at a saturation of 1 a colour still counts as a grey one
+    enough = min(ENOUGH_GREYS, 0.5 * len(chroma))
 
     def missing(beta: float) -> float:
         return enough - float((in_gamut_weight(chroma, beta) ** SELECTION).sum())
 
-    return beta if missing(beta) <= 0 else brentq(missing, beta, widest, xtol=1e-3)
+    return beta if missing(beta) <= 0 else brentq(missing, beta, WIDEST_BETA, xtol=1e-3)
 
 
 def encoding_slope(response: Response, encoded: Array) -> Array:
-    """df/d(linear) at encoded values (n, 3), at most 20: no dark sample outweighs all others."""
+    """The slope df/d(linear) (n, 3) at encoded values (n, 3), cut to the steepest that counts."""
     codes = np.linspace(0.0, 1.0, len(response.inverse))
     step = np.gradient(response.inverse, codes, axis=0)
     slope = np.stack([np.interp(encoded[:, c], codes, step[:, c]) for c in range(3)], axis=1)
-    return np.asarray(1.0 / np.maximum(slope, 0.05))
+    return np.asarray(1.0 / np.maximum(slope, 1.0 / STEEPEST))
 
 
 def encoded_residual(response: Response, matrix: Array, x: Array, encoded: Array) -> Array:
-    """‖f(Ts x) − I‖ (n,)."""
+    """The error ‖f(Ts x) − I‖ (n,) of white-balanced RAW x and JPEG values, each (n, 3)."""
     return np.asarray(np.linalg.norm(response.encode(x @ matrix.T) - encoded, axis=1))

@@ -29,16 +29,15 @@ from lutforge.calibration.matrix_and_response import (
     LEAST_UNSATURATED,
     MOST_BETAS,
     JointFit,
-    hue_spread,
     in_gamut_weight,
     matrix_of_rows,
     neutral_rows,
-    saturation,
 )
 from lutforge.calibration.options import BETA
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
 from lutforge.calibration.setting_gains import ROUNDED
 from lutforge.calibration.white_balance import LEAST_POSITIVE, LEAST_RAW, estimated_multipliers, neutral_weight
+from lutforge.colour.saturation import hue_spread, saturation
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.clipping import unclipped_colours

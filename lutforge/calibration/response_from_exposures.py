@@ -12,16 +12,25 @@ from lutforge.calibration.curve_basis import CurveBasis, log_emor_basis
 from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.matrix_and_response import check_tones, starting_beta
 from lutforge.calibration.options import BETA
-from lutforge.calibration.robust_fit import Light, robust_fit
+from lutforge.calibration.robust_fit import LinearModel, robust_fit
 from lutforge.model.emor import log_inverse_emor
 from lutforge.model.response import Response
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 
-WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
+PAIR_WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
+"""Weights of pairs by their residuals, in standard deviations of their noise."""
 ROUNDING = 0.4 / 255
 """Standard deviation of a JPEG value: rounding, and a little noise."""
 SAME_SCALE = 0.02
 """Standard deviation of a channel's f⁻¹ at middle grey beside the others', and, to begin with, of log f⁻¹."""
+LEAST_NOISE = 1e-3
+"""Least standard deviation of the logarithm of a ratio, where the curves are flat."""
+COMMON_POWER = 1e8
+"""Precision by which errors that grow with the exposure are ruled out."""
+ROUNDS_BY_NOISE, ROBUST_ROUNDS = 2, 10
+"""Rounds in which pairs count by their noise alone, so that a first curve is known; then rounds of reweighting."""
+SLOPE_SPAN = 16 / 255
+"""Span of JPEG values over which the slope of a curve is measured: a few times the noise of a code."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +50,14 @@ def fit_response_to_exposures(
     that log f⁻¹ is one of; EMoR's 15 unless given. Raises CalibrationError where there are no pairs of unsaturated
     colours, or they span too few tones.
     """
-    chroma = pairs.saturation
-    low = chroma < starting_beta(chroma, beta)
-    check_tones(np.concatenate([pairs.first, pairs.second]), np.tile(low, 2))
-    problem = _RobustExposures(pairs, low)
-    robust_fit(problem, basis or log_emor_basis(), 12)
+    basis = basis or log_emor_basis()
+    unsaturated = pairs.saturation < starting_beta(pairs.saturation, beta)
+    check_tones(np.concatenate([pairs.first, pairs.second]), np.tile(unsaturated, 2))
+
+    by_noise = _ExposuresByNoise(pairs, unsaturated)
+    robust_fit(by_noise, basis, ROUNDS_BY_NOISE)
+    problem = _RobustExposures(by_noise)
+    robust_fit(problem, basis, ROBUST_ROUNDS)
     return _response_of(problem)
 
 
@@ -55,11 +67,11 @@ def fit_response_by_least_squares(
     """Fit f by plain least squares to the pairs below a saturation β, which all count alike (thesis 4.2.1, 4.4).
 
     With a β of infinity no outlier is removed: the conventional way that the thesis compares with (Fig. 4.2, [24]).
-    basis, errors: as of `fit_response_to_exposures`.
+    The basis and the errors are those of `fit_response_to_exposures`.
     """
-    low = pairs.saturation < beta
-    check_tones(np.concatenate([pairs.first, pairs.second]), np.tile(low, 2))
-    problem = _Exposures(pairs, low)
+    unsaturated = pairs.saturation < beta
+    check_tones(np.concatenate([pairs.first, pairs.second]), np.tile(unsaturated, 2))
+    problem = _Exposures(pairs, unsaturated)
     robust_fit(problem, basis or log_emor_basis(), 1)
     return _response_of(problem)
 
@@ -75,53 +87,51 @@ def _response_of(problem: "_Exposures") -> ExposureResponseFit:
 
 
 class _Exposures:
-    """The problem g(I') − g(I) = log k' + the exposure error of the second shot − that of the first.
+    """The problem g(I') − g(I) = log k' + the exposure error of the second shot − that of the first, for g = log f⁻¹.
 
-    low: (n,) the pairs that count. After the rounds: logs: g (k, 3); errors: (shots,); weight: (n,).
+    unsaturated: (n,) the pairs that count. After the rounds: logs: g (k, 3); errors: (shots,); weight: (n,).
     """
 
-    def __init__(self, pairs: ExposurePairs, low: Mask) -> None:
+    def __init__(self, pairs: ExposurePairs, unsaturated: Mask) -> None:
         self.pairs = pairs
+        self.unsaturated = unsaturated
         self.encoded: Array = pairs.second
-        self.before: Array | None = pairs.first
-        self.weight = low.astype(np.float64)
+        self.subtracted: Array | None = pairs.first
+        self.weight = unsaturated.astype(np.float64)
         self.noise = np.full(pairs.first.shape, SAME_SCALE)
+        # (n, shots): 1 for the second shot of a pair, −1 for its first
         shots = np.arange(len(pairs.shots))
-        self.ends = (pairs.second_shot[:, None] == shots) * 1.0 - (pairs.first_shot[:, None] == shots)
+        self.signs_of_shots = (pairs.second_shot[:, None] == shots) * 1.0 - (pairs.first_shot[:, None] == shots)
 
-    def light(self) -> Light:
-        """The ratio as stated is known; errors of the shots are shared by the channels."""
+    def linear_model(self) -> LinearModel:
+        """The ratio as stated, which is known, and errors of the shots, which the channels have in common."""
         known = np.repeat(self.pairs.log_ratio[:, None], 3, axis=1)
-        return Light(known, np.zeros((*known.shape, 0)), np.repeat(self.ends[:, None, :], 3, axis=1))
+        shared = np.repeat(self.signs_of_shots[:, None, :], 3, axis=1)
+        return LinearModel(known, np.zeros((*known.shape, 0)), shared)
 
     def precision(self) -> Array:
-        """By the noise of the two JPEG values; in (4.4) all pairs count alike."""
+        """The precision (n, 3) by the noise of the two JPEG values; in (4.4) all pairs count alike."""
         return np.asarray(self.weight[:, None] / self.noise**2)
 
     def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
-        """Stated exposures are right within their spread, and do not err by a power.
+        """The prior by which stated exposures are right within their spread, and do not err by a power.
 
         A common power of f⁻¹ and of all exposures explains the data as well: errors that grow with the exposure are
         ruled out, so that the exposures as stated fix the power.
         """
         exposure = self.pairs.shot_exposure
-        ruled_out = 1e8 * np.outer(exposure, exposure)
+        ruled_out = COMMON_POWER * np.outer(exposure, exposure)
         return np.zeros((0, 3 * basis.design.shape[1])), np.eye(len(exposure)) / self.pairs.spread**2 + ruled_out
 
-    def update(self, curves: Array, coefficients: Array, shared: Array) -> float:
+    def update(self, curves: Array, by_channel: Array, shared: Array) -> float:
         """Take the curves and the errors; the weights stay."""
         self.logs = curves
         self.errors = shared
         return 0.0
 
 
-class _RobustExposures(_Exposures):
-    """The same problem, with pairs weighed by their residuals and by the noise of their codes."""
-
-    def __init__(self, pairs: ExposurePairs, low: Mask) -> None:
-        super().__init__(pairs, low)
-        self.low = low
-        self.rounds = 0
+class _ExposuresByNoise(_Exposures):
+    """The same problem, with pairs weighed by the noise of their codes, which the curves of the last round state."""
 
     def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
         """The channels share one scale of f⁻¹ at middle grey, within 2 %: pairs leave it to what lies beyond them."""
@@ -129,24 +139,37 @@ class _RobustExposures(_Exposures):
         ties = np.kron(np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]]), middle)
         return ties, super().prior(basis)[1]
 
-    def update(self, curves: Array, coefficients: Array, shared: Array) -> float:
-        """Take the curves and the errors of a round; the weights follow the residuals from the third on."""
-        super().update(curves, coefficients, shared)
-        self.rounds += 1
-        codes = np.linspace(0.0, 1.0, len(curves))
-        slopes = np.gradient(curves, codes, axis=0)
+    def update(self, curves: Array, by_channel: Array, shared: Array) -> float:
+        """Take the curves and the errors of a round, and the noise by their slopes; the weights stay."""
+        super().update(curves, by_channel, shared)
+        slopes = np.gradient(curves, np.linspace(0.0, 1.0, len(curves)), axis=0)
+        slope_of_first, slope_of_second = _at(self.pairs.first, slopes), _at(self.pairs.second, slopes)
+        self.noise = np.maximum(ROUNDING * np.hypot(slope_of_first, slope_of_second), LEAST_NOISE)
+        return np.inf
 
-        def at(encoded: Array, table: Array) -> Array:
-            return np.stack([np.interp(encoded[:, c], codes, table[:, c]) for c in range(3)], axis=1)
 
-        first, second = self.pairs.first, self.pairs.second
-        self.noise = np.maximum(ROUNDING * np.hypot(at(first, slopes), at(second, slopes)), 1e-3)
-        ratio = (self.pairs.log_ratio + self.ends @ shared)[:, None]
-        residual = np.max(np.abs(at(second, curves) - at(first, curves) - ratio) / self.noise, axis=1)
-        if self.rounds < 3:
-            return np.inf
-        before, self.weight = self.weight, WEIGHTS(residual, residual[self.low])
-        return float(np.mean(np.abs(self.weight - before)))
+class _RobustExposures(_ExposuresByNoise):
+    """The same problem once curves are known, with pairs weighed by their residuals, too."""
+
+    def __init__(self, solved: _ExposuresByNoise) -> None:
+        super().__init__(solved.pairs, solved.unsaturated)
+        self.noise = solved.noise
+
+    def update(self, curves: Array, by_channel: Array, shared: Array) -> float:
+        """Take the solution of a round, and weigh by its residuals; return the mean change of the weights."""
+        super().update(curves, by_channel, shared)
+        ratio = (self.pairs.log_ratio + self.signs_of_shots @ shared)[:, None]
+        fitted_ratio = _at(self.pairs.second, curves) - _at(self.pairs.first, curves)
+        residual = np.max(np.abs(fitted_ratio - ratio) / self.noise, axis=1)
+        last_weight = self.weight
+        self.weight = PAIR_WEIGHTS(residual, residual[self.unsaturated])
+        return float(np.mean(np.abs(self.weight - last_weight)))
+
+
+def _at(encoded: Array, table: Array) -> Array:
+    """The values (n, 3) of a table (k, 3) over evenly spaced codes at encoded values (n, 3)."""
+    codes = np.linspace(0.0, 1.0, len(table))
+    return np.stack([np.interp(encoded[:, c], codes, table[:, c]) for c in range(3)], axis=1)
 
 
 def _continued_to_white(logs: Array, pairs: ExposurePairs, weight: Array) -> Array:
@@ -158,8 +181,10 @@ def _continued_to_white(logs: Array, pairs: ExposurePairs, weight: Array) -> Arr
     continued = logs.copy()
     for channel in range(3):
         top = float(pairs.second[weight > 0.5, channel].max(initial=0.0))
-        low = max(top - 16 / 255, 0.0)  # the span of a slope: a few times the noise of a code
-        (lower, upper), (under, over) = (np.interp([low, top], codes, curve) for curve in (logs[:, channel], shape))
+        span = [max(top - SLOPE_SPAN, 0.0), top]
+        log_at_low, log_at_top = np.interp(span, codes, logs[:, channel])
+        shape_at_low, shape_at_top = np.interp(span, codes, shape)
+        power = (log_at_top - log_at_low) / (shape_at_top - shape_at_low)
         beyond = codes > top
-        continued[beyond, channel] = upper + (upper - lower) / (over - under) * (shape[beyond] - over)
+        continued[beyond, channel] = log_at_top + power * (shape[beyond] - shape_at_top)
     return continued

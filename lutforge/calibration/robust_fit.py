@@ -1,10 +1,10 @@
 """The one robust fit behind response, matrix, white balances and gains.
 
 Of every colour the curve t(f⁻¹(I)) is linear in a basis (`curve_basis`; t is the identity or the logarithm), and the
-light that it stands for is linear in all that is not known besides: rows of a matrix, gains of shots and settings,
-errors of shutters. So each round minimizes, over samples n and channels c,
+linear values that it stands for are linear in all that is not known besides: rows of a matrix, gains of shots and
+settings, errors of shutters. So each round minimizes, over samples n and channels c,
 
-    Σ p_nc (offset(I_nc) + basis(I_nc) θ_c − known_nc − own_nc m_c − shared_nc s)² + the priors of θ and s
+    Σ p_nc (offset(I_nc) + basis(I_nc) θ_c − known_nc − by_channel_nc m_c − shared_nc s)² + the priors of θ and s
 
 under the inequalities that make f⁻¹ rise. For an exposure pair the curve at I stands minus the curve at I'. What enters
 as columns says what is fitted; rounds weigh the samples anew by their residuals (IRLS).
@@ -21,47 +21,61 @@ from lutforge.solvers.inequality_least_squares import solve_lsi
 from lutforge.solvers.robust_weights import cauchy, weighted_median
 from lutforge.solvers.solution import Status
 
+SETTLED = 2e-3
+"""Weights are settled when they change by less than this share."""
+SINGULAR = 1e-9
+"""Share of the weights that is added to the normal matrix of m, so that it is never singular."""
+TONE_LEVELS = 16
+"""Tones at which the residuals of like ones are measured, and bins of their histogram."""
+ENOUGH_OF_TONE = 8.0
+"""Summed prior weight of the samples that residuals are compared with."""
+
 
 @dataclass(frozen=True, eq=False)
-class Light:
-    """The design of the light of n samples. known: (n, 3); own: (n, 3, q); shared: (n, 3, p)."""
+class LinearModel:
+    """The linear values of n samples, as a linear function of what is not known besides the curves.
+
+    known: (n, 3), the part without unknowns; by_channel: (n, 3, q), what the q unknowns m of each channel multiply;
+    shared: (n, 3, p), what the p unknowns s of all channels multiply.
+    """
 
     known: Array
-    own: Array
+    by_channel: Array
     shared: Array
 
 
 class Problem(Protocol):
-    """What a front end hands to the fit, and learns from each round."""
+    """A problem that the fit solves: it states each round, and takes its solution."""
 
     encoded: Array
     """(n, 3) JPEG values."""
-    before: Array | None
+    subtracted: Array | None
     """(n, 3) JPEG values whose curve is subtracted, for exposure pairs."""
 
-    def light(self) -> Light:
-        """The design of the next round."""
+    def linear_model(self) -> LinearModel:
+        """The linear values of the next round."""
 
     def precision(self) -> Array:
-        """(n, 3), how much each value counts in the next round."""
+        """How much each value counts in the next round, (n, 3)."""
 
     def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
         """Return rows (r, 3 m) whose products with the θ of all channels are 0 ± 1, and the precision of s (p, p)."""
 
-    def update(self, curves: Array, own: Array, shared: Array) -> float:
+    def update(self, curves: Array, by_channel: Array, shared: Array) -> float:
         """Take the curves (k, 3), m (3, q) and s (p,) of a round; return the relative change of the weights."""
 
 
 def robust_fit(problem: Problem, basis: CurveBasis, most_rounds: int = 20) -> Status:
     """Solve and reweight until the weights hardly change. Raises CalibrationError."""
     offset, design = basis.at(problem.encoded)
-    if problem.before is not None:
-        less_offset, less_design = basis.at(problem.before)
-        offset, design = offset - less_offset, design - less_design
+    if problem.subtracted is not None:
+        subtracted_offset, subtracted_design = basis.at(problem.subtracted)
+        offset, design = offset - subtracted_offset, design - subtracted_design
+
     prior = _prior(problem, basis)
     for _ in range(most_rounds):
-        curves, own, shared = _solve(problem, basis, prior, offset, design)
-        if problem.update(curves, own, shared) < 2e-3:
+        curves, by_channel, shared = _solve(problem, basis, prior, offset, design)
+        if problem.update(curves, by_channel, shared) < SETTLED:
             return Status.CONVERGED
     return Status.LIMIT
 
@@ -97,31 +111,34 @@ def _solve(
     problem: Problem, basis: CurveBasis, prior: _Prior, offset: Array, design: Array
 ) -> tuple[Array, Array, Array]:
     """The curves (k, 3), m (3, q) and s (p,) of one round."""
-    light, precision = problem.light(), problem.precision()
-    count, free, common = design.shape[2], light.own.shape[2], light.shared.shape[2]
-    curved, channelwise = 3 * count, 3 * (count + free)
-    unknowns = channelwise + common
+    model, precision = problem.linear_model(), problem.precision()
+    curve_count, channel_count, shared_count = design.shape[2], model.by_channel.shape[2], model.shared.shape[2]
+    # The unknowns are θ of all channels, m of all channels, and s.
+    end_of_curves = 3 * curve_count
+    end_of_channels = end_of_curves + 3 * channel_count
+    unknowns = end_of_channels + shared_count
     normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
 
-    # The data term of each channel, which shares with the others only s
+    # The data term of each channel, which has only s in common with the others
     for channel in range(3):
-        columns = np.hstack([design[:, channel], -light.own[:, channel], -light.shared[:, channel]])
+        columns = np.hstack([design[:, channel], -model.by_channel[:, channel], -model.shared[:, channel]])
         weighted = columns * precision[:, [channel]]
-        of_own = curved + free * channel + np.arange(free)
-        place = np.concatenate([count * channel + np.arange(count), of_own, np.arange(channelwise, unknowns)])
-        normal[place[:, None], place] += weighted.T @ columns
-        right[place] += weighted.T @ (light.known[:, channel] - offset[:, channel])
-        normal[of_own, of_own] += 1e-9 * precision[:, channel].sum()
+        of_curve = curve_count * channel + np.arange(curve_count)
+        of_channel = end_of_curves + channel_count * channel + np.arange(channel_count)
+        places = np.concatenate([of_curve, of_channel, np.arange(end_of_channels, unknowns)])
+        normal[places[:, None], places] += weighted.T @ columns
+        right[places] += weighted.T @ (model.known[:, channel] - offset[:, channel])
+        normal[of_channel, of_channel] += SINGULAR * precision[:, channel].sum()
 
-    normal[:curved, :curved] += prior.of_curves
-    right[:curved] += prior.shift
-    normal[channelwise:, channelwise:] += prior.of_shared
-    rising = np.pad(prior.rising, ((0, 0), (0, unknowns - curved)))
+    normal[:end_of_curves, :end_of_curves] += prior.of_curves
+    right[:end_of_curves] += prior.shift
+    normal[end_of_channels:, end_of_channels:] += prior.of_shared
+    rising = np.pad(prior.rising, ((0, 0), (0, unknowns - end_of_curves)))
     solution = solve_lsi(normal, right, rising, prior.least)
 
-    curves = basis.offset[:, None] + basis.design @ solution[:curved].reshape(3, count).T
-    own = solution[curved:channelwise].reshape(3, free)
-    return np.maximum.accumulate(curves), own, solution[channelwise:]
+    of_curves, of_channels, of_shared = np.split(solution, [end_of_curves, end_of_channels])
+    curves = basis.offset[:, None] + basis.design @ of_curves.reshape(3, curve_count).T
+    return np.maximum.accumulate(curves), of_channels.reshape(3, channel_count), of_shared
 
 
 class ToneWeights:
@@ -140,17 +157,22 @@ class ToneWeights:
     def __init__(
         self, tone: Array, odds: Array, weighting: float = 0.5, multiple: float = 2.0, least: float = 0.5 / 255.0
     ) -> None:
-        self.tone, self.odds, self.multiple, self.least = tone, odds, multiple, least
+        self.tone = tone
+        self.odds = odds
+        self.multiple = multiple
+        self.least = least
         self.order = np.argsort(tone)
-        counts = np.histogram(tone, 16, (0.0, 1.0), weights=odds)[0] + odds.sum() / 64
-        counts = np.convolve(np.pad(counts, 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
-        rare = np.interp(tone, (np.arange(16) + 0.5) / 16, counts) ** -weighting
-        self.prior = odds * rare / np.average(rare, weights=odds)
-        self.levels: Array = np.linspace(tone.min(), tone.max() + 1e-9, 16)
+        self.levels: Array = np.linspace(tone.min(), tone.max() + 1e-9, TONE_LEVELS)
         self.ranges = self._ranges()
 
+        # A smoothed histogram of tones, in which no tone is so rare that a few samples have all the weight
+        counts = np.histogram(tone, TONE_LEVELS, (0.0, 1.0), weights=odds)[0] + odds.sum() / (4 * TONE_LEVELS)
+        counts = np.convolve(np.pad(counts, 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
+        rareness = np.interp(tone, (np.arange(TONE_LEVELS) + 0.5) / TONE_LEVELS, counts) ** -weighting
+        self.prior = odds * rareness / np.average(rareness, weights=odds)
+
     def __call__(self, residual: Array) -> Array:
-        """(n,): for the next round, of the residuals (n,) of this one."""
+        """The weights (n,) of the next round, by the residuals (n,) of this one."""
         odds, values = self.odds[self.order], residual[self.order]
         medians = [weighted_median(values[low:high], odds[low:high]) for low, high in self.ranges]
         scale = np.maximum(self.multiple * np.array(medians), self.least)
@@ -160,7 +182,7 @@ class ToneWeights:
         """Around each level the first and the last of the samples in order of tone: enough to weigh eight in all."""
         tone = self.tone[self.order]
         mass = np.concatenate([[0.0], np.cumsum(self.odds[self.order])])
-        half, enough = 0.5 * (self.levels[1] - self.levels[0]), min(8.0, mass[-1])
+        half, enough = 0.5 * (self.levels[1] - self.levels[0]), min(ENOUGH_OF_TONE, mass[-1])
         ranges = []
         for level in self.levels:
             low, high = np.searchsorted(tone, [level - half, level + half])

@@ -7,8 +7,9 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.curve_basis import emor_basis, srgb_response
-from lutforge.calibration.matrix_and_response import JointFit, saturation
+from lutforge.calibration.matrix_and_response import JointFit
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
+from lutforge.colour.saturation import saturation
 from lutforge.errors import CalibrationError
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet

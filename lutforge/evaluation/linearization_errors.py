@@ -6,10 +6,10 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.exposure_pairs import ExposurePairs
-from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import BETA
 from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_from_exposures import fit_response_by_least_squares, fit_response_to_exposures
+from lutforge.colour.saturation import saturation
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.predictions import Predictions
 from lutforge.evaluation.raw_errors import MethodError

@@ -19,9 +19,9 @@ from lutforge.arrays import Array, Mask
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.boundary import reading
 from lutforge.calibration.exposure_pairs import ExposurePairs
-from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.pairs_of_samples import pairs_of_samples
+from lutforge.colour.saturation import saturation
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.response import Response

@@ -19,11 +19,11 @@ from lutforge.calibration.curve_basis import log_emor_basis
 from lutforge.calibration.matrix_and_response import (
     LEAST_HUE_SPREAD,
     LEAST_UNSATURATED,
-    hue_spread,
     plainly_unsaturated,
 )
 from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_from_exposures import fit_response_by_least_squares
+from lutforge.colour.saturation import hue_spread
 from lutforge.errors import CalibrationError
 from lutforge.model.profile import CameraModel
 from lutforge.model.response import Response

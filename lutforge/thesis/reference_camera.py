@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.joint_diagonalization import jointly_diagonal
-from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.reference_camera import (
     INVERSE_OUTLIERS,
     StyleFit,
@@ -17,6 +16,7 @@ from lutforge.calibration.reference_camera import (
     unclipped_pairs,
     unsaturated_of_several_hues,
 )
+from lutforge.colour.saturation import saturation
 from lutforge.samples.sample_set import SampleSet
 from lutforge.thesis.camera_model import response_of_exposures
 from lutforge.thesis.options import ThesisOptions

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from lutforge.arrays import Array
-from lutforge.calibration.matrix_and_response import check_tones, fit_matrix_and_response, saturation
+from lutforge.calibration.matrix_and_response import check_tones, fit_matrix_and_response
 from lutforge.calibration.options import BETA, CalibrationOptions
 from lutforge.calibration.pairs_of_bracket import pairs_of_bracket
 from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_from_exposures import fit_response_by_least_squares, fit_response_to_exposures
 from lutforge.calibration.style import fit_lattices, style_data, unclipped
 from lutforge.calibration.white_balance import complete_multipliers
+from lutforge.colour.saturation import saturation
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response

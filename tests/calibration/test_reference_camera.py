@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration.curve_basis import gamma_response
-from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.raw_transfer import fit_raw_transfer, pair_samples
 from lutforge.calibration.reference_camera import own_raw
+from lutforge.colour.saturation import saturation
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.colour.srgb import srgb_to_lab
 from lutforge.errors import CalibrationError, ProfileError

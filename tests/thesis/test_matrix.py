@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from lutforge.calibration.matrix_and_response import plainly_unsaturated, saturation
+from lutforge.calibration.matrix_and_response import plainly_unsaturated
 from lutforge.calibration.options import BETA
 from lutforge.calibration.style import unclipped
+from lutforge.colour.saturation import saturation
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.thesis.camera_model import KNOWN, fit_matrix
 from tests.cases.samples import BALANCES, chart_140, photograph_patches
