@@ -12,7 +12,7 @@ from lutforge.errors import CalibrationError
 from lutforge.pipeline.response import Bracket, colours_of
 from lutforge.progress import Progress
 from lutforge.samples.chart import ChartKind
-from lutforge.samples.chart_search import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
+from lutforge.samples.chart_search import RESEMBLANCE, LocatedChart, detector_note, find_chart, patch_codes, resemblance
 
 SPACE = "acescg"
 """The linear space of the chart's colours: it contains the colours of all surfaces, and is near those of cameras."""
@@ -40,7 +40,7 @@ def measured_patches(
     for index, file in enumerate(bracket.files):
         progress(file.name, 0.5 + 0.5 * index / len(bracket.files))
         nearest = min(places, key=lambda shot: abs(np.log(times[shot] / times[index])))
-        patches = patch_codes(_codes_of(file), Chart(places[nearest], kind))
+        patches = patch_codes(_codes_of(file), LocatedChart(places[nearest], kind))
         clipped = np.any((patches.maximum >= 254) | (patches.minimum <= 1), axis=1)  # the limits of JPEG pixels
         values[index] = np.where(clipped[:, None], np.nan, patches.mean / 255.0)
         unclipped = np.isfinite(values[index]).all(axis=1)

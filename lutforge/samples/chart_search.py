@@ -23,11 +23,21 @@ from lutforge.shots.read import Shot
 
 RESEMBLANCE = 0.85
 """Share of the variance of a chart's chroma that an affine map of the published colours explains, at least."""
+SAMPLED_SIDE = 0.4
+"""Side of the square that is sampled in each patch, in pitches."""
+MOST_TEXTURE = 12.0
+"""Median over the patches of the standard deviation of their codes; patches of a chart have less."""
+LEAST_CHROMA = 5.0
+"""Root mean square of a chart's chroma, in codes; patches with less are nearly grey."""
+LARGEST_SEARCHED = 1000.0
+"""Larger pictures are reduced to this many pixels on their long side; the detector enlarges smaller ones to it."""
+LEAST_PITCH = 2.0
+"""Least distance of patches, in pixels of the reduced picture: OpenCV returns points as candidates, too."""
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
-    """A chart that was found in a JPEG.
+class LocatedChart:
+    """A chart at its place in a picture.
 
     corners: (4, 2), x and y in JPEG pixels, half a pitch outwards from the centres of the corner patches: top left, top
     right, bottom right, bottom left of the upright chart (of a ColorChecker dark skin, bluish green, black and white).
@@ -37,8 +47,8 @@ class Chart:
     kind: ChartKind = field(default_factory=partial(chart_kind, "classic"))
 
     def patches(self) -> Array:
-        """(n, 4, 2) corners x, y of the square sampled in each patch, in JPEG pixels; its side is 0.4 of the pitch."""
-        square = 0.4 / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        """The corners x, y (n, 4, 2) of the square that is sampled in each patch, in JPEG pixels."""
+        square = SAMPLED_SIDE / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         homography = _homography(self.kind.outline, self.corners)
         return _project(homography, self.kind.centres[:, None, :] + square)
 
@@ -57,7 +67,9 @@ def detector_note() -> str | None:
     return None
 
 
-def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference: Array | None = None) -> Chart | None:
+def find_chart(
+    jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference: Array | None = None
+) -> LocatedChart | None:
     """The chart in a JPEG (h, w, 3), in any rotation; None where there is none, or no detector.
 
     kind: a ColorChecker Classic unless another is named; reference: (n, 3) its sRGB codes, else those under D50.
@@ -65,7 +77,9 @@ def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference
     kind = kind or chart_kind("classic")
     if not kind.detector or detector_note() is not None:
         return None
-    turned = [Chart(np.roll(corners, turn, axis=0), kind) for corners in _detect(jpeg, kind) for turn in range(4)]
+    turned = [
+        LocatedChart(np.roll(corners, turn, axis=0), kind) for corners in _detect(jpeg, kind) for turn in range(4)
+    ]
     if not turned:
         return None
     if reference is None:
@@ -79,11 +93,11 @@ def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference
 def likeness(codes: Array, deviation: Array, reference: Array) -> float:
     """The likeness of patches to a chart: at most 1, and 0 where the patches are textured or nearly grey.
 
-    codes, deviation: (n, 3), mean and standard deviation of the JPEG codes of each patch. Patches are textured where
-    the median deviation is above 12 codes. reference: (n, 3), the chart's codes.
+    codes, deviation: (n, 3), mean and standard deviation of the JPEG codes of each patch. reference: (n, 3), the
+    chart's codes.
     """
-    plain = bool(np.isfinite(codes).all()) and float(np.median(deviation.max(axis=1))) <= 12.0
-    return resemblance(codes, reference) if plain else 0.0
+    is_plain = bool(np.isfinite(codes).all()) and float(np.median(deviation.max(axis=1))) <= MOST_TEXTURE
+    return resemblance(codes, reference) if is_plain else 0.0
 
 
 def resemblance(codes: Array, reference: Array) -> float:
@@ -92,25 +106,25 @@ def resemblance(codes: Array, reference: Array) -> float:
     design = np.column_stack([reference, np.ones(len(reference))])
     residual = codes - design @ np.linalg.lstsq(design, codes, rcond=None)[0]
     chroma = codes - codes.mean(axis=1, keepdims=True)
-    if float((chroma**2).mean()) < 5.0**2:
+    if float((chroma**2).mean()) < LEAST_CHROMA**2:
         return 0.0
     residual_chroma = residual - residual.mean(axis=1, keepdims=True)
     return 1.0 - float((residual_chroma**2).sum() / (chroma**2).sum())
 
 
-def sample_chart(shot: Shot, chart: Chart) -> tuple[CellStatistics, CellStatistics]:
-    """Return the statistics of the same squares in JPEG and RAW, as of `patch_codes`."""
+def sample_chart(shot: Shot, chart: LocatedChart) -> tuple[CellStatistics, CellStatistics]:
+    """Return the statistics of the same squares in JPEG and RAW, as `patch_codes` returns them."""
     registration = shot.registration
     size = shot.raw.pixel_size
     offset = np.array([registration.offset_x, registration.offset_y])
-    in_array = Chart((registration.scale * chart.corners + offset - (size - 1) / 2) / size, chart.kind)
+    in_array = LocatedChart((registration.scale * chart.corners + offset - (size - 1) / 2) / size, chart.kind)
     return patch_codes(shot.jpeg, chart), patch_codes(shot.raw.pixels, in_array)
 
 
 def _detect(jpeg: NDArray[np.uint8], kind: ChartKind) -> list[Array]:
     """Candidate quadrilaterals (4, 2) in JPEG pixels, around the pitches of the corner patches, clockwise."""
     cv2: Any = importlib.import_module("cv2")
-    scale = min(1.0, 1000.0 / max(jpeg.shape))  # the detector brings smaller pictures up to this
+    scale = min(1.0, LARGEST_SEARCHED / max(jpeg.shape))
     small = cv2.resize(jpeg[..., 2::-1], None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     detector = cv2.mcc.CCheckerDetector.create()
     detector.setColorChartType(getattr(cv2.mcc, kind.detector))
@@ -127,7 +141,7 @@ def _detect(jpeg: NDArray[np.uint8], kind: ChartKind) -> list[Array]:
         across = corners[1] - corners[0]
         down = corners[3] - corners[0]
         area = across[0] * down[1] - across[1] * down[0]
-        if np.abs(area) > 400.0 * 0.01 * len(kind.centres):  # OpenCV gives points, too
+        if np.abs(area) > LEAST_PITCH**2 * len(kind.centres):
             # OpenCV counts the rows of some charts from below.
             corners = _refined(grey, corners if area > 0 else corners[::-1], kind)
             candidates.append((corners + 0.5) / scale - 0.5)
@@ -152,7 +166,7 @@ def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
     return np.asarray(least_squares(residuals, corners.ravel(), **options).x.reshape(4, 2))
 
 
-def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> CellStatistics:
+def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: LocatedChart) -> CellStatistics:
     """The statistics (n, 3) of the pixels whose centres lie in each patch; NaN where it leaves the picture."""
     statistics = np.full((4, len(chart.kind.centres), 3), np.nan)
     for index, corners in enumerate(chart.patches()):

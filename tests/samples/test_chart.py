@@ -15,7 +15,7 @@ from lutforge.images.read import read_image
 from lutforge.samples.chart import chart_kind, parse_corners
 from lutforge.samples.chart_search import (
     RESEMBLANCE,
-    Chart,
+    LocatedChart,
     detector_note,
     find_chart,
     likeness,
@@ -70,7 +70,7 @@ def test_false_charts_are_refused() -> None:
 def test_patches_are_sampled_where_they_are() -> None:
     shot = synthetic_shot(chart_scene(CORNERS))
     fourth = CORNERS[1] + CORNERS[2] - CORNERS[0]
-    jpeg, raw = sample_chart(shot, Chart(np.stack([CORNERS[0], CORNERS[1], fourth, CORNERS[2]])))
+    jpeg, raw = sample_chart(shot, LocatedChart(np.stack([CORNERS[0], CORNERS[1], fourth, CORNERS[2]])))
     linear = np.clip(REFERENCE / 255, 0.01, 0.97) ** 2.2 / MULTIPLIERS
     np.testing.assert_allclose(raw.mean, linear, rtol=1e-5)
     np.testing.assert_allclose(jpeg.mean, np.rint(render(linear)), atol=1e-9)
@@ -79,7 +79,7 @@ def test_patches_are_sampled_where_they_are() -> None:
 def test_patches_outside_the_picture_are_left_out() -> None:
     shot = synthetic_shot(chart_scene(CORNERS))
     corners = np.array([[60.0, 40.0], [600.0, 40.0], [600.0, 280.0], [60.0, 280.0]])
-    _, raw = sample_chart(shot, Chart(corners))
+    _, raw = sample_chart(shot, LocatedChart(corners))
     assert np.isnan(raw.mean).any()
     assert np.isfinite(raw.mean).any()
 
@@ -100,7 +100,7 @@ def test_without_the_detector(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_real_chart_against_its_own_tiles(shared_data: Path) -> None:
     shot = read_shot(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
     corners = np.array([[38.8, 37.9], [585.9, 28.6], [592.2, 397.9], [45.1, 406.8]])
-    jpeg, raw = sample_chart(shot, Chart(corners))
+    jpeg, raw = sample_chart(shot, LocatedChart(corners))
     assert not np.any(list(clipping(jpeg, raw).values()))
     assert shot.metadata.multipliers is not None
     greys = (raw.mean * shot.metadata.multipliers)[18:]
