@@ -11,7 +11,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.hypotheses import hypotheses
-from lutforge.calibration.judgement import FAR_OFF, Judgement, StyleColours, judge
+from lutforge.calibration.judgement import FAR_OFF, Judgement, StyleColours, judge_base
 from lutforge.calibration.matrix_and_response import (
     MatrixAndResponse,
     fit_matrix_and_response,
@@ -77,7 +77,7 @@ def diagnoses_of(
         of_style = samples.select(rows)
         has_stated_balance = bool(np.all(np.isfinite(of_style.wb)))
         colours = StyleColours(of_style.raw, of_style.srgb, multipliers[rows], has_stated_balance)
-        judgement = judge(colours, base)
+        judgement = judge_base(colours, base)
 
         diagnosis = _toned(colours) or _shifted_rows(judgement.rendered, of_style)
         if diagnosis is not None:
@@ -85,7 +85,7 @@ def diagnoses_of(
         elif not np.any(of_style.raw_space != ""):  # programs may render anything
             cause = _cause_of_reading(colours, judgement)
             causes_of_reading.append(cause)
-            of_unsaturated = judge(colours, bases_of_unsaturated[style])
+            of_unsaturated = judge_base(colours, bases_of_unsaturated[style])
             colour_misfit = min(judgement.colour_misfit, of_unsaturated.colour_misfit)
             if cause is None and colour_misfit > NO_CAMERA:
                 diagnoses.append(_no_camera(colour_misfit))
@@ -132,7 +132,7 @@ def _refitted_misfit(colours: StyleColours, fit: Callable[[Array, Array], Matrix
         base = with_matrix_of_all(fit(balanced, encoded), balanced, encoded)
     except (CalibrationError, np.linalg.LinAlgError):
         return np.inf
-    return judge(colours, base).misfit
+    return judge_base(colours, base).misfit
 
 
 def _no_camera(colour_misfit: float) -> Diagnosis:

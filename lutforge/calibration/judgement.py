@@ -81,7 +81,7 @@ class Judgement:
     misfit: float
 
 
-def judge(colours: StyleColours, base: MatrixAndResponse) -> Judgement:
+def judge_base(colours: StyleColours, base: MatrixAndResponse) -> Judgement:
     """Judge the base of samples."""
     encoded = np.clip(colours.encoded, 0.0, 1.0)
     greys = _judged_greys(base.response, encoded)
