@@ -224,11 +224,11 @@ def _choose_curves(pairs: ExposurePairs, unsaturated: Mask, beta: float) -> tupl
 
 
 def _residual(pairs: ExposurePairs, response: Response, rows: Mask) -> tuple[float, float]:
-    """Median and root mean square of I' − f(k' f⁻¹(I)) in codes."""
+    """The median and the root mean square of I' − f(k' f⁻¹(I)) in codes."""
     codes = _codes_off(pairs, response, rows)
     return float(np.median(np.abs(codes))), float(np.sqrt(np.mean(codes**2)))
 
 
 def _codes_off(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
-    """I' − f(k' f⁻¹(I)) (m, 3) of some rows, in codes."""
+    """The residuals I' − f(k' f⁻¹(I)) (m, 3) of the pairs of a mask (n,), in codes."""
     return np.asarray(255 * (pairs.white - pairs.black) * pairs.select(rows).residuals(response))

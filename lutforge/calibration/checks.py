@@ -177,7 +177,7 @@ def _shifted_rows(rendered: Array, samples: SampleSet) -> Diagnosis | None:
 
 
 def _shift(rendered: Array, encoded: Array) -> int:
-    """By how many rows the JPEG values of a shot, (n, 3), are after the RAW that they fit; 0 where it is not clear."""
+    """The number of rows by which JPEG values of a shot (n, 3) are after the RAW that they fit; 0 if it is unclear."""
     if len(encoded) < LEAST_ROWS:
         return 0
     errors = {}

@@ -19,7 +19,7 @@ LEAST_SLOPE = 0.02
 """A curve rises at least this fraction as fast as EMoR's mean: no f⁻¹ is flat."""
 
 WHITE_SPREAD = 0.1
-"""Standard deviation of f⁻¹(1) around 1, beforehand: cameras render as white what saturates their sensor, or nearly."""
+"""Standard deviation of the prior of f⁻¹(1) around 1: cameras render what saturates their sensor as white, about."""
 
 SAMPLE = (255.0 / 0.4) ** 2
 """Precision of a JPEG value: rounding, and a little noise, have a standard deviation of 0.4 codes."""
@@ -70,7 +70,7 @@ class CurveBasis:
 
 
 OF_VALUES, OF_BENDS = 0.01, 0.003
-"""What the prior of a spline weighs beside a sample: of its values, and of the relative changes of its slope."""
+"""Weights of the prior of a spline, where a sample has 1: of its values, and of the relative changes of its slope."""
 BEND_SPREAD = 0.03
 """Standard deviation of these changes of slope, added in quadrature to half of the prior's own change."""
 LEAST_SPLINE_SLOPE = 0.05

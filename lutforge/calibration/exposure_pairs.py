@@ -54,16 +54,16 @@ class ExposurePairs:
 
     @property
     def shot_pair(self) -> NDArray[np.intp]:
-        """(n,): the number of the two shots of each pair, first_shot · number of shots + second_shot."""
+        """The number (n,) of the two shots of each pair: first_shot · number of shots + second_shot."""
         return self.first_shot * len(self.shots) + self.second_shot
 
     @property
     def saturation(self) -> Array:
-        """(n,): the larger HSV saturation of the two colours of a pair."""
+        """The larger HSV saturation (n,) of the two colours of each pair."""
         return np.maximum(saturation(self.first), saturation(self.second))
 
     def residuals(self, response: Response) -> Array:
-        """I' − τ(I) (n, 3), where τ is the transfer function that a response implies for the ratio of a pair (3.1)."""
+        """The residuals I' − τ(I) (n, 3); τ is the transfer function by a response for a pair's ratio (3.1)."""
         ratio = np.exp(self.log_ratio)[:, None]
         return self.second - response.encode(ratio * response.linearize(self.first))
 

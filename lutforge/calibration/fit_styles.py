@@ -1,4 +1,4 @@
-"""What every calibration does with its styles: fit each, and note what their samples lack."""
+"""The fits of all styles of a calibration, and the notes on what their samples lack."""
 
 from collections.abc import Callable, Mapping
 
@@ -17,7 +17,7 @@ def fit_styles(
     lattices_of: Callable[[StyleData], ByDirection[Lattice]],
     progress: Progress,
 ) -> dict[str, PictureStyle]:
-    """Fit the styles, several at once. models_of: of a style by its name. Raises what the fits raise."""
+    """Fit the styles, several at once. models_of: the camera models of a style by its name. Raises CalibrationError."""
 
     def fit_style(name: str) -> PictureStyle:
         style = data[name]
@@ -37,7 +37,7 @@ def fit_styles(
 
 
 def notes_on_fits(data: Mapping[str, StyleData], clipped: int, count: int) -> list[str]:
-    """What a user should know of the samples that were fitted. clipped: how many of `count` samples are clipped."""
+    """Notes on the samples that were fitted. clipped: how many of `count` samples are clipped."""
     notes = [f"{clipped} of {count} samples are clipped and take no part in the fit"] if clipped else []
     for name, style in data.items():
         notes += thin_colours(style.encoded, name, monochrome=style.monochrome)

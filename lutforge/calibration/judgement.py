@@ -1,4 +1,4 @@
-"""How far the samples of a style are from what cameras make: its base, judged by what that of every camera has.
+"""The judgement of a style's base by what that of every camera has: how far its samples are from what cameras make.
 
 The base is a fit of matrix and response. Four things are measured, in codes of 255:
 
@@ -26,7 +26,7 @@ from lutforge.model.response import Response
 FAR_OFF = 0.25
 """Encoded residuals count no more than this: what is further off is as wrong."""
 LEAST_WEIGHT = 1e-9
-"""What a colour counts at least, so that samples without unsaturated colours have a mean."""
+"""Least weight of a colour, so that samples without unsaturated colours have a mean."""
 
 GREYS = 9
 """The number of greys whose response is judged, over the tones of the samples."""
@@ -36,17 +36,17 @@ USUAL_POWER = 2.2
 """The power of JPEG values as which RAW rises, about, in a usual camera."""
 
 CODES_PER_STOP = 40
-"""What a stop between the channels of a grey counts, in codes; it is about as many."""
+"""Codes that a stop between the channels of a grey counts; it is about as many."""
 EXCHANGED_CHANNELS = 100
-"""What channels of the JPEG that are not the same ones of the RAW count, in codes."""
+"""Codes that channels of the JPEG count which are not the same ones of the RAW."""
 LEAST_POWER, MOST_POWER = 1.05, 2.4
 """RAW rises as a power of JPEG values between these."""
 CODES_PER_POWER = 50
-"""What each step of 1 of the power beyond its bounds counts, in codes."""
+"""Codes that each step of 1 of the power beyond its bounds counts."""
 DARKEST_WHITE = -1.9
 """Stops below a usual white where no camera's white lies."""
 CODES_PER_STOP_OF_WHITE = 30
-"""What each stop counts by which white is darker than that, in codes."""
+"""Codes that each stop counts by which white is darker than that."""
 
 
 @dataclass(frozen=True, eq=False)

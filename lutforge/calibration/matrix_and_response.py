@@ -75,7 +75,7 @@ It returns the linear values that known coefficients give (n, 3), and the column
 
 
 def plainly_unsaturated(encoded: Array, beta: float = BETA) -> Mask:
-    """(n,) colours (n, 3) that a plain fit trusts: saturation below β, and not near white."""
+    """Mask (n,) of the colours (n, 3) that a plain fit trusts: saturation below β, and not near white."""
     return np.asarray((saturation(encoded) < beta) & (encoded.max(axis=1) < NEAR_WHITE))
 
 

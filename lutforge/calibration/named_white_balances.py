@@ -85,7 +85,7 @@ def _presets(samples: SampleSet, balances: Mapping[str, WhiteBalance], matrix: A
 
 
 def colorimetric_matrix(samples: SampleSet) -> Array | None:
-    """(3, 3) XYZ → RAW of the camera, as LibRaw or its DNG files have it; None where unknown."""
+    """The matrix (3, 3) XYZ → RAW of the camera, as LibRaw or its DNG files have it; None where unknown."""
     matrix = np.median(samples.from_xyz, axis=0).reshape(3, 3)
     # A matrix that is none of a camera's has no multipliers for natural light
     whites = np.array([multipliers_of(locus(kelvin), matrix) for kelvin in NATURAL_LIGHTS])

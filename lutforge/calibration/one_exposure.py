@@ -70,7 +70,7 @@ def _bent_to(encoded: Array, colours: Array) -> Response:
 
 
 def _spread(response: Response, encoded: Array, colours: Array) -> float:
-    """By how much the ratios of light to greys' linear values (n, 3) differ, as a share, the mean of the channels."""
+    """The mean over the channels of how much the ratios of greys' light to their linear values differ, as a share."""
     ratio = response.linearize(encoded) / colours
     return float(np.mean(np.std(np.log(np.maximum(ratio, 1e-6)), axis=0)))
 

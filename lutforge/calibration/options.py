@@ -1,4 +1,4 @@
-"""How a camera is calibrated: one record of options."""
+"""The options of a calibration."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields

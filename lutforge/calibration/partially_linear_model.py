@@ -33,7 +33,7 @@ MOST_OF_STYLE = 4000
 MOST_CENTRES, SAMPLES_PER_CENTRE = 150, 8
 """λ is spanned by its values at so many colours at most, and at one for so many samples."""
 NUGGET = 1e-9
-"""What is added to the variances of λ, so that colours which nearly coincide keep their covariance positive."""
+"""This is added to the variances of λ, so that colours which nearly coincide keep their covariance positive."""
 RESIDUAL_WEIGHTS = RobustWeights(cauchy, multiple=2.5, least=0.02)
 
 
@@ -67,7 +67,7 @@ class Projection:
         return factorized
 
     def residual(self, columns: Array) -> Array:
-        """Fit λ to columns (n, k), each by itself, and return what is left of them, (n, k)."""
+        """Fit λ to columns (n, k), each by itself, and return the residuals, (n, k)."""
         residuals = np.empty_like(columns)
         for function, (weighted, factor) in zip(self.functions, self._factorized, strict=True):
             of_style = function.of_style

@@ -12,6 +12,9 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_samples_out, predict_held_out
 
 LEAST_COMMON_COLOURS = 12
+"""Colours that both cameras photographed and that a transfer needs at least."""
+ALL_ALIKE = 1e-4
+"""Colours whose RAW spreads by less than this share in any direction do not determine a matrix."""
 NOISE_FLOOR = 0.05
 """Colours darker than this share of the brightest count by their absolute error, not by their relative one."""
 
@@ -60,7 +63,7 @@ def fit_raw_transfer(source: str, target: str, x: Array, y: Array, neutral: Arra
         raise CalibrationError(
             f"aligned RAW of shapes {x.shape} and {y.shape}; at least {LEAST_COMMON_COLOURS} pairs are needed"
         )
-    if np.linalg.matrix_rank(x, tol=1e-4 * np.linalg.norm(x)) < 3:
+    if np.linalg.matrix_rank(x, tol=ALL_ALIKE * np.linalg.norm(x)) < 3:
         raise CalibrationError("the common colours are all alike: photograph a colour chart with both cameras")
     level = np.linalg.norm(y, axis=1)
     weight = 1 / np.maximum(level, NOISE_FLOOR * level.max())
@@ -73,5 +76,5 @@ def fit_raw_transfer(source: str, target: str, x: Array, y: Array, neutral: Arra
 
 
 def _least_squares(x: Array, y: Array, weight: Array) -> Array:
-    """argmin Σ w² ‖y − T x‖²."""
+    """The matrix T (3, 3) that minimizes Σ w² ‖y − T x‖²."""
     return np.asarray(np.linalg.lstsq(x * weight[:, None], y * weight[:, None])[0].T)

@@ -148,7 +148,7 @@ def gains_and_scale(
 
 
 def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: Array) -> tuple[Array, Array]:
-    """What the RAW of each shot (n,) is multiplied by, and the scale of f⁻¹ of each style (n,).
+    """The factor of the RAW of each shot (n,), and the scale of f⁻¹ of each style (n,).
 
     level: (n,) log of f⁻¹(I) over Ts Tw Tc E'; weight: (n,). The level that the shots of a style have in common is the
     scale of its f⁻¹. A setting whose shots agree on a level of their own beyond the scatter (three standard errors)

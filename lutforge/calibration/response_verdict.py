@@ -1,4 +1,4 @@
-"""Is the response f a fixed property of the camera? The verdict on exposure pairs, in figures (thesis 3.2).
+"""The verdict on exposure pairs whether the response f is a fixed property of the camera (thesis 3.2).
 
 It is fixed where unsaturated colours keep to the transfer function f(k f⁻¹(I)) in all shots, and where a curve of its
 own for each shot would not predict left-out surfaces much better (`curves_by_shot`).
@@ -28,7 +28,7 @@ LEAST_COLOURS_OF_PAIR = 3
 
 @dataclass(frozen=True)
 class ResponseVerdict:
-    """Whether the response is a fixed property of the camera, in figures.
+    """The verdict whether the response is a fixed property of the camera, in figures.
 
     outliers: share of the colours that leave the common function, of whole colours; outliers_by_channel: by channel.
     inlier_saturation, outlier_saturation: their median HSV saturation.
@@ -76,11 +76,11 @@ def judge(pairs: ExposurePairs, response: Response | None = None) -> ResponseVer
     raw_spreads = [0.0]
     for number in np.unique(pairs.shot_pair):
         rows = pairs.shot_pair == number
-        plain = rows & unsaturated
-        if plain.sum() >= LEAST_COLOURS_OF_PAIR:
+        unsaturated_rows = rows & unsaturated
+        if unsaturated_rows.sum() >= LEAST_COLOURS_OF_PAIR:
             # The middle one of the channels: the gamut map may move one alone; an exposure, a white balance or
             # another response moves two.
-            shift = float(np.median(np.abs(np.median(residuals[plain], axis=0))))
+            shift = float(np.median(np.abs(np.median(residuals[unsaturated_rows], axis=0))))
             for shot in divmod(int(number), len(pairs.shots)):
                 shifts.setdefault(shot, []).append(shift)
         bright = rows & np.all(pairs.raw_first > LEAST_SPREAD_RAW, axis=1)

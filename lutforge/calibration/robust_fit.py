@@ -48,15 +48,15 @@ class Problem(Protocol):
     """A problem that the fit solves: it states each round, and takes its solution."""
 
     encoded: Array
-    """(n, 3) JPEG values."""
+    """The JPEG values (n, 3)."""
     subtracted: Array | None
-    """(n, 3) JPEG values whose curve is subtracted, for exposure pairs."""
+    """The JPEG values (n, 3) whose curve is subtracted, for exposure pairs."""
 
     def linear_model(self) -> LinearModel:
         """The linear values of the next round."""
 
     def precision(self) -> Array:
-        """How much each value counts in the next round, (n, 3)."""
+        """The precision (n, 3) of the values in the next round."""
 
     def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
         """Return rows (r, 3 m) whose products with the θ of all channels are 0 ± 1, and the precision of s (p, p)."""

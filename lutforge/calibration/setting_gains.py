@@ -65,7 +65,7 @@ def refined_gains(
 def _residuals_of_settings(
     samples: SampleSet, multipliers: Array, usable: Mask, bases: Mapping[str, MatrixAndResponseFit], names: list[str]
 ) -> tuple[Array, Array]:
-    """Return by setting the log of how much brighter its JPEGs are than f(Ts Tw E), and the standard error of that."""
+    """By setting, the log of how much brighter its JPEGs are than f(Ts Tw E), and the standard error of that."""
     ratio, weight = np.zeros(len(samples)), np.zeros(len(samples))
     for style, base in bases.items():
         rows = usable & (samples.style == style)

@@ -28,12 +28,12 @@ FUNCTION_PENALTY = 0.1 * (CODE / CHANGE_SPREAD) ** 2
 POWERS = [(i, j, k) for i in range(4) for j in range(4) for k in range(4) if i + j + k <= 3]
 """The powers of red, green and blue in each function of the polynomial."""
 TONES = 3
-"""How many numbers of a change are of tone; the others are a matrix (2, 3) on what differs from grey."""
+"""The count of numbers of a change that are of tone; the others are a matrix (2, 3) on what differs from grey."""
 ROBUST_WEIGHTS = RobustWeights(cauchy, multiple=3.0, least=CODE)
 ROUNDS = 6
 """Rounds of reweighting."""
 SINGULAR = 1e-9
-"""What keeps equations solvable that the shots' changes explain as well as the polynomial does."""
+"""Share added to the equations of the polynomial: the shots' changes may explain as much as it does."""
 
 
 def change_basis(rendered: Array) -> Array:

@@ -35,7 +35,7 @@ MOST_TOGETHER = 20_000
 LEAST_OF_SHOT = 20
 """Shots with fewer samples are not compared."""
 MOST_FOR_SPREAD = 24
-"""By how many of the other shots the spread of deviations is measured, at most."""
+"""The largest number of other shots by which the spread of deviations is measured."""
 
 LEAST_DEVIATION = 0.8
 """A shot deviates only if its change saves at least this error, in codes."""
@@ -73,7 +73,7 @@ ADVICE = "shoot in manual mode with one picture style, scene-dependent features 
 
 @dataclass(frozen=True)
 class Deviation:
-    """How a shot, or a group of them, deviates from the others.
+    """The deviation of a shot, or of a group of shots, from the others.
 
     values, errors: exposure in EV, contrast in EV per EV, change of saturation, and their standard errors; clear: which
     of them are beyond chance. primaries: the share of their strength by which colours deviate besides. without_colour:
@@ -94,7 +94,7 @@ class Deviation:
 
     @property
     def words(self) -> str:
-        """What deviates clearly, with standard errors."""
+        """The quantities that deviate clearly, in words, with standard errors."""
         if self.without_colour:
             return "black and white"
         parts = zip(("exposure", "contrast", "saturation"), self.values, self.errors, self.clear, strict=True)
@@ -300,11 +300,11 @@ def _outlier_deviation(
 
 @dataclass(frozen=True, eq=False)
 class _ChangeMeter:
-    """Measures a change by what it makes of the greys and colours of some shots.
+    """Measures a change by its effect on the greys and colours of some shots.
 
-    chroma: (n, 3) what the shots' colours differ from grey by; basis: (n, 3, q) what the numbers of a change add to the
-    colours. greys: (g, 3) encoded, over the shots' tones; tones: (g,) their brightness in stops; basis_of_greys: (g, 3,
-    q).
+    chroma: (n, 3) by how much the shots' colours differ from grey; basis: (n, 3, q) what the numbers of a change add to
+    the colours. greys: (g, 3) encoded, over the shots' tones; tones: (g,) their brightness in stops; basis_of_greys:
+    (g, 3, q).
     """
 
     chroma: Array
@@ -328,9 +328,9 @@ class _ChangeMeter:
         return max(float(np.sum(self.chroma**2)), LEAST_STRENGTH)
 
     def values(self, change: Array) -> Array:
-        """How shots with + change (q,) differ from shots with − change (3,).
+        """The difference (3,) of shots with + change (q,) from shots with − change.
 
-        Their exposure in EV, contrast in EV per EV, and share of the saturation.
+        It is of exposure in EV, contrast in EV per EV, and a share of the saturation.
         """
         step = self.basis_of_greys @ change
         brighter, darker = (
@@ -352,7 +352,7 @@ class _ChangeMeter:
         return float(np.sqrt(np.sum(remaining**2) / self.strength))
 
     def _moved_colours(self, change: Array) -> Array:
-        """How far (n, 3) colours with + change (q,) are from those with − change, apart from tone."""
+        """The difference (n, 3) of colours with + change (q,) from those with − change, apart from tone."""
         return np.asarray(2.0 * (self.basis[..., TONES:] @ change[TONES:]))
 
 

@@ -1,6 +1,6 @@
 """The steps that prepare samples for the fit of each style: functions of a state, each with its own condition and note.
 
-A step takes the state that the one before it left, and returns it as it is or with other samples, white balances or
+A step takes the state that the one before it returned, and returns it as it is or with other samples, white balances or
 notes. Matrix and response of a style, its base, are fitted when a step first asks for them, and handed on until a step
 changes the samples that they were fitted to.
 """
@@ -47,16 +47,16 @@ def reference_raw_by(
 
     raw_camera = str(samples.raw_camera[0])
     if state.given is not None and isinstance(state.given.provenance, ReferenceRaw):
-        own, transfer = with_own_raw(state.given, samples), state.given.provenance.transfer
+        transformed, transfer = with_own_raw(state.given, samples), state.given.provenance.transfer
     else:
-        own, transfer = transform(samples)
-    check_one_camera(own)
+        transformed, transfer = transform(samples)
+    check_one_camera(transformed)
     notes = [f"RAW of {raw_camera} replaces the camera's: refinishing works, linearizing to the own RAW cannot"]
-    if len(own) < len(samples):
-        lost = len(samples) - len(own)
+    if len(transformed) < len(samples):
+        lost = len(samples) - len(transformed)
         notes.append(f"{lost} of {len(samples)} samples are clipped, in the JPEG or in that RAW")
-    own_state = replace(state, samples=own, multipliers=own.wb, notes=(*state.notes, *notes))
-    return replace(own_state, provenance=ReferenceRaw(raw_camera, transfer))
+    with_camera_raw = replace(state, samples=transformed, multipliers=transformed.wb, notes=(*state.notes, *notes))
+    return replace(with_camera_raw, provenance=ReferenceRaw(raw_camera, transfer))
 
 
 def complete_white_balances(state: CalibrationState) -> CalibrationState:

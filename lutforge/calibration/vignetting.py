@@ -44,7 +44,7 @@ LITTLE_INFORMATION = 0.05
 LEAST_QUARTERS = 3
 """Fewer estimates have no scatter to compare their mean with."""
 TINIEST = 1e-300
-"""What takes the place of 0 in a division."""
+"""Divisors of 0 are raised to this."""
 
 SAME_FOCAL_LENGTH = 0.03
 """Focal lengths within so much are one, as zooms report them in steps."""

@@ -67,7 +67,7 @@ def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
 
 
 def neutral_weight(raw: Array, srgb: Array) -> Array:
-    """How near-neutral JPEG colours (n, 3) vote for the multipliers of their RAW (n, 3): weights (n,) from 0 to 1."""
+    """The weights (n,), from 0 to 1, by which JPEG colours (n, 3) vote for the multipliers of their RAW (n, 3)."""
     high = srgb.max(axis=1)
     weight = np.exp(-((saturation(srgb) / NEUTRAL_SATURATION) ** 2))
     weight[(high > MOST_READ) | (high < LEAST_READ) | (raw.min(axis=1) <= LEAST_RAW)] = 0.0

@@ -45,7 +45,7 @@ def locus(kelvin: float) -> Array:
 
 
 def white(kelvin: float, tint: float = 0.0) -> Array:
-    """(u, v) at a tint from the locus, perpendicular to it; a positive tint is a greener light."""
+    """The chromaticity (u, v) at a tint from the locus, perpendicular to it; a positive tint is a greener light."""
     step = 1e-4 * kelvin
     along = locus(kelvin + step) - locus(kelvin - step)
     across = np.array([along[1], -along[0]]) / np.linalg.norm(along)
@@ -73,7 +73,7 @@ def temperature_and_tint(uv: Array) -> tuple[float, float]:
 
 
 def camera_from_xyz(matrix: Array, multipliers: Array, kelvin: float) -> Array:
-    """(3, 3) XYZ of a light → camera RGB.
+    """The matrix (3, 3) from XYZ of a light to camera RGB.
 
     matrix: Ts, white-balanced camera RGB → linear sRGB, calibrated under the light of `kelvin` whose multipliers these
     are.
@@ -84,13 +84,13 @@ def camera_from_xyz(matrix: Array, multipliers: Array, kelvin: float) -> Array:
 
 
 def multipliers_of(uv: Array, from_xyz: Array) -> Array:
-    """(3,) with green = 1: what makes the light of chromaticity uv neutral. from_xyz: XYZ → camera RGB."""
+    """The multipliers (3,), green = 1, that make the light of chromaticity uv neutral. from_xyz: XYZ → camera RGB."""
     neutral = from_xyz @ _xyz(uv)
     return np.asarray(neutral[1] / neutral)
 
 
 def white_of(multipliers: Array, from_xyz: Array) -> Array:
-    """(u, v) of the light that these multipliers make neutral; the inverse of `multipliers_of`."""
+    """The chromaticity (u, v) of the light that these multipliers make neutral; the inverse of `multipliers_of`."""
     x, y, z = np.linalg.solve(from_xyz, 1 / multipliers)
     total = x + 15 * y + 3 * z
     return np.array([4 * x / total, 6 * y / total])

@@ -130,12 +130,12 @@ INTEROP_IDS = {
     "linear-rec2020": "lin_rec2020_scene",
     "linear-adobe-rgb": "lin_adobergb_scene",
 }
-"""What files of scene-linear light name their space by (Color Interop Forum, Color Space Encodings for Texture Assets
-and CG Rendering, 2024), where there is such a name."""
+"""The names by which files of scene-linear light state their space (Color Interop Forum, Color Space Encodings for
+Texture Assets and CG Rendering, 2024), where there is such a name."""
 
 
 def from_linear_srgb(name: str) -> Array:
-    """(3, 3): linear sRGB → the linear RGB of a space, by its name in SPACES."""
+    """The matrix (3, 3) from linear sRGB to the linear RGB of a space, by its name in SPACES."""
     return matrix_between("linear-srgb", rgb_space(name).linear.name)
 
 
@@ -152,19 +152,19 @@ def rgb_space(name: str) -> RgbSpace:
 
 @cache
 def matrix_between(source: str, target: str) -> Array:
-    """(3, 3): linear RGB of the space `source` → linear RGB of the space `target`, by their names in SPACES."""
+    """The matrix (3, 3) from linear RGB of the space `source` to that of `target`, by their names in SPACES."""
     if rgb_space(source).primaries == rgb_space(target).primaries:
         return np.eye(3)
     return np.asarray(np.linalg.inv(to_xyz_d50(target)) @ to_xyz_d50(source))
 
 
 def to_xyz(name: str) -> Array:
-    """(3, 3): linear RGB of a space → CIE XYZ, not adapted, with Y = 1 for white."""
+    """The matrix (3, 3) from linear RGB of a space to CIE XYZ, not adapted, with Y = 1 for white."""
     return xyz_matrix(CHROMATICITIES[rgb_space(name).primaries])
 
 
 def to_xyz_d50(name: str) -> Array:
-    """(3, 3): linear RGB of a space → CIE XYZ adapted to D50."""
+    """The matrix (3, 3) from linear RGB of a space to CIE XYZ adapted to D50."""
     cones = BRADFORD @ to_xyz(name)
     d50 = BRADFORD @ D50_XYZ
     return np.asarray(np.linalg.solve(BRADFORD, cones * (d50 / cones.sum(axis=1))[:, None]))

@@ -1,4 +1,4 @@
-"""How saturated encoded colours are, and how far the chromaticities of linear ones spread."""
+"""The saturation of encoded colours, and the spread of the chromaticities of linear ones."""
 
 import numpy as np
 
@@ -11,14 +11,14 @@ LEAST_SUM = 1e-9
 
 
 def saturation(encoded: Array) -> Array:
-    """HSV saturation 1 − min/max of encoded colours (n, 3) → (n,); black is 0."""
+    """The HSV saturation 1 − min/max of encoded colours (n, 3) → (n,); black is 0."""
     r, g, b = encoded.T
     high, low = np.maximum(np.maximum(r, g), b), np.minimum(np.minimum(r, g), b)
     return np.asarray(1.0 - low / np.maximum(high, DARKEST))
 
 
 def hue_spread(linear: Array) -> float:
-    """How far chromaticities of linear colours (n, 3) spread in their second principal direction, root mean square."""
+    """The spread of chromaticities of linear colours (n, 3) in their second principal direction, root mean square."""
     if len(linear) < 2:
         return 0.0
     shares = linear / np.maximum(linear.sum(axis=1, keepdims=True), LEAST_SUM)

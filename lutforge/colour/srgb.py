@@ -7,20 +7,20 @@ from lutforge.arrays import Array
 from lutforge.errors import ImageError
 
 Chromaticities = tuple[tuple[float, float], ...]
-"""(x, y) of red, green, blue and white."""
+"""Chromaticities (x, y) of red, green, blue and white."""
 
 SRGB_CHROMATICITIES: Chromaticities = ((0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.3290))
 
 
 def xyz_matrix(chromaticities: Chromaticities) -> Array:
-    """(3, 3): linear RGB of a space → CIE XYZ, with Y = 1 for white (SMPTE RP 177-1993)."""
+    """The matrix (3, 3) from linear RGB of a space to CIE XYZ, with Y = 1 for white (SMPTE RP 177-1993)."""
     x, y = np.array(chromaticities).T
     directions = np.stack([x / y, np.ones(4), (1.0 - x - y) / y])
     return np.asarray(directions[:, :3] * np.linalg.solve(directions[:, :3], directions[:, 3]))
 
 
 SRGB_TO_XYZ = xyz_matrix(SRGB_CHROMATICITIES)
-"""(3, 3): linear sRGB → XYZ, as derived from its chromaticities; the standard rounds it to four digits."""
+"""The matrix (3, 3) from linear sRGB to XYZ, derived from its chromaticities; the standard rounds it to four digits."""
 D65 = SRGB_TO_XYZ.sum(axis=1)
 """XYZ of sRGB's white."""
 

@@ -184,7 +184,7 @@ def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: LocatedChart) -> Cel
 
 
 def _homography(outline: Array, corners: Array) -> Array:
-    """(3, 3) from chart coordinates, whose outline is (4, 2) in pitches, to JPEG pixels."""
+    """The homography (3, 3) from chart coordinates, whose outline is (4, 2) in pitches, to JPEG pixels."""
     rows = []
     for (x, y), (u, v) in zip(outline, corners, strict=True):
         rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y])

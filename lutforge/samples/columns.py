@@ -31,7 +31,7 @@ COLUMNS_OF = {
 """The columns of a table that one array of a SampleSet holds; the others are arrays of their own."""
 
 COLOUR_ROUNDING = 1e-6
-"""How far a colour may lie outside its range through rounding; it is set to the end of the range."""
+"""A colour may lie this far outside its range through rounding; it is set to the end of the range."""
 RAW_RANGE = (-0.05, 1.0)
 """RAW after black subtraction: noise of dark surfaces falls a little below 0 and is kept."""
 MULTIPLIER_RANGE = (1e-3, 1e3)
@@ -39,14 +39,17 @@ MULTIPLIER_RANGE = (1e-3, 1e3)
 LARGEST_MATRIX_ENTRY = 1e5
 """Entries of a matrix from XYZ to RAW are below this: LibRaw's and those of DNG files are of the order of 1 or 1e4."""
 MAX_ROWS = 50_000_000
+"""Rows of a table, at most."""
+MOST_COLUMNS = 1000
+"""Columns of a table, at most."""
 MAX_TEXT = 200
 """Characters in a cell."""
 
 
 def known_columns(path: Path, names: list[str]) -> list[str]:
     """The known columns among these. Raises SampleError on missing, doubled or too many columns."""
-    if len(names) > 1000:
-        raise SampleError(f"{path}: {len(names)} columns; a sample table has at most 1000")
+    if len(names) > MOST_COLUMNS:
+        raise SampleError(f"{path}: {len(names)} columns; a sample table has at most {MOST_COLUMNS}")
     doubled = sorted({name for name in names if name and names.count(name) > 1})
     if doubled:
         raise SampleError(f"{path}: column {doubled[0]!r} occurs twice; keep one of them")
@@ -69,7 +72,7 @@ def problem_in(
 
     shown: column and row → the text of the cell; without it messages have the number.
     """
-    cell = shown or (lambda name, row: f"{columns[name][row]:.10g}" if name in NUMBER_COLUMNS else "")
+    text_of = shown or (lambda name, row: f"{columns[name][row]:.10g}" if name in NUMBER_COLUMNS else "")
     problems: list[tuple[int, str]] = []
     for name, values in columns.items():
         if name in NUMBER_COLUMNS:
@@ -80,7 +83,7 @@ def problem_in(
             wrong = (values == "") & (name in TEXT_COLUMNS and name != "patch")
         if wrong.any():
             row = int(np.argmax(wrong))
-            problems.append((row, _cell_problem(name, cell(name, row))))
+            problems.append((row, _cell_problem(name, text_of(name, row))))
     if "wb_g" in columns:
         wb = np.stack([columns[name] for name in WB_COLUMNS], axis=1)
         with np.errstate(all="ignore"):
@@ -91,7 +94,7 @@ def problem_in(
             row = int(np.argmax(wrong))
             partly = "give all three, or leave all three empty"
             problem = partly if np.isnan(wb[row]).any() else "no camera has such multipliers"
-            cells = ",".join(cell(name, row) for name in WB_COLUMNS)
+            cells = ",".join(text_of(name, row) for name in WB_COLUMNS)
             problems.append((row, f"wb_r,wb_g,wb_b is {cells!r}; {problem}"))
     return min(problems, key=lambda problem: problem[0], default=None)
 

@@ -31,7 +31,7 @@ ADVICE_BY_REASON = {
     "outside the RAW": "the JPEG shows what the RAW does not: use the camera's own JPEG",
     "RAW and JPEG disagree": "the JPEG was edited or corrected: use the camera's own JPEG",
 }
-"""What to do about a shot without samples, by the reason for which most of it was left out."""
+"""Advice on a shot without samples, by the reason for which most of it was left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +46,10 @@ class Thumbnails:
 class ShotSamples:
     """The samples of one shot, and the numbers of its areas.
 
-    tiles, patches: how many are kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a
-    line each; file_notes: of its files, which many shots share. cells: small pictures of the shot; places: (n, 2) of
-    the samples in the upright JPEG, x and y as shares of its width and height. tile_cells: (tiles, 2) row and column of
-    each tile in the grid of cells; tiles are the last of the samples.
+    tiles, patches: how many of the samples are such. clipped, rejected: areas left out, by reason. notes: what the user
+    should know, a line each; file_notes: of its files, which many shots share. cells: small pictures of the shot;
+    places: (n, 2) of the samples in the upright JPEG, x and y as shares of its width and height. tile_cells: (tiles, 2)
+    row and column of each tile in the grid of cells; tiles are the last of the samples.
     """
 
     shot: str
@@ -66,7 +66,7 @@ class ShotSamples:
 
     @property
     def kept(self) -> int:
-        """All samples of the shot."""
+        """The number of all samples of the shot."""
         return len(self.samples)
 
     @property

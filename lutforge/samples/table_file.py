@@ -70,7 +70,7 @@ def write_columns(path: Path, columns: Columns) -> None:
 
 
 def is_table(path: str | Path) -> bool:
-    """Whether a file is a sample table: any .csv, and an .npz that holds no profile."""
+    """True for a sample table: any .csv, and an .npz that holds no profile."""
     path = Path(path)
     if path.suffix.lower() != ".npz" or not zipfile.is_zipfile(path):
         return path.suffix.lower() == ".csv"

@@ -89,10 +89,10 @@ def flatness(
 
 
 def agreement(jpeg: CellStatistics, raw: CellStatistics) -> Mask:
-    """(hc, wc): whether JPEG and RAW vary together over each cell and the eight around.
+    """Mask (hc, wc) of the cells over which, with the eight around, JPEG and RAW vary together.
 
-    Judged in the channel that varies most in the JPEG, where it varies by more than noise does (3 codes); where they do
-    not correlate by 0.3, the JPEG shows something else: corrected distortion, a retouched or printed-in mark.
+    It is judged in the channel that varies most in the JPEG, where it varies by more than noise does (3 codes). Where
+    they do not correlate by 0.3, the JPEG shows something else: corrected distortion, a retouched or printed-in mark.
     """
     codes = jpeg.mean
     linear = np.nan_to_num(raw.mean)
@@ -141,7 +141,7 @@ def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
 
 
 def _step(mean: Array) -> Array:
-    """(hc, wc): the largest difference of a cell's mean to the eight around, over the channels."""
+    """The largest difference (hc, wc) of a cell's mean to those of the eight around, over the channels."""
     high = _over_neighbours(np.maximum, mean) - mean
     low = mean - _over_neighbours(np.minimum, mean)
     return greatest(np.maximum(high, low))
@@ -165,7 +165,7 @@ PER_BIN_RELAXED = 3
 
 
 def choose_evenly(codes: Array, places: Array, level: NDArray[np.intp], roughness: Array) -> NDArray[np.intp]:
-    """Indices, ascending, of the tiles to keep: at most so many of each colour, from all parts of the picture.
+    """The indices, ascending, of the tiles to keep: at most so many of each colour, from all parts of the picture.
 
     A sky does therefore not outweigh a flower, nor the middle the corners, where a lens gives less light. codes: (n, 3)
     JPEG 0–255; places: (n, 2) in the picture, −1 … 1; level: (n,) 0 = strictly flat, higher = relaxed; roughness: (n,).
@@ -196,7 +196,7 @@ def choose_evenly(codes: Array, places: Array, level: NDArray[np.intp], roughnes
 
 
 def _ranks(order: NDArray[np.intp], keys: NDArray[np.intp]) -> NDArray[np.intp]:
-    """(n,): the rank of each tile in its group of equal keys (n,), whose tiles are one after the other in `order`."""
+    """The rank (n,) of each tile in its group of equal keys (n,), whose tiles are one after the other in `order`."""
     ranked = keys[order]
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order)) - np.searchsorted(ranked, ranked, side="left")

@@ -33,6 +33,10 @@ from lutforge.thesis.options import ThesisOptions
 
 KNOWN = "\t"
 """The setting of colours whose multipliers are known: no setting's name."""
+MOST_TURNS = 15
+"""The largest number of turns in which responses and unknown multipliers are fitted by each other."""
+SETTLED = 5e-4
+"""Multipliers are settled when they change by less than this share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,37 +66,36 @@ def fit_stages(
     setting = np.where(known, KNOWN, samples.settings)
     responses: dict[str, Response] = {}
     settled = bool(known.all())
-    most_turns = 15
 
-    for turn in range(most_turns):
+    for turn in range(MOST_TURNS):
         linear = np.zeros_like(samples.raw)
-        plain = np.zeros(len(samples), dtype=np.bool_)
+        unsaturated = np.zeros(len(samples), dtype=np.bool_)
         for name in names:
             rows = samples.style == name
-            responses[name], plain[rows] = _fit_style(samples.select(rows), multipliers[rows], name, options)
+            responses[name], unsaturated[rows] = _fit_style(samples.select(rows), multipliers[rows], name, options)
             linear[rows] = responses[name].linearize(samples.srgb[rows])
         balanced = np.where(known[:, None], samples.raw * multipliers, samples.raw)
-        neutral = _neutral(samples, responses, plain)
-        matrix, fitted = fit_matrix(linear, balanced, setting, plain=plain, neutral=neutral)
-        if settled or turn == most_turns - 1:
+        neutral = _neutral(samples, responses, unsaturated)
+        matrix, fitted = fit_matrix(linear, balanced, setting, unsaturated=unsaturated, neutral=neutral)
+        if settled or turn == MOST_TURNS - 1:
             break
 
-        before = multipliers
+        last_multipliers = multipliers
         multipliers = multipliers.copy()
         for key in np.unique(setting[~known]):
             rows = setting == key
             multipliers[rows] = fitted[str(key)] * multipliers[rows, 1:2]
-        settled = bool(np.max(np.abs(multipliers / before - 1.0)) < 5e-4)
+        settled = bool(np.max(np.abs(multipliers / last_multipliers - 1.0)) < SETTLED)
     return CameraStages(matrix, multipliers, responses)
 
 
 def fit_matrix(
-    linear: Array, raw: Array, setting: NDArray[np.str_], *, plain: Mask, neutral: Array | None = None
+    linear: Array, raw: Array, setting: NDArray[np.str_], *, unsaturated: Mask, neutral: Array | None = None
 ) -> tuple[Array, dict[str, Array]]:
     """Solve (4.5): Ts (3, 3), for multipliers with green = 1, and the multipliers (3,) of the settings not known.
 
     linear: X = f⁻¹(I) (n, 3); raw: E (n, 3); setting: (n,) white-balance name, KNOWN where E is balanced already;
-    plain: (n,) the colours that the gamut map does not change; neutral: (3,) f⁻¹ of neutral JPEG values, up to a
+    unsaturated: (n,) the colours that the gamut map does not change; neutral: (3,) f⁻¹ of neutral JPEG values, up to a
     factor, None where the curves of the channels are equal.
 
     Without any known multipliers, a factor per channel may belong to Ts or to Tw. Neutral colours decide: what the
@@ -102,8 +105,8 @@ def fit_matrix(
     names = [str(name) for name in np.unique(setting)]
     fixed = KNOWN if KNOWN in names else names[0]
     free = [name for name in names if name != fixed]
-    _check(linear, plain)
-    inverse, solved = _solve(linear, raw, setting, free, plain)
+    _check(linear, unsaturated)
+    inverse, solved = _solve(linear, raw, setting, free, unsaturated)
 
     solved[fixed] = np.ones(3)
     if fixed != KNOWN:  # R of (4.6): neutral stays neutral
@@ -119,21 +122,21 @@ def fit_matrix(
     return matrix, {name: value / value[1] for name, value in solved.items()}
 
 
-def _check(linear: Array, plain: Mask) -> None:
+def _check(linear: Array, unsaturated: Mask) -> None:
     """Raise CalibrationError where the colours are too few, or of too few hues, to determine Ts."""
-    count = int(plain.sum())
+    count = int(unsaturated.sum())
     if count < LEAST_UNSATURATED:
         raise CalibrationError(
             f"{count} unsaturated colours; the matrix needs {LEAST_UNSATURATED}: shoot a colour chart, not clipped"
         )
-    if hue_spread(linear[plain]) < LEAST_HUE_SPREAD:
+    if hue_spread(linear[unsaturated]) < LEAST_HUE_SPREAD:
         raise CalibrationError(
             "the unsaturated colours are all one hue or grey and cannot determine the matrix: shoot a colour chart"
         )
 
 
 def _solve(
-    linear: Array, raw: Array, setting: NDArray[np.str_], free: list[str], plain: Mask
+    linear: Array, raw: Array, setting: NDArray[np.str_], free: list[str], unsaturated: Mask
 ) -> tuple[Array, dict[str, Array]]:
     """Solve a channel at a time: row · X − tw_i E = E of fixed settings. Unknown: 3, and one for each free setting."""
     is_free = setting[:, None] == np.array(free, dtype=np.str_)
@@ -141,7 +144,7 @@ def _solve(
     for channel in range(3):
         design = np.hstack([linear, np.where(is_free, -raw[:, [channel]], 0.0)])
         target = np.where(is_free.any(axis=1), 0.0, raw[:, channel])
-        answer, _, rank, _ = np.linalg.lstsq(design[plain], target[plain], rcond=1e-10)
+        answer, _, rank, _ = np.linalg.lstsq(design[unsaturated], target[unsaturated], rcond=1e-10)
         if rank < design.shape[1]:
             raise CalibrationError(
                 "the unsaturated colours do not determine the matrix and the white balances: "
@@ -152,14 +155,14 @@ def _solve(
     return solution[:, :3], dict(zip(free, solution[:, 3:].T, strict=True))
 
 
-def _neutral(samples: SampleSet, responses: Mapping[str, Response], plain: Mask) -> Array:
+def _neutral(samples: SampleSet, responses: Mapping[str, Response], unsaturated: Mask) -> Array:
     """f⁻¹ of neutral JPEG values, (3,), relative to each other: the factors between the channels' curves.
 
     Bright colours decide: they determine a factor best, and curves that differ do so least near white.
     """
     products = np.zeros(3)
     for name, response in responses.items():
-        rows = plain & (samples.style == name)
+        rows = unsaturated & (samples.style == name)
         value = samples.srgb[rows].mean(axis=1, keepdims=True)
         linear = response.linearize(np.repeat(value, 3, axis=1))
         products += linear.mean(axis=1) ** 2 @ linear
@@ -172,10 +175,10 @@ def _fit_style(samples: SampleSet, multipliers: Array, name: str, options: Thesi
     try:
         response = response_of_exposures(samples, options)
         for limit in (options.beta, 0.4, 0.5):  # where those below β are of one hue, as on a small chart
-            plain = plainly_unsaturated(samples.srgb, limit)
-            if hue_spread(response.linearize(samples.srgb[plain])) >= LEAST_HUE_SPREAD:
+            unsaturated = plainly_unsaturated(samples.srgb, limit)
+            if hue_spread(response.linearize(samples.srgb[unsaturated])) >= LEAST_HUE_SPREAD:
                 break
-        return _scaled_to_raw(response, balanced[plain], samples.srgb[plain]), plain
+        return _scaled_to_raw(response, balanced[unsaturated], samples.srgb[unsaturated]), unsaturated
     except CalibrationError as error:
         raise CalibrationError(f'style "{name}": {error}') from None
 

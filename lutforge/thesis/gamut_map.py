@@ -67,7 +67,7 @@ def fit_gamut_map(
 
 
 def solve(centres: Array, values: Array, nugget: float) -> GamutMap:
-    """(4.8) for all three channels: [D − nugget I, P; Pᵀ, 0] [λ; a] = [values; 0].
+    """Solve (4.8) for all three channels: [D − nugget I, P; Pᵀ, 0] [λ; a] = [values; 0].
 
     centres, values: (n, 3); nugget: 8Nπρ. The matrix is symmetric and indefinite; LAPACK's dgesv overwrites it.
     Raises CalibrationError where the centres coincide or lie in a plane.
@@ -151,5 +151,5 @@ def _choose_nugget(source: Array, target: Array, names: NDArray[np.str_]) -> flo
             gamut_map = solve(source[train], target[train], nugget)
             score += float(np.sum(np.linalg.norm(gamut_map(source[test]) - target[test], axis=1)))
         scores.append(score)
-    good = [nugget for nugget, score in zip(NUGGETS, scores, strict=True) if score <= AS_GOOD * min(scores)]
-    return max(good)
+    as_good = [nugget for nugget, score in zip(NUGGETS, scores, strict=True) if score <= AS_GOOD * min(scores)]
+    return max(as_good)

@@ -70,6 +70,7 @@ def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: i
 
 
 def _uniform(x: Array, y: Array, options: LatticeOptions, regularization: Regularization) -> Lattice:
+    """Fit a lattice with evenly spaced nodes to samples x → y (n, 3)."""
     levels = snapped(uniform_levels(options.size), options.shaper_size)
     method = options.interpolation
     return Lattice(levels, fit_lattice(x, y, levels, regularization, method=method).value, method)

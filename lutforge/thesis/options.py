@@ -1,4 +1,4 @@
-"""How a camera is calibrated by the thesis: the numbers that it leaves open."""
+"""The options of the thesis's calibration: the numbers that it leaves open."""
 
 import math
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from lutforge.calibration.options import (
 from lutforge.errors import CalibrationError
 
 PRESET = "thesis"
-"""What the options of a profile state as their preset where the thesis's calibration made it."""
+"""The preset that the options of a profile state where the thesis's calibration made it."""
 
 
 @dataclass(frozen=True)

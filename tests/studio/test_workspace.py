@@ -18,8 +18,8 @@ from tests.studio.shots_for_the_studio import chart_samples
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from bokeh.events import SelectionGeometry, Tap
 
-from lutforge.calibration.matrix_and_response import saturation
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.colour.saturation import saturation
 from lutforge.pipeline.calibration import calibrate, calibrate_base
 from lutforge.pipeline.evaluation import predict
 from lutforge.studio.opening import Folders

@@ -24,7 +24,7 @@ def test_matrix_and_multipliers_are_the_cameras(known: tuple[str, ...]) -> None:
     is_known = np.isin(SAMPLES.white_balance, known)
     raw = np.where(is_known[:, None], SAMPLES.raw * SAMPLES.wb, SAMPLES.raw)
     setting = np.where(is_known, KNOWN, SAMPLES.white_balance)
-    matrix, multipliers = fit_matrix(LINEAR, raw, setting, plain=PLAIN)
+    matrix, multipliers = fit_matrix(LINEAR, raw, setting, unsaturated=PLAIN)
     assert np.linalg.norm(matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
     for name in np.unique(SAMPLES.white_balance[~is_known]):
         np.testing.assert_allclose(multipliers[name], CAMERA.multipliers(name), rtol=0.005)
@@ -36,6 +36,6 @@ def test_colours_near_white_are_what_turns_the_plain_fit() -> None:
     every = saturation(SAMPLES.srgb) < BETA
     error = {}
     for name, plain in (("β", every), ("not near white", PLAIN)):
-        matrix, _ = fit_matrix(LINEAR, BALANCED, ALL_KNOWN, plain=plain)
+        matrix, _ = fit_matrix(LINEAR, BALANCED, ALL_KNOWN, unsaturated=plain)
         error[name] = np.linalg.norm(matrix - CAMERA.matrix) / np.linalg.norm(CAMERA.matrix)
     assert error["not near white"] < 0.005 < 0.02 < error["β"]
