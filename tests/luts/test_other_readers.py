@@ -23,7 +23,7 @@ from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.lut_programs import PROGRAMS as LUT_PROGRAMS
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.reading import file_processor
+from lutforge.luts.reading import trusted_processor
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.pipeline.baking import bake
@@ -59,7 +59,7 @@ def test_two_readers_agree(tmp_path: Path, name: str, highest: float, method: In
     path = tmp_path / name
     bake(look, path, size=17, interpolation=method, highest=highest)
     x = np.random.default_rng(0).random((2000, 3)) * highest
-    first = evaluate(file_processor(path, method), x)
+    first = evaluate(trusted_processor(path, method), x)
     # float32 in one of them; OpenColorIO lays a spline through the knots of a .csp.
     np.testing.assert_allclose(second_reading(path, x, method), first, atol=1e-5 if highest == 1 else 5e-4)
 
