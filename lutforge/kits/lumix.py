@@ -13,9 +13,9 @@ from lutforge.kits.kit import Kit, KitFiles, Look, setting_of
 from lutforge.kits.luts import baked, described
 from lutforge.kits.measure import colours_of
 from lutforge.luts.input_and_output import ENCODED, InputAndOutput, input_and_output_of
+from lutforge.luts.lut_metadata import LutMetadata
 from lutforge.luts.reading import read_lut
 from lutforge.luts.verification import FileError, compare
-from lutforge.luts.writers.photo_style import PHOTO_STYLE
 from lutforge.model.camera_profile import CameraProfile, match
 from lutforge.model.transform import Transform
 
@@ -70,7 +70,7 @@ def lumix_kit(camera: CameraProfile | None = None, base: str = "") -> Kit:
             path = folder / f"{name}{suffix}"
             lut = described(look, baked(model, path, size), stated)
             if base in PHOTO_STYLES:
-                lut = replace(lut, metadata={PHOTO_STYLE: PHOTO_STYLES[base]})
+                lut = replace(lut, metadata=LutMetadata(photo_style=PHOTO_STYLES[base]))
             lut.write(path)
             errors[path.name] = error_of(path, x, model)
         if camera is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -59,22 +59,15 @@ class LutReport:
     readers: dict[str, str]
 
 
-def _is_half(lut: Lut) -> bool:
-    """True of a .spi1d or .spi3d whose other file is in the same folder."""
-    return "pair" in lut.metadata
-
-
 def check_lut(path: str | Path) -> LutReport:
     """Read any LUT file and say what is in it. Raises LutError, one line, where it cannot be read."""
     path = Path(path)
     lut = read_lut(path)
     half = other_half(path)
-    if half is not None:
-        lut = replace(lut, metadata={**lut.metadata, "pair": half.name})
     cube = lut.cube
     domain = _domain(lut)
     dialect = ""
-    if lut.metadata.get("format") in TEXTS:
+    if lut.metadata.format in TEXTS:
         dialect = "1D" if cube is None else "3D" if lut.shaper is None else "1D shaper + 3D"
 
     # The outputs of the last table after all operations that follow it; of black and white where there is no table.
@@ -90,7 +83,8 @@ def check_lut(path: str | Path) -> LutReport:
 
     readers = {"OpenColorIO, Nuke": "cannot read it"}
     if is_read_by_ocio(path, lut):
-        readers["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
+        warnings = "; ".join(lut.metadata.warnings)
+        readers["OpenColorIO, Nuke"] = f"reads it; it warns: {warnings}" if warnings else "reads it"
     if half is not None:
         order = " and then ".join(path.with_suffix(end).name for end in SPI_PAIR)
         readers = {"one half of a pair": f"{order} are the LUT, the shaper and its cube, in an OpenColorIO config"}
@@ -101,7 +95,7 @@ def check_lut(path: str | Path) -> LutReport:
 
     black, white = (colour_of(colour) for colour in lut(np.array(domain)))
     clipped = None if beyond else float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1)))
-    problems = tuple(_problems(lut, domain, falling, outputs, clipped, states))
+    problems = tuple(_problems(lut, domain, falling, outputs, clipped, states, half is not None))
     lowest, highest = float(outputs.min()), float(outputs.max())
     return LutReport(path, lut, dialect, domain, lowest, highest, clipped, falling, black, white, problems, readers)
 
@@ -119,7 +113,7 @@ def report_lines(report: LutReport) -> list[str]:
     """The report as lines of text."""
     lut = report.lut
     dialect = f", {report.dialect}" if report.dialect else ""
-    lines = [f"{report.path}: {lut.metadata.get('format', 'LUT')}{dialect}"]
+    lines = [f"{report.path}: {lut.metadata.format or 'LUT'}{dialect}"]
     if lut.title:
         lines.append(f"  title     {one_line(lut.title, 160)}")
     lines += [f"  comment   {one_line(text, 160)}" for text in lut.comments[:8] if text.strip()]
@@ -153,9 +147,13 @@ def _problems(
     outputs: Array,
     clipped: float | None,
     states: InputAndOutput | None,
+    is_half: bool,
 ) -> list[str]:
-    """What is wrong with a LUT. falling, outputs, clipped: as `check_lut` has them; states: by its comments."""
-    problems = [lut.metadata["problems"]] if "problems" in lut.metadata else []
+    """What is wrong with a LUT. falling, outputs, clipped: as in `check_lut`; states: by its comments.
+
+    is_half: it is a .spi1d or .spi3d whose other file is in the same folder.
+    """
+    problems = ["; ".join(lut.metadata.problems)] if lut.metadata.problems else []
     for number, op in enumerate(lut.ops, 1):
         if isinstance(op, Curve):
             name = "curve" if len(lut.ops) == 1 else f"curve (operation {number})"
@@ -176,7 +174,7 @@ def _problems(
         takes_raw = states is not None and states.takes_raw  # equal numbers of RAW before white balance are no grey
         mean = grey.mean(axis=1)
         falls = np.min(np.diff(mean)) < -ALARMING_FALL / 256 or np.max(np.maximum.accumulate(mean) - mean) > 1 / 255
-        if falls and not takes_raw and not _is_half(lut):
+        if falls and not takes_raw and not is_half:
             problems.append("grey becomes darker somewhere where the input becomes lighter")
 
         # In cameras a few channels fall: where strong colours are mapped into the gamut.
@@ -194,8 +192,8 @@ def _problems(
             pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
             problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
 
-    problems += _problems_of_range(domain, outputs, clipped, states, lut.metadata.get("format") in FLOAT_FORMATS)
-    if lut.metadata.get("bits") == "8":
+    problems += _problems_of_range(domain, outputs, clipped, states, lut.metadata.format in FLOAT_FORMATS)
+    if lut.metadata.bits == 8:
         problems.append("8 bits per channel: gradients will show bands; 16 are usual")
     return problems
 

@@ -19,6 +19,7 @@ from lutforge.child_processes import OverrunError, P, R, guarded
 from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.formats import FORMATS
+from lutforge.luts.lut_metadata import LutMetadata
 from lutforge.luts.ocio_transforms import OCIO_ERRORS
 from lutforge.luts.ops import Matrix
 from lutforge.luts.ops_from_ocio import ops_of
@@ -54,8 +55,8 @@ def read_lut(path: str | Path) -> Lut:
         if reader is not None:
             with _path_to_read(path) as (path_to_read, problems):
                 lut = reader(path_to_read)
-            metadata = {"format": path.suffix.lower(), **lut.metadata}
-            return replace(lut, metadata={**metadata, **({"problems": "; ".join(problems)} if problems else {})})
+            file_format = lut.metadata.format or path.suffix.lower()
+            return replace(lut, metadata=replace(lut.metadata, format=file_format, problems=problems))
         if path.suffix.lower() == ".dcp":
             raise LutError(f"{path}: a camera profile, which is no LUT; `lutforge check` shows which programs read it")
         ocio_suffixes = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
@@ -72,7 +73,7 @@ def has_own_reader(path: Path) -> bool:
 
 def is_read_by_ocio(path: Path, lut: Lut) -> bool:
     """True where OpenColorIO reads the file, from which `lut` was read, as it is."""
-    return not has_own_reader(path) and "problems" not in lut.metadata
+    return not has_own_reader(path) and not lut.metadata.problems
 
 
 def trusted_processor(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.CPUProcessor:
@@ -122,17 +123,14 @@ def _lut_by_ocio(path: Path) -> Lut:
     with reading(path, "a LUT", LutError):
         ops = ops_of(group)
 
-    metadata = {"format": path.suffix.lower()}
-    if problems:
-        metadata["problems"] = "; ".join(problems)
-    if warnings:
-        metadata["warnings"] = "; ".join(one_line(text, 160) for text in warnings[:2])
-    bits = _integer_bits(group)
-    if bits is not None:
-        metadata["bits"] = str(bits)
     title, comments, keywords = _heading(path, group)
-    if keywords:
-        metadata["keywords"] = " ".join(keywords)
+    metadata = LutMetadata(
+        format=path.suffix.lower(),
+        bits=_integer_bits(group),
+        keywords=keywords,
+        problems=problems,
+        warnings=tuple(one_line(text, 160) for text in warnings[:2]),
+    )
     return Lut(ops or (Matrix(np.eye(3)),), title, comments, metadata)
 
 
@@ -195,7 +193,7 @@ def _path_to_read(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
             raise LutError(str(error).replace(str(path_to_read), str(path))) from error
 
 
-def _heading(path: Path, group: OCIO.GroupTransform) -> tuple[str, tuple[str, ...], list[str]]:
+def _heading(path: Path, group: OCIO.GroupTransform) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
     """Title, comments and the first words of lines, before the numbers of a file."""
     with path.open("rb") as file:
         lines = [line.strip() for line in decoded(file.read(1 << 14))[0].splitlines()]
@@ -203,13 +201,13 @@ def _heading(path: Path, group: OCIO.GroupTransform) -> tuple[str, tuple[str, ..
     return _heading_of_xml(group.getFormatMetadata()) if is_xml else _heading_of_text(lines)
 
 
-def _heading_of_xml(metadata: OCIO.FormatMetadata) -> tuple[str, tuple[str, ...], list[str]]:
+def _heading_of_xml(metadata: OCIO.FormatMetadata) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
     """Title and descriptions of a process list, which has no keywords."""
     descriptions = [child for child in metadata.getChildElements() if child.getElementName() == "Description"]
-    return metadata.getName()[:200], tuple(child.getElementValue()[:200] for child in descriptions), []
+    return metadata.getName()[:200], tuple(child.getElementValue()[:200] for child in descriptions), ()
 
 
-def _heading_of_text(lines: list[str]) -> tuple[str, tuple[str, ...], list[str]]:
+def _heading_of_text(lines: list[str]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
     """Title, comments and keywords of the lines before a table, each without white space around it."""
     title = ""
     comments: list[str] = []
@@ -226,7 +224,7 @@ def _heading_of_text(lines: list[str]) -> tuple[str, tuple[str, ...], list[str]]
         elif first and not _is_number(first):
             title = " ".join(rest).strip().strip('"')[:200] if first == "TITLE" else title
             keywords.append(first[:40])
-    return title, tuple(comments[:64]), keywords[:64]
+    return title, tuple(comments[:64]), tuple(keywords[:64])
 
 
 def _is_number(word: str) -> bool:

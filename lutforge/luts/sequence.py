@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts import formats
 from lutforge.luts.forms import Form
+from lutforge.luts.lut_metadata import LutMetadata
 from lutforge.luts.ocio_transforms import OCIO_ERRORS, group_of, of_codes
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.model.lattice import grid, uniform_levels
@@ -24,14 +24,14 @@ from lutforge.model.lattice import grid, uniform_levels
 class Lut:
     """Operations in the order in which they are applied, and the title and comments of their file.
 
-    title, comments: for people; formats keep what they can of them. metadata: of a file that was read: the name of its
-    "format", and what its reader adds, such as the "bits" of its integers. Raises LutError where there is no operation.
+    title, comments: for people; formats keep what they can of them. metadata: what is known of the file that it was
+    read from, and what a writer is to state. Raises LutError where there is no operation.
     """
 
     ops: tuple[Op, ...]
     title: str = ""
     comments: tuple[str, ...] = ()
-    metadata: Mapping[str, str] = field(default_factory=dict)
+    metadata: LutMetadata = field(default_factory=LutMetadata)
 
     def __post_init__(self) -> None:
         if not self.ops:

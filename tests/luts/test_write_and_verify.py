@@ -72,7 +72,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(read(x), lut(x), atol=1e-5 if bits == 16 else 0.5 / 4095 + 1e-9)
     if name in ("a.cube", "a.png", "a.tif"):
         assert read.title == "t"
-    assert bits == 16 or read.metadata["bits"] == "12"
+    assert bits == 16 or read.metadata.bits == 12
 
 
 @pytest.mark.parametrize("name", ["a.cube", "a.csp", "a.spi1d", "a.3dl", "a.png"])

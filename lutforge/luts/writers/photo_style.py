@@ -7,14 +7,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lutforge.luts.sequence import Lut  # which is written by these functions
 
-PHOTO_STYLE = "photo style"
-"""The key, in a LUT's metadata, of the picture style that the LUT is made for, such as "STD"."""
-
 
 def photo_style(lut: Lut) -> list[str]:
     """The line that names a LUT's picture style, where it has one.
 
     It has no blank after "#", and is the second line of a file; without it bodies apply the LUT to V-Log.
     """
-    style = lut.metadata.get(PHOTO_STYLE)
+    style = lut.metadata.photo_style
     return [] if style is None else [f"#LUMIXPHOTOSTYLE {style}"]

@@ -23,9 +23,6 @@ from lutforge.luts.writers.text import write_text
 if TYPE_CHECKING:
     from lutforge.luts.sequence import Lut  # which is written by these functions
 
-CLF_NAMESPACE = "CLF namespace"
-"""The key of a LUT's metadata that names the namespace of a .clf; without it that of SMPTE ST 2136-1 is written."""
-
 AMPAS_CLF_3 = "urn:AMPAS:CLF:v3.0"
 """The namespace of version 3.0 of the Academy's specification (S-2014-006), which more readers take than SMPTE's."""
 
@@ -55,9 +52,9 @@ def clf_text(lut: Lut, suffix: str = ".clf") -> str:
         text = str(group.write(PROCESS_LISTS[suffix], OCIO.Config.CreateRaw()))
     except OCIO.Exception as error:
         raise LutError(f"LUT: OpenColorIO cannot write it as {suffix}: {error}") from error
-    if suffix != ".clf" or CLF_NAMESPACE not in lut.metadata:
+    if suffix != ".clf" or lut.metadata.clf_namespace is None:
         return text
-    head = f'compCLFversion="3.0" xmlns="{lut.metadata[CLF_NAMESPACE]}"'
+    head = f'compCLFversion="3.0" xmlns="{lut.metadata.clf_namespace}"'
     return re.sub(r'compCLFversion="[^"]*" xmlns="[^"]*"', head, text, count=1)
 
 
