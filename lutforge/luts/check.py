@@ -89,7 +89,7 @@ def check_lut(path: str | Path) -> LutReport:
         order = " and then ".join(path.with_suffix(end).name for end in SPI_PAIR)
         readers = {"one half of a pair": f"{order} are the LUT, the shaper and its cube, in an OpenColorIO config"}
         readers["OpenColorIO, Nuke"] = "reads it"
-    readers |= readers_of(lut, dialect, domain)
+    readers |= readers_of(lut, domain)
     if states is not None and states.takes_raw:
         readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
 
