@@ -201,15 +201,15 @@ def _assembled(
 ) -> OCIO.Config:
     """The whole config, validated. errors: lines on the errors of a rendering's LUTs, by its stem."""
     config = spaces.base_config(minor)
-    groups: dict[object, str] = {}
+    groups = spaces.EqualityGroups()
     for camera in cameras:
         spaces.add_raw(config, camera, groups)
     for rendering in parts:
         spaces.add_jpegs(config, rendering, groups, errors.get(rendering.stem, ()))
-    looks = UniqueNames(() if base is None else base.config.getLookNames())
+    unique_look_name = UniqueNames(() if base is None else base.config.getLookNames())
     for camera in cameras:
-        spaces.add_looks(config, camera, [part for part in parts if part.camera is camera], looks)
-    views = spaces.add_views(config, parts, UniqueNames(base.views if base is not None else ()))
+        spaces.add_looks(config, camera, [part for part in parts if part.camera is camera], unique_look_name)
+    views = spaces.add_views(config, parts, UniqueNames(() if base is None else base.views))
     spaces.arrange_views(config, [view.name for view in views])
     spaces.add_file_rules(config, [name for camera in cameras for name in camera.spaces()])
     if base is not None:
