@@ -62,9 +62,9 @@ class RawLevel:
         x, y = self.pixel_size * np.array(self.pixels.shape[1::-1]) / 2
         return Distortion(float(x), float(y), math.hypot(x, y))
 
-    def straightened(self, place: Registration, jpeg: "ReducedJpeg") -> tuple["RawLevel", Registration]:
-        """The copy with the distortion of a place removed, and where the JPEG lies on that."""
-        pixels, local = place.straightened(self.pixels, self.pixel_size, jpeg.weight.shape)
+    def straightened(self, registration: Registration, jpeg: "ReducedJpeg") -> tuple["RawLevel", Registration]:
+        """The copy with the distortion of a registration removed, and the registration of the JPEG on that."""
+        pixels, local = registration.straightened(self.pixels, self.pixel_size, jpeg.weight.shape)
         return RawLevel(pixels, self.gains, self.pixel_size), local
 
 
@@ -146,17 +146,17 @@ def _inside_bars(brightest: Single) -> Single:
 
 
 def cells_of_jpeg(
-    place: Registration, shape: tuple[int, int], raw: tuple[int, ...], pixel_size: float
+    registration: Registration, shape: tuple[int, int], raw: tuple[int, ...], pixel_size: float
 ) -> tuple[tuple[Array, Array], Single]:
     """The borders of a JPEG's rows (h + 1,) and columns (w + 1,) in RAW pixels, and which pixels RAW covers, 0 or 1."""
-    borders = place.borders(shape, 1, pixel_size)
+    borders = registration.borders(shape, 1, pixel_size)
     covers = [(edges[:-1] >= 0) & (edges[1:] <= size) for edges, size in zip(borders, raw[:2], strict=True)]
     return borders, np.outer(*covers).astype(np.float32)
 
 
 def on_jpeg_pixels(
-    plane: Single, pixel_size: float, place: Registration, shape: tuple[int, int]
+    plane: Single, pixel_size: float, registration: Registration, shape: tuple[int, int]
 ) -> tuple[Single, Single]:
     """RAW values averaged over each JPEG pixel (h, w), and whether RAW covers it, 0 or 1."""
-    borders, covers = cells_of_jpeg(place, shape, plane.shape, pixel_size)
+    borders, covers = cells_of_jpeg(registration, shape, plane.shape, pixel_size)
     return cell_means(plane, *borders), covers
