@@ -13,7 +13,7 @@ from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, write_dcp
-from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, write_icc
+from lutforge.kits.icc import NODES, Variant, fit_icc_profile, write_icc
 from lutforge.kits.kit import look_of, setting_of
 from lutforge.kits.measure import error_of_profile
 from lutforge.luts.bake import bake_steps, bake_to, bake_within
@@ -134,7 +134,8 @@ def _bake_camera_profile(camera: CameraProfile, request: TransformRequest, path:
         write_dcp(fit_dng_profile(look), path)
         summary = f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}"
     else:
-        write_icc(fit_icc_profile(look, VARIANTS[colours]), path)
+        variant = Variant.COLOURS if colours else Variant.JPEG
+        write_icc(fit_icc_profile(look, variant), path)
         summary = f"ICC profile, {NODES}³ nodes, to Lab"
     return BakedFile(path, summary, error_of_profile(path, look, colours))
 

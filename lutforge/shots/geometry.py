@@ -5,7 +5,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from lutforge.arrays import Array, Pixels, Single
+from lutforge.arrays import Array, Single
 from lutforge.compiled import compiled
 
 
@@ -103,7 +103,7 @@ class Registration:
         changes = [(self.moved(step).on_raw(places) - on_raw) / step.sum() for step in np.diag(steps)]
         return np.asarray(inverse @ np.stack(changes, axis=-1))
 
-    def straightened(self, pixels: Pixels, pixel_size: float, shape: tuple[int, ...]) -> tuple[Pixels, "Registration"]:
+    def straightened(self, pixels: Single, pixel_size: float, shape: tuple[int, ...]) -> tuple[Single, "Registration"]:
         """RAW (h, w, 3) in the frame of its JPEG of this shape, 0 where it has none, and the place on that."""
         lens = self.distortion
         if lens is None or not any((lens.k1, lens.k2, lens.red, lens.blue)):
@@ -126,7 +126,7 @@ class Placement:
 
 
 @compiled()
-def _straighten(pixels: Pixels, start: Array, powers: Array, larger: Array, straight: Single) -> None:
+def _straighten(pixels: Single, start: Array, powers: Array, larger: Array, straight: Single) -> None:
     """Fill a picture (H, W, 3), whose corner is at start[:2] from the centre start[2:], from pixels (h, w, 3)."""
     height, width = pixels.shape[:2]
     for i in range(straight.shape[0]):

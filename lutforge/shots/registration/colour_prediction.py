@@ -9,7 +9,7 @@ quadratic of them to predict its luma.
 
 import numpy as np
 
-from lutforge.arrays import Array, Index, Pixels, Single
+from lutforge.arrays import Array, Index, Single
 from lutforge.compiled import compiled
 from lutforge.shots.geometry import Registration
 from lutforge.shots.registration.reduced_copies import RawLevel, ReducedJpeg, cells_of_jpeg
@@ -78,7 +78,7 @@ def quadratic_terms(channels: Array) -> Array:
     return np.concatenate([ones, channels, channels * channels, channels * others], axis=1)
 
 
-def quadratic(raw: Pixels, gains: Single, weights: Single) -> Single:
+def quadratic(raw: Single, gains: Single, weights: Single) -> Single:
     """A quadratic (h, w) of the roots of RAW (h, w, 3) times gains (3,), with weights (10,) of `quadratic_terms`."""
     values = np.empty(raw.shape[:2], np.float32)
     _quadratic(np.ascontiguousarray(raw), np.tile(gains, raw.shape[1]), weights, values)
@@ -86,7 +86,7 @@ def quadratic(raw: Pixels, gains: Single, weights: Single) -> Single:
 
 
 @compiled(fastmath={"contract"})
-def _quadratic(raw: Pixels, gains: Single, weights: Single, values: Single) -> None:
+def _quadratic(raw: Single, gains: Single, weights: Single, values: Single) -> None:
     """Fill values (h, w). gains: (3 w,) of the values of a row."""
     start, in_r, in_g, in_b, rr, gg, bb, rg, gb, br = weights
     roots = np.empty(len(gains), np.float32)
@@ -100,7 +100,7 @@ def _quadratic(raw: Pixels, gains: Single, weights: Single, values: Single) -> N
 
 
 @compiled()
-def _means_of_roots(raw: Pixels, gains: Single, rows: Array, columns: Array, cells: Index, means: Array) -> None:
+def _means_of_roots(raw: Single, gains: Single, rows: Array, columns: Array, cells: Index, means: Array) -> None:
     """Add to means (n, 3) of the roots of RAW times gains over some cells, row by row, of a grid with these borders."""
     width = len(columns) - 1
     for index in range(len(cells)):

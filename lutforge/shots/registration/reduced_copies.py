@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lutforge.arrays import Array, Codes, Pixels, Single
+from lutforge.arrays import Array, Codes, Single
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots.cells import greatest
@@ -28,7 +28,7 @@ UNCLIPPED = (4, 252)
 class RawLevel:
     """RAW of one size: linear pixels (h, w, 3), a side in full-resolution pixels, and gains (3,) to a grey world."""
 
-    pixels: Pixels
+    pixels: Single
     gains: Single
     pixel_size: float
     _coarser: dict[int, "RawLevel"] = field(default_factory=dict)
