@@ -288,7 +288,7 @@ def dcp_lines(path: str | Path) -> list[str]:
 
 
 def _tags(path: Path) -> dict[int, Array]:
-    """The numbers of each tag in a file's first directory, of text its bytes. Raises LutError."""
+    """The numbers of each tag in a file's first directory; text is given as its bytes. Raises LutError."""
     require_file(path, "a camera profile", LutError, 64 << 20)
     data = path.read_bytes()
     order = byte_order(data)

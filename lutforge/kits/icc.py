@@ -50,7 +50,7 @@ class Variant(Enum):
 
 
 _LAB_ZERO = np.array([0.0, 128.0, 128.0])
-"""What is added to L*, a* and b* before they are encoded."""
+"""The offsets that are added to L*, a* and b* before they are encoded."""
 _LAB_CODES = np.array([652.8, 256.0, 256.0])
 """16-bit codes per unit of L*, a* and b*."""
 _ROOTS = np.linspace(0.0, 1.0, CURVE_ENTRIES) ** (1 / GAMMA)

@@ -89,7 +89,7 @@ def _write_after_style(camera: CameraProfile, base: str, look: Look, folder: Pat
 
 
 def _steps(look: Look, name: str, base: str, of_camera: str) -> list[str]:
-    """What the user does with the files of a look. of_camera: the camera of the memory card, in words, or ""."""
+    """The steps of the user with the files of a look. of_camera: " of the CAMERA" of the memory card, or ""."""
     return [
         f"Copy {name}.vlt or, for bodies that read it, {name}.cube to the memory card{of_camera}: {look.title}, from "
         f"{base}.",

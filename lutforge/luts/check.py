@@ -91,7 +91,7 @@ def check_lut(path: str | Path) -> LutReport:
 
 @dataclass(frozen=True, eq=False)
 class _Findings:
-    """What is found in a LUT file, from which problems and readers follow.
+    """The findings in a LUT file, from which its problems and readers follow.
 
     domain, falling: as in `LutReport`; outputs: (…, 3), of the last table; stated: the input and output that its
     comments state, or None; other_half: the other file of a pair of .spi1d and .spi3d, or None.
@@ -212,7 +212,7 @@ def _entries(curve: Curve) -> Array:
 
 
 def _problems(findings: _Findings) -> Iterator[str]:
-    """What is wrong with a LUT, in words."""
+    """The problems of a LUT, in words."""
     metadata = findings.lut.metadata
     if metadata.problems:
         yield "; ".join(metadata.problems)
@@ -226,7 +226,7 @@ def _problems(findings: _Findings) -> Iterator[str]:
 
 
 def _problems_of_curves(lut: Lut) -> Iterator[str]:
-    """Where the curves of a LUT fall or are constant."""
+    """Curves that fall or are constant."""
     for number, op in enumerate(lut.ops, 1):
         if not isinstance(op, Curve):
             continue

@@ -1,18 +1,18 @@
-"""What is known of a LUT's file besides operations, title and comments: from its reader, or for its writer."""
+"""The metadata of a LUT besides its title and comments: what its reader found, and what its writer states."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class LutMetadata:
-    """What a reader found in a file, and what a writer is to state in one; all of it empty of a LUT in memory.
+    """What the reader of a file found in it, and what the writer of a file states; a new LUT has neither.
 
-    Of a file that was read. format: its suffix, or the name of the layout of a picture, such as "Hald image"; bits: of
-    the integers in it, None for floats; keywords: the first words of the lines before its numbers; problems: those that
-    other programs have with the file; warnings: OpenColorIO's.
+    The first five fields are of a file that was read. format: its suffix, or the name of a picture's layout, such as
+    "Hald image"; bits: of its integers, None for floats; keywords: the first words of the lines before its numbers;
+    problems: those that other programs have with the file; warnings: OpenColorIO's.
 
-    For a file that is written. photo_style: the picture style of a Lumix body after which the body applies the LUT,
-    such as "STD"; clf_namespace: that of a .clf, where it is not SMPTE ST 2136-1's.
+    The others are for a file that is written. photo_style: the picture style of a Lumix body after which the body
+    applies the LUT, such as "STD"; clf_namespace: that of a .clf, where it is not SMPTE ST 2136-1's.
     """
 
     format: str = ""

@@ -1,4 +1,4 @@
-"""The programs that read LUT files, and what each of them takes."""
+"""The programs that read LUT files, and their verdicts on the kinds of files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ REFUSES = "refuses it"
 LEAVES = "leaves the picture as it is, without a word"
 NOT_KNOWN = "is not known to read it"
 GARBAGE = "reads it without a word and renders wrong colours"
-"""What a program does with a file: the last of these five ways is the worst."""
+"""The verdicts of programs on a file; the last of these five is the worst."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Program:
     line, for programs that have one. develops: it develops RAW files itself, and applies a LUT to developed colours,
     never to camera RAW.
 
-    title: its name for people, empty for OpenColorIO and programs that read files through it. does: its verdict by kind
+    title: its name for people, "" for OpenColorIO and programs that read files through it. does: its verdict by kind
     of file; otherwise: its verdict on every other kind; tried: the version that these were measured with, empty where
     they come from its makers and users.
     """

@@ -36,7 +36,7 @@ class OpSequence:
             raise LutError("LUT: it has no operation")
 
     def __call__(self, x: ArrayLike) -> Array:
-        """What a reader of the file computes, in float64: (…, 3) → (…, 3).
+        """Evaluate as a reader of the file does, in float64: (…, 3) → (…, 3).
 
         Raises ImageError on another shape, and on integers.
         """
@@ -83,7 +83,7 @@ class OpSequence:
 
     @property
     def interpolation(self) -> Interpolation:
-        """How the first cube is interpolated."""
+        """The interpolation of the first cube; tetrahedral where there is none."""
         return "tetrahedral" if self.cube is None else self.cube.interpolation
 
     def processor(self, codes: bool = False) -> OCIO.CPUProcessor:

@@ -1,4 +1,4 @@
-"""What programs other than OpenColorIO do with a LUT file, looked up in the table of programs."""
+"""The verdicts of programs other than OpenColorIO on a LUT file, looked up in the table of programs."""
 
 from lutforge.luts import picture
 from lutforge.luts.lut_kind import LutKind
@@ -36,7 +36,7 @@ def kind_of(lut: Lut, domain: tuple[Colour, Colour]) -> LutKind:
 
 
 def readers_of(lut: Lut, domain: tuple[Colour, Colour]) -> dict[str, str]:
-    """What programs other than OpenColorIO do with a file, by program. domain: as in `kind_of`."""
+    """The verdicts of programs other than OpenColorIO on a file, by program. domain: as in `kind_of`."""
     suffix = lut.metadata.format
     if suffix == ".vlt":
         cameras = {"Panasonic Lumix and VariCam cameras": "read it from their card"}

@@ -1,4 +1,4 @@
-"""The error of a LUT file against the transform that was baked: the file is read back and evaluated as by its reader.
+"""The error of a LUT file against the transform that was baked: the file is read back and evaluated as its reader does.
 
 OpenColorIO reads the file, or LutForge's reader where it does not know the format, with the interpolation of the target
 program. The points of the comparison are fixed, and denser where the LUT bends.
@@ -84,7 +84,7 @@ def verify(
 def sample_points(lut: Lut) -> Array:
     """Points (n, 3) of a LUT's domain, denser where it bends.
 
-    Of a LUT that begins with a matrix which mixes channels, as one of a scene-linear space does, also points beyond it.
+    A LUT of scene-linear inputs begins with a matrix that mixes channels, and gets points beyond the domain, too.
     """
     count = 32768
     first = lut.ops[0]

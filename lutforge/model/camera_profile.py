@@ -67,7 +67,7 @@ class CameraProfile(ProfileData):
         return selector
 
     def notes_on(self, selector: Selector) -> list[str]:
-        """What is to be known of a setting: that the camera sets it anew for each shot, or that it comes on top."""
+        """Notes on a setting that the camera sets anew for each shot, or that comes on top of another white balance."""
         known = self.white_balances.get(str(selector.white_balance))
         if isinstance(self.provenance, Pictures) and isinstance(selector.white_balance, Multipliers):
             return [
@@ -221,7 +221,7 @@ def load_profile(path: str | Path) -> CameraProfile:
         The profile.
 
     Raises:
-        ProfileError: it is none, in one line.
+        ProfileError: the file is no profile; the message is one line.
     """
     return CameraProfile(**vars(read_profile(path_of(path, "a profile"))))
 
@@ -329,7 +329,7 @@ def raw_to_balanced(
     ev: float = 0.0,
     transfer: RawTransfer | None = None,
 ) -> tuple[Stage, ...]:
-    """The stages from one camera's RAW under `source` to white-balanced RAW of `target`, for any style of both.
+    """The stages from one camera's RAW under `source` to white-balanced RAW of `target`; styles do not count.
 
     Arguments and errors are those of `match`.
     """

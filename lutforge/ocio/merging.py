@@ -32,7 +32,7 @@ MOST_UNPACKED = 2 << 30
 
 @dataclass(frozen=True, eq=False)
 class BaseConfig:
-    """A config that cameras are added to. label: the user's name for it; folder: of its files, none if built in."""
+    """A config that cameras are added to. label: the user's name for it; folder: of its files, None if built in."""
 
     config: OCIO.Config
     label: str

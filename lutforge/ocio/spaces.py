@@ -360,7 +360,7 @@ def _looks_of_styles(camera: Camera, renderings: Sequence[Rendering]) -> Iterato
 
 
 def _looks_of_raw_balances(camera: Camera) -> Iterator[OCIO.Look]:
-    """Looks of RAW from one white balance to another: exact for any linear values, as of a rendered scene.
+    """Looks of RAW from one white balance to another: exact for any linear values, such as a rendered scene's.
 
     They are common to all styles.
     """

@@ -1,4 +1,4 @@
-"""Statistics of RAW and JPEG over the cells of one grid: each pixel counts by as much of it as a cell covers."""
+"""Statistics of RAW and JPEG over the cells of one grid: each pixel counts by the share of it that a cell covers."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -21,8 +21,8 @@ Where no more pixels are clipped than lie beyond it, 0.8 %, the mean changes by 
 class CellStatistics:
     """Statistics over the cells of a grid on a picture, each (H, W, 3) float64; NaN where the picture has no pixels.
 
-    Each pixel weighs by as much of it as the cell covers, exactly. minimum and maximum are over every pixel that the
-    cell touches, but no further from the mean than NOISE_REACH standard deviations.
+    The weight of a pixel is exactly the share of it that the cell covers. minimum and maximum are over every pixel that
+    the cell touches, but no further from the mean than NOISE_REACH standard deviations.
     """
 
     mean: Array

@@ -63,7 +63,7 @@ class Shot:
 
     @property
     def lens_note(self) -> str:
-        """What the camera corrected of the lens in its JPEG, in words for a user; "" where nothing."""
+        """The lens corrections of the camera in its JPEG, in words for a user; "" where there are none."""
         lens = self.placement.registration.distortion
         if lens is None:
             return ""
@@ -233,7 +233,10 @@ def _registered(raw: RawImage, source: str, expected: Placement | None) -> _Regi
 def _in_any_orientation(
     raw: RawImage, jpeg: Codes, expected: Placement | None = None
 ) -> tuple[Codes, Registration, bool]:
-    """Register a picture that may be turned or mirrored; return it as the sensor lies, its place, if mirrored."""
+    """Register a picture that may be turned or mirrored.
+
+    Returned are the picture as the sensor lies, its registration, and True where it was mirrored.
+    """
     # Previews lie like the sensor or upright; a JPEG file may have been turned by any program. A camera that mirrors
     # its pictures, for those who photograph themselves, leaves the RAW as it is.
     turns = tuple(dict.fromkeys((0, QUARTER_TURNS[inverse(raw.orientation)], 1, 2, 3)))

@@ -132,7 +132,7 @@ class Scene:
         self.gloss[mask] += shine[mask].astype(np.float32)
 
     def vignetted(self, amount: float = 0.12) -> "Scene":
-        """It, with the vignetting of the lens toward the corners."""
+        """The scene with the vignetting of the lens towards the corners."""
         aspect = self.shape[1] / self.shape[0]
         radius = ((self.x - aspect / 2) ** 2 + (self.y - 0.5) ** 2) / (aspect**2 / 4 + 0.25)
         vignetting = (1 - amount * radius).astype(np.float32)

@@ -1,4 +1,4 @@
-"""What a camera corrected of its lens in the JPEG: distortion, and lateral chromatic aberration, where significant."""
+"""The lens corrections of a camera in its JPEG: distortion, and lateral chromatic aberration, where significant."""
 
 from dataclasses import dataclass, replace
 

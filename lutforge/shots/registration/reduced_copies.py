@@ -108,7 +108,7 @@ class ReducedJpeg:
 
     @property
     def halvings(self) -> int:
-        """How often it is halved to become about as small as for the coarse search."""
+        """The number of halvings that make it about as small as the coarse search needs."""
         return max(0, round(math.log2(max(self.luma.shape) / COARSE_SIDE)))
 
     @cached_property
