@@ -376,9 +376,11 @@ def _looks_of_raw_balances(camera: Camera) -> Iterator[OCIO.Look]:
 
 def _style_pairs(camera: Camera, renderings: Sequence[Rendering]) -> Iterator[tuple[str, str, str]]:
     """The styles (from, to) that looks change, with the white balance: the standard style to all others, and back."""
-    both_ways = [part for part in renderings if part.render is not None and part.linearize is not None]
+    both_ways = [
+        rendering for rendering in renderings if rendering.render is not None and rendering.linearize is not None
+    ]
     balance = camera.look_pairs[0][1] if camera.look_pairs else camera.reference_balance
-    styles = list(dict.fromkeys(part.style for part in both_ways if balance in part.white_balances))
+    styles = list(dict.fromkeys(rendering.style for rendering in both_ways if balance in rendering.white_balances))
     if not styles:
         return
     hub = "standard" if "standard" in styles else styles[0]

@@ -58,7 +58,7 @@ def answers(
     good = (
         *map(str, profile.diagnoses),
         *(f"The samples are of {name}, not of {profile.camera}: so are the errors." for name in other_cameras),
-        *(_how_good(name, of_style) for name, of_style in errors.items()),
+        *(_how_good(name, style_errors) for name, style_errors in errors.items()),
         *(profile.notes if isinstance(profile.provenance, ResponseOnly) else ()),
     )
     best_and_worst = [
@@ -72,8 +72,8 @@ def answers(
     gaps: list[Block] = []
     if not data:
         gaps.append("Give the shots or their samples to the report, too: it then names the colours that they lack.")
-    for name, of_style in data.items():
-        if colours := colour_gaps(of_style.encoded, linearizing_error(profile.styles[name])):
+    for name, style_data in data.items():
+        if colours := colour_gaps(style_data.encoded, linearizing_error(profile.styles[name])):
             gaps.append(f"{name}: of the colours that real surfaces have, these are known least:")
             gaps.append(tuple(map(str, colours[:4])))
         else:

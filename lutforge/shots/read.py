@@ -158,7 +158,7 @@ def read_shot(
             continue
 
         metadata = read_metadata(path, raw, Path(name) if name != EMBEDDED else None)
-        reasons += [f"{name_after}: {note}" for name_after, notes in candidates[index + 1 :] for note in notes]
+        reasons += [f"{untried}: {note}" for untried, notes in candidates[index + 1 :] for note in notes]
         notes = (*edited, *jpeg.notes, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
         shot = Shot(path.stem, path, raw, jpeg.codes, name, metadata, jpeg.registration, development, fine=jpeg.fine)

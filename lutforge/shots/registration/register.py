@@ -96,9 +96,11 @@ def _candidates(raw: RawImage, finest_raw: RawLevel, jpeg: Codes, turns: Sequenc
         # A scene may look the same upside down; its scale is the same there.
         opposite = turn + 2
         if all(candidate.turn % 4 != opposite % 4 for candidate in candidates):
-            over = ReducedJpeg.of(raw, np.rot90(jpeg, opposite))
-            starts = search_at_scale(finest_raw, over, of_turn[0].searched)
-            candidates += [_fitted(finest_raw, over, over.coarsest, start, opposite) for start in starts]
+            upside_down_jpeg = ReducedJpeg.of(raw, np.rot90(jpeg, opposite))
+            starts = search_at_scale(finest_raw, upside_down_jpeg, of_turn[0].searched)
+            candidates += [
+                _fitted(finest_raw, upside_down_jpeg, upside_down_jpeg.coarsest, start, opposite) for start in starts
+            ]
         break
     return sorted(candidates, key=lambda candidate: candidate.explained, reverse=True)
 
@@ -141,8 +143,8 @@ def _at_expected(raw: RawImage, finest_raw: RawLevel, jpeg: Codes, expected: Pla
         return None
     reduced, start = ReducedJpeg.of(raw, jpeg), expected.registration
     coarsest = reduced.coarsest
-    upright, over = (_fitted(finest_raw, reduced, copy, start, 0) for copy in (coarsest, coarsest.upside_down))
-    if not upright.is_clear or upright.is_ambiguous_with(over):
+    upright, upside_down = (_fitted(finest_raw, reduced, copy, start, 0) for copy in (coarsest, coarsest.upside_down))
+    if not upright.is_clear or upright.is_ambiguous_with(upside_down):
         return None
 
     # Within reach of the finest copy, that alone is fitted.
