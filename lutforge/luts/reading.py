@@ -50,19 +50,10 @@ def read_lut(path: str | Path) -> Lut:
     """
     path = path_of(path, "a LUT")
     require_file(path, "a LUT", LutError, MOST_FILE_BYTES)
-    reader = OWN_READERS.get(path.suffix.lower())
     with reading(path, f"a {path.suffix.lower()} LUT", LutError):
-        if reader is not None:
-            with _path_to_read(path) as (path_to_read, problems):
-                lut = reader(path_to_read)
-            file_format = lut.metadata.format or path.suffix.lower()
-            return replace(lut, metadata=replace(lut.metadata, format=file_format, problems=problems))
-        if path.suffix.lower() == ".dcp":
-            raise LutError(f"{path}: a camera profile, which is no LUT; `lutforge check` shows which programs read it")
-        ocio_suffixes = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
-        if path.suffix.lower() not in ocio_suffixes:  # OpenColorIO refuses it only after trying all its readers
-            suffixes = ", ".join(sorted(ocio_suffixes | {*FORMATS}))
-            raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {suffixes}')
+        if has_own_reader(path):
+            return _lut_by_own_reader(path)
+        _require_suffix_of_ocio(path)
         return _in_child_process(_lut_by_ocio, path)
 
 
@@ -109,6 +100,25 @@ def _require_processor(path: Path) -> None:
     """Raise LutError where no processor can be made of a file."""
     processor, _ = _processor_and_problems(path)
     processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+
+
+def _lut_by_own_reader(path: Path) -> Lut:
+    """The LUT in a file of a format that OpenColorIO does not know."""
+    suffix = path.suffix.lower()
+    with _path_to_read(path) as (path_to_read, problems):
+        lut = OWN_READERS[suffix](path_to_read)
+    return replace(lut, metadata=replace(lut.metadata, format=lut.metadata.format or suffix, problems=problems))
+
+
+def _require_suffix_of_ocio(path: Path) -> None:
+    """Raise LutError where no reader of OpenColorIO has a file's suffix; it would try all of them first."""
+    suffix = path.suffix.lower()
+    if suffix == ".dcp":
+        raise LutError(f"{path}: a camera profile, which is no LUT; `lutforge check` shows which programs read it")
+    known = {f".{name.lower()}" for _, name in OCIO.FileTransform.getFormats()}
+    if suffix not in known:
+        suffixes = ", ".join(sorted(known | {*FORMATS}))
+        raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {suffixes}')
 
 
 def _lut_by_ocio(path: Path) -> Lut:

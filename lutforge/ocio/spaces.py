@@ -88,6 +88,8 @@ def base_config(minor: int = PROFILE_VERSIONS[OLDEST]) -> OCIO.Config:
     config.setName("lutforge")
     config.setDescription("Cameras calibrated by LutForge: their RAW and JPEGs as colour spaces, views and looks.")
     config.setSearchPath(LUT_FOLDER)
+
+    # The common colour spaces and their roles, as the studio config has them, and those that Blender asks for.
     studio = OCIO.Config.CreateFromFile(STUDIO)
     for name in (*SCENE_SPACES, DISPLAY_REFERENCE, *DISPLAYS):
         space = studio.getColorSpace(name)
@@ -100,6 +102,8 @@ def base_config(minor: int = PROFILE_VERSIONS[OLDEST]) -> OCIO.Config:
     for role, name in BLENDER_ROLES.items():
         config.setRole(role, name)
     config.setInactiveColorSpaces(DISPLAY_REFERENCE)
+
+    # The view without a tone scale, and rules for views and files.
     config.addViewTransform(studio.getViewTransform(UN_TONE_MAPPED))
     config.setDefaultViewTransformName(UN_TONE_MAPPED)
     config.addSharedView(UN_TONE_MAPPED, UN_TONE_MAPPED, OCIO.OCIO_VIEW_USE_DISPLAY_NAME, "", "", "")
