@@ -9,14 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 """Numbers of fits and tables."""
 
-Pixels = NDArray[np.float32]
-"""Values of images."""
-
 Codes = NDArray[np.uint8]
 """Values of images in 8 bits, as they are stored."""
 
 Single = NDArray[np.float32]
-"""Numbers of which there are too many for double precision."""
+"""Values of images, and other numbers of which there are too many for double precision."""
 
 Real = NDArray[np.floating[Any]]
 """Numbers of either precision."""

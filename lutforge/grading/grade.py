@@ -20,7 +20,8 @@ from lutforge.luts.check import check_lut, other_half
 from lutforge.luts.forms import MAX_SIZE
 from lutforge.luts.input_and_output import ENCODED, read_input_and_output
 from lutforge.luts.ocio_transforms import OCIO_ERRORS, of_codes
-from lutforge.luts.reading import NoFiguresError, is_read_by_ocio, processor_of_untrusted
+from lutforge.luts.ops_from_ocio import OpWithoutParametersError
+from lutforge.luts.reading import is_read_by_ocio, validated_processor
 from lutforge.luts.sequence import Lut
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ class LutRecipe(Recipe):
 
         lut: Lut | None = None
         problems: tuple[str, ...] = ()
-        with suppress(NoFiguresError):  # a LUT that only OpenColorIO can evaluate
+        with suppress(OpWithoutParametersError):  # a LUT that only OpenColorIO can evaluate
             report = check_lut(self.path)
             lut = report.lut
             problems = report.problems
@@ -137,7 +138,7 @@ class LutRecipe(Recipe):
             if lut.size > MAX_SIZE:
                 return replace(grade, processor=Evaluation(lut), lut=lut)
             return replace(grade, processor=lut.processor(), codes=lut.processor(codes=True), lut=lut)
-        processor = processor_of_untrusted(self.path)
+        processor = validated_processor(self.path)
         return replace(
             grade,
             processor=processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),

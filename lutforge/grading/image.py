@@ -18,7 +18,7 @@ from threading import Semaphore
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.arrays import Pixels
+from lutforge.arrays import Single
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.grading.grade import Grade
@@ -243,7 +243,7 @@ def _grade_regions(
     premultiplied = is_premultiplied(image.spec)
     broken = 0
 
-    def work(pixels: Pixels) -> Pixels:
+    def work(pixels: Single) -> Single:
         nonlocal broken
         clips = clipped(pixels[..., :3]) if grade.marks_clipped else None
         with np.errstate(all="ignore"):

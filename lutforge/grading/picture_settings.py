@@ -8,7 +8,6 @@ import numpy as np
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.provenance import ReferenceRaw
-from lutforge.model.white_balance import temperatures_of
 from lutforge.settings import KELVIN_RANGE, Kelvin, Multipliers, Selector
 from lutforge.shots.metadata import ShotMetadata
 
@@ -86,7 +85,7 @@ def source_selector(
     balances = ", ".join(sorted(camera.white_balances))
     raise SettingsError(
         f"{path}: {reason}; put its RAW file beside it, name it with --from {style}/WB, where WB is {balances}"
-        f"{temperatures_of(camera.white_balances)}; `lutforge studio` shows how each looks"
+        f"{camera.white_balance_model.temperatures_in_words}; `lutforge studio` shows how each looks"
     )
 
 

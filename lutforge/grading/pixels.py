@@ -6,13 +6,13 @@ from concurrent.futures import Executor
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.arrays import Codes, Pixels
+from lutforge.arrays import Codes, Single
 
 BLOCK_PIXELS = 64 * 1024
 """Pixels per call of OpenColorIO: 1 MB of RGBA floats, which fit into the cache of a core."""
 
 
-def grade_floats(processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bool, threads: Executor | None) -> None:
+def grade_floats(processor: OCIO.CPUProcessor, pixels: Single, premultiplied: bool, threads: Executor | None) -> None:
     """Grade pixels (h, w, c ≥ 3), C-contiguous, in place."""
     channels = pixels.shape[2]
     flat = pixels.reshape(-1, channels)

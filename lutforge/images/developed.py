@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.arrays import Pixels
+from lutforge.arrays import Single
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ShotError
 from lutforge.images.read import read_image
@@ -19,7 +19,7 @@ class Development:
     words.
     """
 
-    pixels: Pixels
+    pixels: Single
     space: str
     developer: str
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.arrays import Codes, Pixels
+from lutforge.arrays import Codes, Single
 
 
 def to_srgb(codes: Codes, profile: bytes) -> Codes:
@@ -35,7 +35,7 @@ def stored_profile(spec: oiio.ImageSpec) -> bytes:
     return profile.tobytes() if isinstance(profile, np.ndarray) and profile.dtype == np.uint8 else b""
 
 
-def pixels_to_srgb(pixels: Pixels, profile: bytes) -> Pixels:
+def pixels_to_srgb(pixels: Single, profile: bytes) -> Single:
     """Convert the pixels (h, w, 3) of an 8-bit picture, in [0, 1], as `to_srgb`."""
     codes = np.rint(pixels * np.float32(255)).astype(np.uint8)
     return np.divide(to_srgb(codes, profile), 255, dtype=np.float32)

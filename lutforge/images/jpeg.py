@@ -22,7 +22,7 @@ ICC = (APP2, b"ICC_PROFILE\0")
 PREVIEWS = (APP2, b"MPF\0")
 """The index of further pictures in the file (Multi-Picture Format, CIPA DC-007)."""
 ADOBE = (0xEE, b"Adobe")
-"""How colours are coded (libjpeg.txt)."""
+"""Adobe's segment, which states how colours are coded (libjpeg.txt)."""
 
 
 @dataclass(frozen=True)

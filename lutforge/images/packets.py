@@ -38,13 +38,13 @@ _LARGEST = 1 << 24
 
 @dataclass(frozen=True)
 class Packets:
-    """What a file stores besides its pixels.
+    """The contents of a picture's file besides its pixels.
 
     xmp, iptc: packets as the file has them, empty where there are none; exif: the same, but of JPEG 2000 only, where
     OpenImageIO does not look for it. animated: the file has several frames. lossless: it is a WebP without loss.
-    extended: a JPEG's XMP continues beyond 64 kB, and this extension is damaged and not in `xmp`. encoding: what a PNG
-    or HEIF without an ICC profile states of its encoding, if that is not sRGB. not_described: the parts of its EXIF
-    that a description of OpenImageIO cannot hold.
+    extended: a JPEG's XMP continues beyond 64 kB, and this extension is damaged and not in `xmp`. encoding: the
+    one that a PNG or HEIF without an ICC profile states, if that is not sRGB. not_described: the parts of its EXIF that
+    a description of OpenImageIO cannot hold.
     """
 
     xmp: bytes = b""
@@ -58,7 +58,7 @@ class Packets:
 
 
 def read_packets(path: Path) -> Packets:
-    """Read what a picture's file stores; nothing of a damaged one or another format."""
+    """Read the packets in a picture's file; a damaged one, or one of another format, has none."""
     try:
         if is_heif(path):
             return read_heif_packets(path)
@@ -157,7 +157,7 @@ def _decompressed(text: bytes) -> bytes:
 
 
 def _png_encoding(chunks: dict[bytes, bytes]) -> str:
-    """What a PNG states of its encoding: by cICP, else iCCP, sRGB, gAMA and cHRM, in this order (PNG 3, 4.3)."""
+    """The encoding that a PNG states: by cICP, else iCCP, sRGB, gAMA and cHRM, in this order (PNG 3, 4.3)."""
     if len(codes := chunks.get(b"cICP", b"")) == 4:
         return of_codes(codes[0], codes[1], codes[3] != 0)
     if b"iCCP" in chunks or b"sRGB" in chunks:
@@ -169,7 +169,7 @@ def _png_encoding(chunks: dict[bytes, bytes]) -> str:
 
 
 def read_heif_packets(path: Path) -> Packets:
-    """What a HEIF file stores: XMP, and the code points of its colours. Raises ImageError as `read_heif`."""
+    """The packets of a HEIF file: XMP, and the code points of its colours. Raises ImageError as `read_heif`."""
     described = read_heif_description(path)
     primaries = 0 if described.icc else described.primaries
     encoding = of_codes(primaries, described.transfer)

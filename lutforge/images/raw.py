@@ -10,7 +10,7 @@ import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Index, Pixels, Single
+from lutforge.arrays import Array, Index, Single
 from lutforge.boundary import reading, require_file
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.compiled import compiled
@@ -34,7 +34,7 @@ class RawImage:
     them. clip_level: (3,) the level from which pixels of this file are saturated.
     """
 
-    pixels: Pixels
+    pixels: Single
     pixel_size: float
     flip: int
     multipliers: Array | None
@@ -236,7 +236,7 @@ def _scales_to_saturation(raw: rawpy.RawPy, colours: NDArray[np.uint8]) -> tuple
 
 
 @compiled()
-def _finish(rendered: NDArray[np.uint16], scales: Single, clip_level: Single, steps: Index, pixels: Pixels) -> None:
+def _finish(rendered: NDArray[np.uint16], scales: Single, clip_level: Single, steps: Index, pixels: Single) -> None:
     """Fill pixels (h, w, 3) with LibRaw's codes, scaled; red and blue are moved to the centres of their blocks.
 
     Clipped pixels become 1. A channel that is sampled at one corner of each block is interpolated a quarter of a block

@@ -8,7 +8,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PIL.Image
 
-from lutforge.arrays import Pixels
+from lutforge.arrays import Single
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import MAX_SAMPLES, reading, require_file
 from lutforge.errors import ImageError, one_line
@@ -50,7 +50,7 @@ class Image:
     parts: how many images the file holds; `pixels` is the first.
     """
 
-    pixels: Pixels
+    pixels: Single
     spec: oiio.ImageSpec
     format: str = ""
     parts: int = 1
@@ -61,7 +61,7 @@ class Image:
         step = max(1, pixels // width)
         return [Region(0, top, width, min(top + step, height)) for top in range(0, height, step)]
 
-    def read(self, region: Region) -> Pixels:
+    def read(self, region: Region) -> Single:
         """The pixels (h, w, c) of a band."""
         return self.pixels[region.top : region.bottom]
 
@@ -129,7 +129,7 @@ class ImageReader:
             for left in range(0, width, columns)
         ]
 
-    def read(self, region: Region) -> Pixels:
+    def read(self, region: Region) -> Single:
         """The pixels (h, w, c) of one of `regions`, or of the whole image; float32, oriented as stored."""
         spec, source = self.spec, self._source
         top, bottom = spec.y + region.top, spec.y + region.bottom

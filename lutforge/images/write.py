@@ -11,7 +11,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from numpy.typing import ArrayLike, NDArray
 
-from lutforge.arrays import Pixels
+from lutforge.arrays import Single
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.jpeg import metadata_end
@@ -62,7 +62,7 @@ class ImageWriter:
         """True where the file is made of the source's tiles and takes regions of whole tiles, not only whole rows."""
         return bool(self.spec.tile_width > 0)
 
-    def write(self, region: Region, pixels: Pixels | NDArray[np.uint16]) -> None:
+    def write(self, region: Region, pixels: Single | NDArray[np.uint16]) -> None:
         """Write the pixels (h, w, c) of a region, floats or codes of 16 bits. Raises ImageError."""
         spec = self.spec
         top, bottom = spec.y + region.top, spec.y + region.bottom

@@ -8,7 +8,7 @@ from pathlib import Path
 from lutforge.kits.camera_profiles import write_dng_profile, write_icc_profiles
 from lutforge.kits.darktable import DARKTABLE_LINES, write_darktable
 from lutforge.kits.kit import Kit, KitFiles, Look, Script, Source, write_script
-from lutforge.kits.lumix import lumix_kit
+from lutforge.kits.lumix import v_log_kit
 from lutforge.kits.luts import write_lut
 from lutforge.kits.measure import error_of_view
 from lutforge.kits.rawtherapee import RAWTHERAPEE_LINES, write_rawtherapee
@@ -159,7 +159,7 @@ KITS = {
             Script("rawtherapee-cli", ".pp3", RAWTHERAPEE_LINES),
         ),
         Kit("blender", "Blender", "raw", "Blender 3.4.1 (in the background)", _blender),
-        lumix_kit(),
+        v_log_kit(),
         *_PROFILES_AND_LUTS,
     )
 }  # fmt: skip

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
-from lutforge.kits.icc import VARIANTS, fit_icc_profile, write_icc
+from lutforge.kits.icc import Variant, fit_icc_profile, write_icc
 from lutforge.kits.kit import Look
 from lutforge.kits.measure import error_of_profile
 from lutforge.luts.verification import FileError
@@ -12,10 +12,10 @@ from lutforge.luts.verification import FileError
 def write_icc_profiles(look: Look, folder: Path) -> dict[str, FileError]:
     """Write ICC profiles of the look, and of its colours alone. Returns the error of each, by file name."""
     errors = {}
-    for variant in VARIANTS:
-        path = folder / f"{look.file_name}{variant}.icc"
+    for variant in Variant:
+        path = folder / f"{look.file_name}{variant.value}.icc"
         write_icc(fit_icc_profile(look, variant), path)
-        errors[path.name] = error_of_profile(path, look, bool(variant))
+        errors[path.name] = error_of_profile(path, look, variant is Variant.COLOURS)
     return errors
 
 

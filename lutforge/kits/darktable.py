@@ -12,7 +12,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 from lutforge.kits.camera_profiles import write_icc_profiles
-from lutforge.kits.icc import VARIANTS
+from lutforge.kits.icc import Variant
 from lutforge.kits.kit import KitFiles, Look
 
 NEUTRAL_SETTINGS = {
@@ -44,9 +44,9 @@ _MODULE_VERSION = 7
 def write_darktable(look: Look, folder: Path) -> KitFiles:
     """Write profiles of the look, and of the colours alone, each with a style and a sidecar."""
     errors = write_icc_profiles(look, folder)
-    for variant in VARIANTS:
-        name = f"{look.file_name}{variant}"
-        (folder / f"{name}.dtstyle").write_text(_style(f"{look.title}{variant}", name), encoding="utf-8")
+    for variant in Variant:
+        name = f"{look.file_name}{variant.value}"
+        (folder / f"{name}.dtstyle").write_text(_style(f"{look.title}{variant.value}", name), encoding="utf-8")
         (folder / f"{name}.xmp").write_text(_sidecar(name), encoding="utf-8")
     steps = [
         "Copy the .icc files into the folder color/in of darktable's settings (~/.config/darktable/color/in on "

@@ -8,6 +8,7 @@ table in HSV of linear ProPhoto RGB, and then the tone curve such that hues are 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +19,47 @@ from lutforge.boundary import reading, require_file
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
 from lutforge.images.tiff import byte_order, number, read_directory
-from lutforge.images.tiff_writer import TiffWriter, float_field, long_field, rational_field, short_field, text_field
+from lutforge.images.tiff_writer import (
+    Field,
+    TiffWriter,
+    float_field,
+    long_field,
+    rational_field,
+    short_field,
+    text_field,
+)
 from lutforge.kits.kit import BALANCED_RAW, Look
 from lutforge.model.camera_profile import CameraProfile
 
 _SRGB = rgb_space("srgb")
 
+_MAGIC = 0x4352
+"""The number after the byte order of a camera profile, in place of TIFF's 42."""
+
+
+class _Tag(IntEnum):
+    """The tags of a camera profile, by their names in the specification."""
+
+    UNIQUE_CAMERA_MODEL = 50708
+    COLOR_MATRIX_1 = 50721
+    CALIBRATION_ILLUMINANT_1 = 50778
+    PROFILE_CALIBRATION_SIGNATURE = 50932
+    PROFILE_NAME = 50936
+    PROFILE_HUE_SAT_MAP_DIMS = 50937
+    PROFILE_TONE_CURVE = 50940
+    PROFILE_EMBED_POLICY = 50941
+    PROFILE_COPYRIGHT = 50942
+    FORWARD_MATRIX_1 = 50964
+    PROFILE_LOOK_TABLE_DIMS = 50981
+    PROFILE_LOOK_TABLE_DATA = 50982
+    PROFILE_LOOK_TABLE_ENCODING = 51108
+    DEFAULT_BLACK_RENDER = 51110
+
+
 _TYPES = {1: "u1", 2: "u1", 3: "u2", 4: "u4", 5: "u4", 9: "i4", 10: "i4", 11: "f4", 12: "f8"}
 """TIFF 6.0's types of numbers, as NumPy's; a rational is two integers."""
+_RATIONALS = (5, 10)
+"""The types of unsigned and signed rationals."""
 
 _IN_CAPITALS = ("Leica", "Ricoh", "Sigma")
 """Brands that DNG files and Adobe's profiles write in capitals."""
@@ -141,23 +175,23 @@ def write_dcp(profile: DngProfile, path: Path) -> None:
     values, hues, saturations = profile.look_table.shape[:3]
     d65 = 21  # EXIF's code of the light source
     no_restrictions, no_black_subtraction, srgb_values = 3, 1, 1
-    file = TiffWriter(magic=0x4352)
-    directory = {
-        50708: text_field(profile.camera),
-        50721: rational_field(profile.color_matrix.ravel(), signed=True),
-        50778: short_field(d65),
-        50932: text_field(""),
-        50936: text_field(profile.name),
-        50940: float_field(profile.tone_curve),
-        50941: long_field(no_restrictions),
-        50942: text_field("; ".join(profile.description)),
-        50964: rational_field(profile.forward_matrix.ravel(), signed=True),
-        50981: long_field(hues, saturations, values),
-        50982: float_field(profile.look_table),
-        51108: long_field(srgb_values),
-        51110: long_field(no_black_subtraction),
+    file = TiffWriter(magic=_MAGIC)
+    fields: dict[int, Field] = {
+        _Tag.UNIQUE_CAMERA_MODEL: text_field(profile.camera),
+        _Tag.COLOR_MATRIX_1: rational_field(profile.color_matrix.ravel(), signed=True),
+        _Tag.CALIBRATION_ILLUMINANT_1: short_field(d65),
+        _Tag.PROFILE_CALIBRATION_SIGNATURE: text_field(""),
+        _Tag.PROFILE_NAME: text_field(profile.name),
+        _Tag.PROFILE_TONE_CURVE: float_field(profile.tone_curve),
+        _Tag.PROFILE_EMBED_POLICY: long_field(no_restrictions),
+        _Tag.PROFILE_COPYRIGHT: text_field("; ".join(profile.description)),
+        _Tag.FORWARD_MATRIX_1: rational_field(profile.forward_matrix.ravel(), signed=True),
+        _Tag.PROFILE_LOOK_TABLE_DIMS: long_field(hues, saturations, values),
+        _Tag.PROFILE_LOOK_TABLE_DATA: float_field(profile.look_table),
+        _Tag.PROFILE_LOOK_TABLE_ENCODING: long_field(srgb_values),
+        _Tag.DEFAULT_BLACK_RENDER: long_field(no_black_subtraction),
     }
-    content = file.finish(file.directory(directory))
+    content = file.finish(file.directory(fields))
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 
@@ -197,23 +231,23 @@ def _between_ends(rgb: Array, curve: Callable[[Array], Array]) -> Array:
 def read_dcp(path: str | Path) -> DngProfile:
     """Read a camera profile that LutForge can evaluate: one with a forward matrix. Raises LutError, one line."""
     tags = _tags(Path(path))
-    if 50964 not in tags or 50721 not in tags:
+    if _Tag.FORWARD_MATRIX_1 not in tags or _Tag.COLOR_MATRIX_1 not in tags:
         raise LutError(f"{path}: this camera profile has no forward matrix, from which its colours could be computed")
-    curve = tags.get(50940, np.array([0.0, 0.0, 1.0, 1.0]))
+    curve = tags.get(_Tag.PROFILE_TONE_CURVE, np.array([0.0, 0.0, 1.0, 1.0]))
     table = np.tile([0.0, 1.0, 1.0], (2, 1, 2, 1))  # the identity, for a profile without a look table
     with reading(path, "a camera profile", LutError):
-        if 50981 in tags:
-            hues, saturations, values = (int(count) for count in tags[50981])
-            table = tags[50982].reshape(max(values, 1), hues, saturations, 3)
+        if _Tag.PROFILE_LOOK_TABLE_DIMS in tags:
+            hues, saturations, values = (int(count) for count in tags[_Tag.PROFILE_LOOK_TABLE_DIMS])
+            table = tags[_Tag.PROFILE_LOOK_TABLE_DATA].reshape(max(values, 1), hues, saturations, 3)
         return DngProfile(
-            name=_text(tags, 50936),
-            camera=_text(tags, 50708),
-            color_matrix=tags[50721].reshape(3, 3),
-            forward_matrix=tags[50964].reshape(3, 3),
+            name=_text(tags, _Tag.PROFILE_NAME),
+            camera=_text(tags, _Tag.UNIQUE_CAMERA_MODEL),
+            color_matrix=tags[_Tag.COLOR_MATRIX_1].reshape(3, 3),
+            forward_matrix=tags[_Tag.FORWARD_MATRIX_1].reshape(3, 3),
             tone_curve=curve.reshape(-1, 2),
             look_table=table,
-            encoded_values=bool(tags.get(51108, np.zeros(1))[0]),
-            description=tuple(_text(tags, 50942, 1000).split("; ")),
+            encoded_values=bool(tags.get(_Tag.PROFILE_LOOK_TABLE_ENCODING, np.zeros(1))[0]),
+            description=tuple(_text(tags, _Tag.PROFILE_COPYRIGHT, 1000).split("; ")),
         )
 
 
@@ -223,11 +257,20 @@ def dcp_lines(path: str | Path) -> list[str]:
     Raises LutError where it cannot be read.
     """
     tags = _tags(Path(path))
-    names = {50964: "forward matrix", 50937: "hue and saturation map", 50981: "look table", 50940: "tone curve"}
-    lines = [f"{path}: DNG camera profile", f"  title     {_text(tags, 50936)}", f"  camera    {_text(tags, 50708)}"]
-    lines += [f"  comment   {text}" for text in _text(tags, 50942, 1000).split("; ") if text]
+    names = {
+        _Tag.FORWARD_MATRIX_1: "forward matrix",
+        _Tag.PROFILE_HUE_SAT_MAP_DIMS: "hue and saturation map",
+        _Tag.PROFILE_LOOK_TABLE_DIMS: "look table",
+        _Tag.PROFILE_TONE_CURVE: "tone curve",
+    }
+    lines = [
+        f"{path}: DNG camera profile",
+        f"  title     {_text(tags, _Tag.PROFILE_NAME)}",
+        f"  camera    {_text(tags, _Tag.UNIQUE_CAMERA_MODEL)}",
+    ]
+    lines += [f"  comment   {text}" for text in _text(tags, _Tag.PROFILE_COPYRIGHT, 1000).split("; ") if text]
     lines.append(f"  holds     {', '.join(name for tag, name in names.items() if tag in tags)}")
-    if 50964 in tags and 50721 in tags:
+    if _Tag.FORWARD_MATRIX_1 in tags and _Tag.COLOR_MATRIX_1 in tags:
         profile = read_dcp(path)
         black, grey, white = profile(np.repeat([[0.0], [0.18], [1.0]], 3, axis=1))
         for name, colour in (("black", black), ("grey 18 %", grey), ("white", white)):
@@ -236,19 +279,20 @@ def dcp_lines(path: str | Path) -> list[str]:
             lines.append("  problem   the tone curve falls somewhere")
     else:
         lines.append("  problem   no forward matrix: developers take the inverse of the colour matrix")
+    camera = _text(tags, _Tag.UNIQUE_CAMERA_MODEL) or "this camera"
     return [
         *lines,
-        f"  RawTherapee, ART, Lightroom, Camera Raw: read it, for RAW files of {_text(tags, 50708) or 'this camera'}",
+        f"  RawTherapee, ART, Lightroom, Camera Raw: read it, for RAW files of {camera}",
         "  darktable, Capture One, digiKam: do not read DNG camera profiles: they take an ICC profile (.icc)",
     ]
 
 
 def _tags(path: Path) -> dict[int, Array]:
-    """The numbers of each tag in a file's first directory, of text its bytes. Raises LutError."""
+    """The numbers of each tag in a file's first directory; text is given as its bytes. Raises LutError."""
     require_file(path, "a camera profile", LutError, 64 << 20)
     data = path.read_bytes()
     order = byte_order(data)
-    if order is None or len(data) < 8 or number(data, order, "H", 2) != 0x4352:
+    if order is None or len(data) < 8 or number(data, order, "H", 2) != _MAGIC:
         raise LutError(f"{path}: no DNG camera profile: it does not begin with IIRC or MMCR")
     numbers: dict[int, Array] = {}
     with reading(path, "a camera profile", LutError):
@@ -257,7 +301,7 @@ def _tags(path: Path) -> dict[int, Array]:
             if entry.kind not in _TYPES:
                 continue
             values = np.frombuffer(data[entry.place], f"{order}{_TYPES[entry.kind]}").astype(np.float64)
-            if entry.kind in (5, 10):
+            if entry.kind in _RATIONALS:
                 values = values[::2] / np.where(values[1::2] == 0, 1.0, values[1::2])
             if not np.all(np.isfinite(values)):
                 raise LutError(f"{path}: tag {tag} holds a number that is not finite")

@@ -10,6 +10,7 @@ import struct
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -38,11 +39,18 @@ WIDEST_CELL = 1 / 40
 GAMMA = 2.4
 """The fit's points are evenly spaced in this root of the input, which is about perceptually uniform."""
 
-VARIANTS = ("", " colours")
-"""Endings of a look's name: none for the camera's JPEG, " colours" for the look without tone curve, scene-linear."""
+
+class Variant(Enum):
+    """The variants of a look in a camera profile; the value is the ending of the look's name."""
+
+    JPEG = ""
+    """The camera's JPEG."""
+    COLOURS = " colours"
+    """The look without its tone curve, scene-linear."""
+
 
 _LAB_ZERO = np.array([0.0, 128.0, 128.0])
-"""What is added to L*, a* and b* before they are encoded."""
+"""The offsets that are added to L*, a* and b* before they are encoded."""
 _LAB_CODES = np.array([652.8, 256.0, 256.0])
 """16-bit codes per unit of L*, a* and b*."""
 _ROOTS = np.linspace(0.0, 1.0, CURVE_ENTRIES) ** (1 / GAMMA)
@@ -74,9 +82,10 @@ class IccProfile:
         return _SRGB.encode(np.clip(linear, 0.0, 1.0))
 
 
-def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
-    """Express the look of a profile of RAW files as an ICC profile. variant: of VARIANTS."""
-    linear = scene_linear(look) if variant else lambda x: _SRGB.linearize(np.clip(look.render(x), 0.0, 1.0))
+def fit_icc_profile(look: Look, variant: Variant = Variant.JPEG) -> IccProfile:
+    """Express the look of a profile of RAW files as an ICC profile."""
+    is_scene_linear = variant is Variant.COLOURS
+    linear = scene_linear(look) if is_scene_linear else lambda x: _SRGB.linearize(np.clip(look.render(x), 0.0, 1.0))
 
     def codes(root: Array) -> Array:
         # CIE 1976 L*a*b* (CIE 15:2018, 8.2.1)
@@ -94,9 +103,9 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
     axes = Axes((level, level, level), (even, even, even), lambda root: curve(root**GAMMA))
     values = fit_cube(codes, axes, "tetrahedral", np.ones(3))
 
-    output = "CIE Lab (D50) of the camera's JPEG" + ", without its tone curve, scene-linear" * bool(variant)
+    output = "CIE Lab (D50) of the camera's JPEG" + ", without its tone curve, scene-linear" * is_scene_linear
     lines = look.description(BALANCED_RAW, output)
-    return IccProfile(f"{look.title}{variant}", curve, Cube(np.rint(values * 65535) / 65535), lines)
+    return IccProfile(f"{look.title}{variant.value}", curve, Cube(np.rint(values * 65535) / 65535), lines)
 
 
 def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:

@@ -15,7 +15,7 @@ from pathlib import Path
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.errors import LutForgeError
-from lutforge.kits.places import KEPT, Place
+from lutforge.kits.places import Place
 
 INSTALLED_KITS = "installed_kits.json"
 MOST_JOURNAL = 4 << 20
@@ -42,7 +42,7 @@ def is_installed(place: Place) -> bool:
 def targets_of(program: str, kit: Path, place: Place, fallback: Path) -> dict[Path, Path]:
     """The kit's files, by the paths that they get. fallback: LutForge's folder, for programs that have none."""
     files = sorted(path for path in kit.iterdir() if path.is_file() and path.name not in NOT_INSTALLED)
-    if place.use == KEPT:
+    if not place.has_folder:
         return {fallback / program / file.name: file for file in files}
     settings = place.settings
     if settings is None:

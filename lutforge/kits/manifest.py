@@ -1,4 +1,4 @@
-"""The manifest of a kit: kit.json, which lists its files, and says of what they were made and how exact they are."""
+"""The manifest of a kit: kit.json, which lists its files, their sources and their errors."""
 
 import json
 from collections.abc import Mapping

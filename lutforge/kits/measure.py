@@ -12,7 +12,7 @@ from lutforge.kits.dcp import read_dcp
 from lutforge.kits.icc import read_icc, scene_linear
 from lutforge.kits.kit import Look
 from lutforge.luts.ocio_transforms import evaluate
-from lutforge.luts.reading import file_processor, has_own_reader, read_lut
+from lutforge.luts.reading import has_own_reader, read_lut, trusted_processor
 from lutforge.luts.verification import FileError, compare
 from lutforge.model.camera_profile import through_camera
 from lutforge.model.transform import Transform
@@ -43,7 +43,7 @@ def error_of_lut(
     """
     x = colours_of(source, jpeg)
     if not has_own_reader(path):
-        y = evaluate(file_processor(path, interpolation), x).astype(np.float64)
+        y = evaluate(trusted_processor(path, interpolation), x).astype(np.float64)
     else:
         y = read_lut(path)(x)
     if target != "srgb":

@@ -4,9 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-KEPT = "chosen in the program's window"
-"""The `use` of files of a program that has no folder for them: they are kept in LutForge's own."""
-
 
 @dataclass(frozen=True)
 class Machine:
@@ -45,6 +42,9 @@ class Place:
     commands: names of the program's executables, and settings: its folder; either shows that it is installed; None
     where it has no folder on this system. folders: the subfolders of `settings`, by suffix of the files that go there;
     whole: the subfolders that receive all of the kit's folder `ocio`. use: what the user does after the installation.
+
+    has_folder: False for a program that looks for files nowhere, on no system. LutForge then keeps them in a folder of
+    its own, from which the user chooses them in the program's window.
     """
 
     commands: tuple[str, ...]
@@ -52,6 +52,7 @@ class Place:
     folders: Mapping[str, str]
     use: str
     whole: tuple[str, ...] = ()
+    has_folder: bool = True
 
 
 def place_of(program: str, machine: Machine) -> Place:
@@ -103,4 +104,4 @@ def place_of(program: str, machine: Machine) -> Place:
             use = "start Blender again: it shows every file by this config, until it is taken away"
             return Place((), folder, {}, use, tuple(f"{version}/datafiles/colormanagement" for version in versions))
         case _:
-            return Place((), None, {}, KEPT)
+            return Place((), None, {}, "chosen in the program's window", has_folder=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -59,51 +59,116 @@ class LutReport:
     readers: dict[str, str]
 
 
-def _is_half(lut: Lut) -> bool:
-    """True of a .spi1d or .spi3d whose other file is in the same folder."""
-    return "pair" in lut.metadata
-
-
 def check_lut(path: str | Path) -> LutReport:
     """Read any LUT file and say what is in it. Raises LutError, one line, where it cannot be read."""
     path = Path(path)
     lut = read_lut(path)
-    half = other_half(path)
-    if half is not None:
-        lut = replace(lut, metadata={**lut.metadata, "pair": half.name})
-    cube = lut.cube
-    domain = _domain(lut)
-    dialect = ""
-    if lut.metadata.get("format") in TEXTS:
-        dialect = "1D" if cube is None else "3D" if lut.shaper is None else "1D shaper + 3D"
+    findings = _Findings(
+        path=path,
+        lut=lut,
+        domain=_domain(lut),
+        outputs=_outputs_of_last_table(lut),
+        falling=_falling_share(lut.cube),
+        stated=read_input_and_output(lut.comments),
+        other_half=other_half(path),
+    )
+    black, white = (colour_of(colour) for colour in lut(np.array(findings.domain)))
+    return LutReport(
+        path=path,
+        lut=lut,
+        dialect=_dialect(lut),
+        domain=findings.domain,
+        lowest=float(findings.outputs.min()),
+        highest=float(findings.outputs.max()),
+        clipped=findings.clipped,
+        falling=findings.falling,
+        black=black,
+        white=white,
+        problems=tuple(_problems(findings)),
+        readers=_readers(findings),
+    )
 
-    # The outputs of the last table after all operations that follow it; of black and white where there is no table.
+
+@dataclass(frozen=True, eq=False)
+class _Findings:
+    """The findings in a LUT file, from which its problems and readers follow.
+
+    domain, falling: as in `LutReport`; outputs: (…, 3), of the last table; stated: the input and output that its
+    comments state, or None; other_half: the other file of a pair of .spi1d and .spi3d, or None.
+    """
+
+    path: Path
+    lut: Lut
+    domain: tuple[Colour, Colour]
+    outputs: Array
+    falling: float
+    stated: InputAndOutput | None
+    other_half: Path | None
+
+    @property
+    def clipped(self) -> float | None:
+        """The share of the nodes with a channel at 0 or 1; None where outputs lie beyond these."""
+        if self.outputs.min() < -1e-6 or self.outputs.max() > 1 + 1e-6:
+            return None
+        return float(np.mean(np.any((self.outputs <= 0) | (self.outputs >= 1), axis=-1)))
+
+    @property
+    def takes_raw(self) -> bool:
+        """True where the comments state that its input is camera RAW."""
+        return self.stated is not None and self.stated.takes_raw
+
+
+def _dialect(lut: Lut) -> str:
+    """The kind of tables in a text file; "" for other files."""
+    if lut.metadata.format not in TEXTS:
+        return ""
+    if lut.cube is None:
+        return "1D"
+    return "3D" if lut.shaper is None else "1D shaper + 3D"
+
+
+def _outputs_of_last_table(lut: Lut) -> Array:
+    """The entries (…, 3) of the last table after all operations that follow it; without tables of black and white."""
     outputs = np.array([[0.0] * 3, [1.0] * 3])
     for op in lut.ops:
-        outputs = _outputs(op) if isinstance(op, Curve) else op.values if isinstance(op, Cube) else op(outputs)
-    beyond = bool(outputs.min() < -1e-6 or outputs.max() > 1 + 1e-6)
-    states = read_input_and_output(lut.comments)
-    falling = 0.0
-    if cube is not None:
-        steps = [np.diff(cube.values[..., channel], axis=channel) for channel in range(3)]
-        falling = float(np.mean([np.mean(step < -ALARMING_FALL / max(step.shape)) for step in steps]))
+        match op:
+            case Curve():
+                outputs = _entries(op)
+            case Cube():
+                outputs = op.values
+            case _:
+                outputs = op(outputs)
+    return outputs
 
-    readers = {"OpenColorIO, Nuke": "cannot read it"}
-    if is_read_by_ocio(path, lut):
-        readers["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
+
+def _falling_share(cube: Cube | None) -> float:
+    """The share of steps along a channel's own axis that go down by an alarming amount; 0 without a cube."""
+    if cube is None:
+        return 0.0
+    steps = [np.diff(cube.values[..., channel], axis=channel) for channel in range(3)]
+    return float(np.mean([np.mean(step < -ALARMING_FALL / max(step.shape)) for step in steps]))
+
+
+def _readers(findings: _Findings) -> dict[str, str]:
+    """The verdicts on a file, by program or programs."""
+    lut, half = findings.lut, findings.other_half
+    by_ocio = "OpenColorIO, Nuke"
     if half is not None:
-        order = " and then ".join(path.with_suffix(end).name for end in SPI_PAIR)
-        readers = {"one half of a pair": f"{order} are the LUT, the shaper and its cube, in an OpenColorIO config"}
-        readers["OpenColorIO, Nuke"] = "reads it"
-    readers |= readers_of(lut, dialect, domain)
-    if states is not None and states.takes_raw:
-        readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
+        pair = " and then ".join(findings.path.with_suffix(suffix).name for suffix in SPI_PAIR)
+        readers = {
+            "one half of a pair": f"{pair} are the LUT, the shaper and its cube, in an OpenColorIO config",
+            by_ocio: "reads it",
+        }
+    elif is_read_by_ocio(findings.path, lut):
+        warnings = "; ".join(lut.metadata.warnings)
+        readers = {by_ocio: f"reads it; it warns: {warnings}" if warnings else "reads it"}
+    else:
+        readers = {by_ocio: "cannot read it"}
 
-    black, white = (colour_of(colour) for colour in lut(np.array(domain)))
-    clipped = None if beyond else float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1)))
-    problems = tuple(_problems(lut, domain, falling, outputs, clipped, states))
-    lowest, highest = float(outputs.min()), float(outputs.max())
-    return LutReport(path, lut, dialect, domain, lowest, highest, clipped, falling, black, white, problems, readers)
+    readers |= readers_of(lut, findings.domain)
+    if findings.takes_raw:
+        readers |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
+    return readers
 
 
 def other_half(path: Path) -> Path | None:
@@ -119,7 +184,7 @@ def report_lines(report: LutReport) -> list[str]:
     """The report as lines of text."""
     lut = report.lut
     dialect = f", {report.dialect}" if report.dialect else ""
-    lines = [f"{report.path}: {lut.metadata.get('format', 'LUT')}{dialect}"]
+    lines = [f"{report.path}: {lut.metadata.format or 'LUT'}{dialect}"]
     if lut.title:
         lines.append(f"  title     {one_line(lut.title, 160)}")
     lines += [f"  comment   {one_line(text, 160)}" for text in lut.comments[:8] if text.strip()]
@@ -139,97 +204,103 @@ def report_lines(report: LutReport) -> list[str]:
     return lines
 
 
-def _outputs(curve: Curve) -> Array:
-    """The entries of a curve; of a curve over all half floats, those of inputs between 0 and 1."""
+def _entries(curve: Curve) -> Array:
+    """The entries (m, 3) of a curve; of a curve over all half floats, those of inputs between 0 and 1."""
     if curve.inputs is None or curve.inputs.max() < HALF_MAX:
         return curve.outputs
     return curve.outputs[np.all((curve.inputs >= 0) & (curve.inputs <= 1), axis=1)]
 
 
-def _problems(
-    lut: Lut,
-    domain: tuple[Colour, Colour],
-    falling: float,
-    outputs: Array,
-    clipped: float | None,
-    states: InputAndOutput | None,
-) -> list[str]:
-    """What is wrong with a LUT. falling, outputs, clipped: as `check_lut` has them; states: by its comments."""
-    problems = [lut.metadata["problems"]] if "problems" in lut.metadata else []
+def _problems(findings: _Findings) -> Iterator[str]:
+    """The problems of a LUT, in words."""
+    metadata = findings.lut.metadata
+    if metadata.problems:
+        yield "; ".join(metadata.problems)
+    yield from _problems_of_curves(findings.lut)
+    if findings.lut.cube is not None:
+        yield from _problems_of_cube(findings, findings.lut.cube)
+    yield from _problems_of_inputs(findings)
+    yield from _problems_of_outputs(findings)
+    if metadata.bits == 8:
+        yield "8 bits per channel: gradients will show bands; 16 are usual"
+
+
+def _problems_of_curves(lut: Lut) -> Iterator[str]:
+    """Curves that fall or are constant."""
     for number, op in enumerate(lut.ops, 1):
-        if isinstance(op, Curve):
-            name = "curve" if len(lut.ops) == 1 else f"curve (operation {number})"
-            falls = np.any(np.diff(op.outputs, axis=0) < -FALL, axis=1)
-            if falls.any():
-                entry = f"entry {int(np.argmax(falls)) + 2} of {len(op.outputs)}"
-                problems.append(f"the {name} falls at {entry}: it cannot be undone there")
-            constant = np.ptp(op.outputs, axis=0) < 1e-6
-            if constant.any():
-                channels = [word for word, flat in zip(("red", "green", "blue"), constant, strict=True) if flat]
-                of_channels = "" if constant.all() else f" of {' and '.join(channels)}"
-                problems.append(f"the {name}{of_channels} is constant: all inputs become one")
+        if not isinstance(op, Curve):
+            continue
+        name = "curve" if len(lut.ops) == 1 else f"curve (operation {number})"
+        falls = np.any(np.diff(op.outputs, axis=0) < -FALL, axis=1)
+        if falls.any():
+            entry = f"entry {int(np.argmax(falls)) + 2} of {len(op.outputs)}"
+            yield f"the {name} falls at {entry}: it cannot be undone there"
+        constant = np.ptp(op.outputs, axis=0) < 1e-6
+        if constant.any():
+            channels = [word for word, flat in zip(("red", "green", "blue"), constant, strict=True) if flat]
+            of_channels = "" if constant.all() else f" of {' and '.join(channels)}"
+            yield f"the {name}{of_channels} is constant: all inputs become one"
 
-    if lut.cube is not None:
-        values = lut.cube.values
+
+def _problems_of_cube(findings: _Findings, cube: Cube) -> Iterator[str]:
+    """Greys and channels that fall, a cube of one colour, and channels that are exchanged."""
+    lut = findings.lut
+    lowest, highest = findings.domain
+
+    # Equal numbers of RAW before white balance are no grey, and half of a LUT need not keep greys in order.
+    if not findings.takes_raw and findings.other_half is None:
         share = np.linspace(0.0, 1.0, 257)[:, None]
-        grey = lut((1.0 - share) * max(domain[0]) + share * min(domain[1]) + np.zeros(3))
-        takes_raw = states is not None and states.takes_raw  # equal numbers of RAW before white balance are no grey
-        mean = grey.mean(axis=1)
-        falls = np.min(np.diff(mean)) < -ALARMING_FALL / 256 or np.max(np.maximum.accumulate(mean) - mean) > 1 / 255
-        if falls and not takes_raw and not _is_half(lut):
-            problems.append("grey becomes darker somewhere where the input becomes lighter")
+        grey = lut((1.0 - share) * max(lowest) + share * min(highest) + np.zeros(3)).mean(axis=1)
+        falls_steeply = np.min(np.diff(grey)) < -ALARMING_FALL / 256
+        if falls_steeply or np.max(np.maximum.accumulate(grey) - grey) > 1 / 255:
+            yield "grey becomes darker somewhere where the input becomes lighter"
 
-        # In cameras a few channels fall: where strong colours are mapped into the gamut.
-        if falling > 0.1:
-            steps = f"{falling:.1%} of the steps"
-            problems.append(f"a channel falls while its own input rises at {steps}: banding or solarization")
-        if np.ptp(values) < 1e-6:
-            problems.append("all colours become one")
+    # In cameras a few channels fall: where strong colours are mapped into the gamut.
+    if findings.falling > 0.1:
+        steps = f"{findings.falling:.1%} of the steps"
+        yield f"a channel falls while its own input rises at {steps}: banding or solarization"
+    if np.ptp(cube.values) < 1e-6:
+        yield "all colours become one"
 
-        # Per output channel of the whole LUT, the input channel with which it changes most, on average.
-        colours = lut(np.array(domain[0]) + grid(uniform_levels(9)) * np.subtract(domain[1], domain[0]))
-        changes = [np.abs(np.take(colours, -1, axis) - np.take(colours, 0, axis)) for axis in range(3)]
-        follows = tuple(np.argmax([change.reshape(-1, 3).mean(axis=0) for change in changes], axis=0).tolist())
-        if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
-            pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
-            problems.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
-
-    problems += _problems_of_range(domain, outputs, clipped, states, lut.metadata.get("format") in FLOAT_FORMATS)
-    if lut.metadata.get("bits") == "8":
-        problems.append("8 bits per channel: gradients will show bands; 16 are usual")
-    return problems
+    # Per output channel of the whole LUT, the input channel with which it changes most, on average.
+    colours = lut(np.array(lowest) + grid(uniform_levels(9)) * np.subtract(highest, lowest))
+    changes = [np.abs(np.take(colours, -1, axis) - np.take(colours, 0, axis)) for axis in range(3)]
+    follows = tuple(np.argmax([change.reshape(-1, 3).mean(axis=0) for change in changes], axis=0).tolist())
+    if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
+        pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
+        yield f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB"
 
 
-def _problems_of_range(
-    domain: tuple[Colour, Colour],
-    outputs: Array,
-    clipped: float | None,
-    states: InputAndOutput | None,
-    in_floats: bool,
-) -> Iterator[str]:
-    """What is wrong with the range of a LUT's inputs and outputs, which most programs expect to be 0 to 1.
-
-    in_floats: all programs that read the file compute in floats.
-    """
-    highest = float(outputs.max())
-    if max(domain[1]) in CODES:
+def _problems_of_inputs(findings: _Findings) -> Iterator[str]:
+    """A domain in codes, where most programs expect 0 to 1."""
+    highest = max(findings.domain[1])
+    if highest in CODES:
         yield (
-            f"its inputs run to {max(domain[1]):g}, as codes of {CODES[max(domain[1])]} bits: pictures from 0 to 1 "
-            "fall on its first nodes; write a domain from 0 to 1"
+            f"its inputs run to {highest:g}, as codes of {CODES[highest]} bits: pictures from 0 to 1 fall on its first "
+            "nodes; write a domain from 0 to 1"
         )
-    whole = bool(np.all(outputs == np.rint(outputs)))
+
+
+def _problems_of_outputs(findings: _Findings) -> Iterator[str]:
+    """Outputs beyond 0 to 1, which most programs expect, or nearly all at these limits."""
+    outputs, clipped, stated = findings.outputs, findings.clipped, findings.stated
+    highest = float(outputs.max())
+    are_whole = bool(np.all(outputs == np.rint(outputs)))
     # Scene-linear light reaches as high, and in nits higher, but half of such a table is dark.
-    codes = (
-        highest >= LEAST_HIGHEST_CODE and float(np.median(outputs)) > LEAST_MEDIAN_SHARE * highest and states is None
+    are_codes = (
+        highest >= LEAST_HIGHEST_CODE and float(np.median(outputs)) > LEAST_MEDIAN_SHARE * highest and stated is None
     )
-    if highest > 1 and clipped is None and (whole or codes):
+    if highest > 1 and clipped is None and (are_whole or are_codes):
         top = next((code for code in CODES if code >= highest), highest)
-        are = "are whole and run" if whole else "run"
+        are = "are whole and run" if are_whole else "run"
         yield (
             f"its numbers {are} to {highest:g}, as codes, where 0 to 1 are meant: all is white; divide them by {top:g}"
         )
-    elif clipped is None and not in_floats and not (states is not None and states.are_linear[1]):
-        yield "outputs leave [0, 1]: programs with integers clip them, others pass them on"
+    elif clipped is None:
+        in_floats = findings.lut.metadata.format in FLOAT_FORMATS
+        gives_linear = stated is not None and stated.are_linear[1]
+        if not in_floats and not gives_linear:
+            yield "outputs leave [0, 1]: programs with integers clip them, others pass them on"
     if clipped is not None and clipped > 0.9995 and len(outputs.reshape(-1, 3)) > 8:
         yield "100 % of the nodes are at a limit, 0 or 1: its numbers are cut, or are codes of other than 0 to 1"
 

@@ -1,12 +1,17 @@
 """The axes of a cube that is fitted to a known function: an input curve per channel, and node levels along it.
 
-A cube interpolates linearly between its nodes, so each axis is first stretched until the function rises evenly along
-it: the curve is the running sum of its root-mean-square slope, which leaves, of all curves, the least curvature on
-average (d/dx log u' = ⟨F_xx, F_x⟩ / ⟨F_x, F_x⟩). Node levels then even out what curvature is left: intervals of width h
-have a mean error ∝ |κ| h² per unit length of the curve, and at a fixed number of them the total is least where
-1/h ∝ |κ|^(1/3), the largest error where 1/h ∝ |κ|^(1/2) (de Boor 1973, https://doi.org/10.1007/BFb0069390). The first
-rule is for a cube without a curve after it, the second for one whose output curve magnifies the errors of dark colours:
-few of the lines then have the largest errors, and a power mean of their curvatures gives these more weight.
+A cube interpolates linearly between its nodes, so an axis is made in two steps.
+
+1. The curve stretches the axis until the function rises evenly along it. It is the running sum of the function's slope,
+   the root mean square over many lines along the axis. Of all curves this one leaves the least curvature on average,
+   since d/dx log u' = ⟨F_xx, F_x⟩ / ⟨F_x, F_x⟩ for a curve u and a function F.
+2. The node levels even out the curvature κ that is left. In an interval of width h the mean error is proportional to
+   |κ| h². For a given number of intervals the total error is least where 1/h is proportional to |κ|^(1/3), and the
+   largest error is least where it is proportional to |κ|^(1/2) (de Boor 1973, https://doi.org/10.1007/BFb0069390).
+
+`fit_axes` takes the first of these two powers: it is for a cube without a curve after it. `fit_axes_before_curve` takes
+the second: an output curve magnifies the errors of dark colours, so that few lines have the largest errors, and a power
+mean over the lines gives these lines more weight.
 """
 
 from collections.abc import Callable
@@ -70,7 +75,7 @@ def fit_axes(function: Function, gain: Array, size: int, curve: Array | None = N
     gain. curve: the input curve (m, 3), where it is known. stops: how far beyond 1 the inputs reached before they were
     scaled to [0, 1]; the more, the finer the steps in dark colours.
     """
-    lines = _measured(function, gain, stops)
+    lines = _function_on_lines(function, gain, stops)
 
     # The share of all inputs that each line but the grey axis represents; half lie in the dark tones.
     density = 0.5 + 0.125 / np.sqrt(np.maximum(lines.across.prod(axis=1), 1e-4))
@@ -80,27 +85,29 @@ def fit_axes(function: Function, gain: Array, size: int, curve: Array | None = N
         # Inputs per unit of the curve. The square root lies half way between counting inputs and counting cells, as the
         # weights of the fit do.
         input_density = bends.input_widths / bends.widths
-        return np.asarray((_mean(np.sqrt(bends.square), share) * np.sqrt(input_density)) ** (1 / 3))
+        curvature = _share_weighted_mean(np.sqrt(bends.squared_curvature), share)
+        return np.asarray((curvature * np.sqrt(input_density)) ** (1 / 3))
 
-    return _axes(lines, share, curve, size, node_density)
+    return _spaced_axes(lines, share, curve, size, node_density)
 
 
 def fit_axes_before_curve(
     function: Function, gain: Array, size: int, weight: Function, curve: Array | None = None
 ) -> FittedAxes:
-    """Curve and node levels as of `fit_axes`, but such that the largest error after an output curve is least.
+    """Curve and node levels as in `fit_axes`, but such that the largest error after an output curve is least.
 
     weight: outputs (n, 3) → (n,), the weight of a squared error there.
     """
-    lines = _measured(function, gain, 0.0)
+    lines = _function_on_lines(function, gain, 0.0)
     share = np.full(LINES, 1 / LINES)
 
     def node_density(bends: _Bends) -> Array:
-        square = bends.square * weight(bends.outputs.reshape(-1, 3)).reshape(bends.square.shape)
+        weights = weight(bends.outputs.reshape(-1, 3)).reshape(bends.squared_curvature.shape)
         # The cubic mean of curvatures lies between the root mean square and the largest.
-        return np.asarray(_mean(square**1.5, share, 0.5) ** (1 / 6))
+        cubes = (bends.squared_curvature * weights) ** 1.5
+        return np.asarray(_share_weighted_mean(cubes, share, grey_share=0.5) ** (1 / 6))
 
-    return _axes(lines, share, curve, size, node_density)
+    return _spaced_axes(lines, share, curve, size, node_density)
 
 
 def slope_weight(output_curve: Array) -> Function:
@@ -127,11 +134,11 @@ def slope_weight(output_curve: Array) -> Function:
 class _Lines:
     """A function along lines parallel to the axes.
 
-    t: (LINE_STEPS + 1,), the levels on each line. values: per axis (LINES + 1, LINE_STEPS + 1, 3), first the grey axis.
-    across: (LINES, 2), the coordinates of all lines but the grey axis on the other two axes.
+    levels: (LINE_STEPS + 1,), the inputs along each line. values: per axis (LINES + 1, LINE_STEPS + 1, 3), the first of
+    the lines being the grey axis. across: (LINES, 2), the coordinates of the other lines on the other two axes.
     """
 
-    t: Array
+    levels: Array
     across: Array
     values: tuple[Array, ...]
 
@@ -140,95 +147,112 @@ class _Lines:
 class _Bends:
     """How a function bends between the steps of the lines along an axis, in units of the axis's curve.
 
-    outputs: (LINES + 1, LINE_STEPS − 1, 3); square: the squared curvature (LINES + 1, LINE_STEPS − 1); widths: of two
-    neighbouring steps on the curve (LINE_STEPS − 1,); input_widths: the same of the inputs.
+    outputs: (LINES + 1, LINE_STEPS − 1, 3), where two steps meet; squared_curvature: (LINES + 1, LINE_STEPS − 1) there;
+    widths: (LINE_STEPS − 1,), of these two steps along the curve; input_widths: of the two along the inputs.
     """
 
     outputs: Array
-    square: Array
+    squared_curvature: Array
     widths: Array
     input_widths: Array
 
 
-def _measured(function: Function, gain: Array, stops: float) -> _Lines:
+def _function_on_lines(function: Function, gain: Array, stops: float) -> _Lines:
     """The values of a function along the lines, more of which lie where a gain clips."""
-    t = np.linspace(0.0, 1.0, LINE_STEPS + 1) ** (1.5 + 0.25 * stops)  # finer in the darks, where responses are steep
+    # Steps are finer in the darks, where responses are steep.
+    levels = np.linspace(0.0, 1.0, LINE_STEPS + 1) ** (1.5 + 0.25 * stops)
     across = sobol(LINES, 2)
     across[: LINES // 2] **= 2
 
     values = []
     for axis in range(3):
         other_axes = [c for c in range(3) if c != axis]
-        x = np.empty((LINES + 1, len(t), 3))
-        x[..., axis] = t
+        x = np.empty((LINES + 1, len(levels), 3))
+        x[..., axis] = levels
         x[1:, :, other_axes] = np.minimum(across * np.maximum(gain[other_axes], 1.0), 1.0)[:, None, :]
-        x[0] = t[:, None]
+        x[0] = levels[:, None]
         values.append(function(x.reshape(-1, 3)).reshape(x.shape))
 
-    return _Lines(t, across, tuple(values))
+    return _Lines(levels, across, tuple(values))
 
 
-def _axes(
+def _spaced_axes(
     lines: _Lines, share: Array, curve: Array | None, size: int, node_density: Callable[[_Bends], Array]
 ) -> FittedAxes:
     """The axes with nodes spaced by a density along a curve that is given, or else measured.
 
     share: (LINES,), the weight of each line but the grey axis.
     """
-    t = lines.t
     if curve is None:
-        squares = [np.sum((np.diff(y, axis=1) / np.diff(t)[:, None]) ** 2, axis=2) for y in lines.values]
-        curve = np.stack([_curve(np.sqrt(_mean(square, share)), t) for square in squares], axis=1)
-    even = np.linspace(0.0, 1.0, len(curve))
+        curve = np.stack([_cumulated_slope(_mean_slope(lines, axis, share), lines.levels) for axis in range(3)], axis=1)
+    curve_inputs = np.linspace(0.0, 1.0, len(curve))
 
-    places = []
+    node_levels = []
     for axis, values in enumerate(lines.values):
-        mass = _mass(values, t, np.interp(t, even, curve[:, axis]), node_density)
-        total = np.concatenate([[0.0], np.cumsum(mass)])
-        # Each cell holds the same mass.
-        places.append(np.interp(np.linspace(0.0, total[-1], size), total, t))
+        stretched = np.interp(lines.levels, curve_inputs, curve[:, axis])
+        nodes = np.cumsum(_nodes_per_step(values, lines.levels, stretched, node_density))
+        nodes_before = np.concatenate([[0.0], nodes])
+        # Each cell holds the same share of the nodes.
+        node_levels.append(np.interp(np.linspace(0.0, nodes_before[-1], size), nodes_before, lines.levels))
 
+    r, g, b = node_levels
     is_straight = len(curve) == 2  # two entries: the identity
-    return _on_shortest_grid((places[0], places[1], places[2]), None if is_straight else curve)
+    return _on_shortest_grid((r, g, b), None if is_straight else curve)
 
 
-def _mean(values: Array, share: Array, grey: float = 0.25) -> Array:
-    """The weighted mean over the lines (LINES + 1, m); grey: weight of the grey axis, share: of the other lines."""
-    return np.asarray((1 - grey) * (share @ values[1:]) + grey * values[0])
+def _share_weighted_mean(values: Array, share: Array, grey_share: float = 0.25) -> Array:
+    """The mean over the lines of values (LINES + 1, m), by the share of each line.
+
+    grey_share: of the grey axis; share: (LINES,), of the other lines among themselves.
+    """
+    return np.asarray((1 - grey_share) * (share @ values[1:]) + grey_share * values[0])
 
 
-def _curve(slope: Array, t: Array) -> Array:
+def _mean_slope(lines: _Lines, axis: int, share: Array) -> Array:
+    """The root-mean-square slope of a function in each step (LINE_STEPS,) along an axis."""
+    slope = np.diff(lines.values[axis], axis=1) / np.diff(lines.levels)[:, None]
+    return np.sqrt(_share_weighted_mean(np.sum(slope**2, axis=2), share))
+
+
+def _cumulated_slope(slope: Array, levels: Array) -> Array:
     """The running sum of a slope, from 0 to 1, at MAX_SHAPER_SIZE even steps."""
-    density = scipy.ndimage.gaussian_filter1d(slope, 4.0, mode="nearest")
-    total = float(np.sum(density * np.diff(t)))
+    steps = np.diff(levels)
+    smooth = scipy.ndimage.gaussian_filter1d(slope, 4.0, mode="nearest")
+    rise = float(np.sum(smooth * steps))
     # Add half of a straight line, so that the curve rises where the function is flat.
-    density = density + 0.5 * total if total > 1e-12 else np.ones_like(density)
-    u = np.concatenate([[0.0], np.cumsum(density * np.diff(t))])
-    curve = scipy.interpolate.PchipInterpolator(t, u / u[-1])(np.linspace(0.0, 1.0, MAX_SHAPER_SIZE))
+    rising = smooth + 0.5 * rise if rise > 1e-12 else np.ones_like(smooth)
+    sums = np.concatenate([[0.0], np.cumsum(rising * steps)])
+    curve = scipy.interpolate.PchipInterpolator(levels, sums / sums[-1])(np.linspace(0.0, 1.0, MAX_SHAPER_SIZE))
     curve[0], curve[-1] = 0.0, 1.0
     return np.asarray(curve)
 
 
-def _mass(y: Array, t: Array, u: Array, node_density: Callable[[_Bends], Array]) -> Array:
-    """Share of the nodes in each step (LINE_STEPS,), from the curvature along the curve's values u at the levels t."""
-    step = np.diff(t)
-    wide = np.diff(u)
-    widths = wide[1:] + wide[:-1]
-    bend = np.diff(np.diff(y, axis=1) / wide[:, None], axis=1) * (2 / widths)[:, None]
+def _nodes_per_step(outputs: Array, levels: Array, stretched: Array, node_density: Callable[[_Bends], Array]) -> Array:
+    """The share of the nodes in each step (LINE_STEPS,), from the function's curvature along the curve.
 
-    density = node_density(_Bends(y[:, 1:-1], np.sum(bend**2, axis=2), widths, step[1:] + step[:-1]))
-    density = scipy.ndimage.gaussian_filter1d(np.pad(density, 1, mode="edge"), 1.0, mode="nearest")
+    outputs: (LINES + 1, LINE_STEPS + 1, 3), of the function; stretched: the curve at the levels, (LINE_STEPS + 1,).
+    """
+    input_steps = np.diff(levels)
+    steps = np.diff(stretched)
+    widths = steps[1:] + steps[:-1]
+    slope = np.diff(outputs, axis=1) / steps[:, None]
+    curvature = np.diff(slope, axis=1) * (2 / widths)[:, None]
 
-    mass = 0.5 * (density[1:] + density[:-1]) * wide
-    total = mass.sum()
-    mass = 0.8 * mass / total + 0.2 * step if total > 1e-12 else step  # a fifth of the nodes stays evenly spread
-    return np.asarray(mass / mass.sum())
+    bends = _Bends(outputs[:, 1:-1], np.sum(curvature**2, axis=2), widths, input_steps[1:] + input_steps[:-1])
+    density = np.pad(node_density(bends), 1, mode="edge")
+    smooth = scipy.ndimage.gaussian_filter1d(density, 1.0, mode="nearest")
+
+    nodes = 0.5 * (smooth[1:] + smooth[:-1]) * steps
+    total = nodes.sum()
+    # A fifth of the nodes stays evenly spread; all of them, where the function is straight.
+    nodes = 0.8 * nodes / total + 0.2 * input_steps if total > 1e-12 else input_steps
+    return np.asarray(nodes / nodes.sum())
 
 
-def _on_shortest_grid(places: Levels, curve: Array | None) -> FittedAxes:
+def _on_shortest_grid(node_levels: Levels, curve: Array | None) -> FittedAxes:
     """Node levels on the grid of the shortest shaper that holds them and the curve: a long one makes long files."""
-    short = snapped(places, SHORT_SHAPER_SIZE)
+    short = snapped(node_levels, SHORT_SHAPER_SIZE)
     narrowest = min(float(np.diff(axis).min()) for axis in short) * (SHORT_SHAPER_SIZE - 1)
     if narrowest >= CELL_STEPS and shaper_error(short, SHORT_SHAPER_SIZE, curve) <= SHAPER_ERROR:
         return FittedAxes(curve, short, SHORT_SHAPER_SIZE)
-    return FittedAxes(curve, snapped(places, MAX_SHAPER_SIZE), MAX_SHAPER_SIZE)
+    return FittedAxes(curve, snapped(node_levels, MAX_SHAPER_SIZE), MAX_SHAPER_SIZE)

@@ -45,9 +45,9 @@ def fit_cube(
     gain: (3,) before the function, as in `fit_axes`. Black and white are exact; the grey axis counts 30 times. Nodes
     are clamped to the range of the function, even where others would fit better: a file keeps to the legal range.
     """
-    task = _task(function, axes, method, gain, lambda y: np.ones(len(y)), progress)
-    values = task.solved(task.weight, task.sampled)
-    return task.with_ends(np.clip(values, task.y.min(axis=0), task.y.max(axis=0)))
+    fit = _node_fit(function, axes, method, gain, lambda y: np.ones(len(y)), progress)
+    values = fit.solved(fit.weight, fit.sampled)
+    return fit.with_ends(np.clip(values, fit.y.min(axis=0), fit.y.max(axis=0)))
 
 
 def fit_cube_before_curve(
@@ -58,24 +58,24 @@ def fit_cube_before_curve(
     weight: Function,
     progress: Share = lambda share: None,
 ) -> Array:
-    """Node values as of `fit_cube`, of a cube with an output curve after it that magnifies errors, and clips.
+    """Node values as in `fit_cube`, for a cube with an output curve after it that magnifies errors, and clips.
 
     weight: outputs (n, 3) → (n,), the weight of a squared error there. A second, reweighted fit (Lawson 1961) lowers
     the largest errors.
     """
-    task = _task(function, axes, method, gain, weight, progress)
-    values = task.solved(task.weight, task.sampled)
+    fit = _node_fit(function, axes, method, gain, weight, progress)
+    values = fit.solved(fit.weight, fit.sampled)
 
-    squared = np.sum((interpolate(task.x, task.knots, values, method) - task.y) ** 2, axis=1)
-    error = np.sqrt(weight(task.y) * squared)
-    return task.with_ends(task.solved(task.weight * lawson(error, 0.75), values))
+    squared = np.sum((interpolate(fit.x, fit.knots, values, method) - fit.y) ** 2, axis=1)
+    error = np.sqrt(weight(fit.y) * squared)
+    return fit.with_ends(fit.solved(fit.weight * lawson(error, 0.75), values))
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
-    """What the nodes of a cube are fitted to: a function's values y (m, 3) at the points x (m, 3) of the cube's axes.
+class _NodeFit:
+    """The least-squares fit of a cube's nodes to a function's values y (m, 3) at points x (m, 3) on the cube's axes.
 
-    weight: (m,); sampled: the function at the nodes (N, N, N, 3).
+    weight: (m,), of the points; sampled: the function at the nodes (N, N, N, 3).
     """
 
     x: Array
@@ -96,10 +96,10 @@ class _Task:
         return values
 
 
-def _task(
+def _node_fit(
     function: Function, axes: Axes, method: Interpolation, gain: Array, importance: Function, progress: Share
-) -> _Task:
-    """Points all over the cube, on the grey axis and at the nodes, with their weights. importance: (n, 3) → (n,)."""
+) -> _NodeFit:
+    """The fit on points all over the cube, on the grey axis and at the nodes. importance: (n, 3) → (n,)."""
     levels = axes.levels
     spread, on_face, counted = _points(levels, gain)
     count = len(spread)
@@ -131,7 +131,7 @@ def _task(
     # Black and white almost without error, so that the nodes around them are fitted to the exact ends.
     weight[[count, -GREY_POINTS - 1]] = 1e4 * weight.mean()
 
-    return _Task(axes.curve(x), y, weight, sampled, axes.knots, method)
+    return _NodeFit(axes.curve(x), y, weight, sampled, axes.knots, method)
 
 
 def _points(levels: Levels, gain: Array) -> tuple[Array, Mask, Array]:

@@ -8,19 +8,19 @@ import numpy as np
 from lutforge.interpolation import Interpolation
 from lutforge.luts.fit_axes import fit_axes, fit_axes_before_curve, slope_weight
 from lutforge.luts.fit_cube import Axes, Share, fit_cube, fit_cube_before_curve
-from lutforge.luts.lower import EvenSegment, Part, Segment, SegmentBeforeCurve, SegmentOnLevels, WholeSegment
+from lutforge.luts.lower import EvenSegment, LoweredPart, Segment, SegmentBeforeCurve, SegmentOnLevels, WholeSegment
 from lutforge.luts.ops import Cube, Op, joined
 from lutforge.luts.shaper import MAX_SHAPER_SIZE, levels_before_gain, shaper
 from lutforge.model.lattice import SHORT_SHAPER_SIZE, nodes_at, resized_levels, snapped, uniform_levels, with_level_at
 from lutforge.progress import Progress
 
 
-def fit_segments(parts: Sequence[Part], size: int, method: Interpolation, progress: Progress) -> tuple[Op, ...]:
+def fit_segments(parts: Sequence[LoweredPart], size: int, method: Interpolation, progress: Progress) -> tuple[Op, ...]:
     """The operations of a lowered transform, its segments by cubes of `size` nodes per axis. O(size³) evaluations."""
     return joined([op for part in parts for op in _fitted(part, size, method, progress)])
 
 
-def _fitted(part: Part, size: int, method: Interpolation, progress: Progress) -> tuple[Op, ...]:
+def _fitted(part: LoweredPart, size: int, method: Interpolation, progress: Progress) -> tuple[Op, ...]:
     """A segment as operations; an operation as it is."""
     if not isinstance(part, Segment | SegmentOnLevels | EvenSegment):
         return (part,)

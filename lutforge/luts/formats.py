@@ -1,23 +1,18 @@
 """The formats of LUT files: which sequences of operations each can hold, and the writing of a LUT to a file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lutforge.errors import LutError
 from lutforge.luts.forms import HELD, MAX_SIZE, Form
+from lutforge.luts.op_sequence import OpSequence
 from lutforge.luts.writers.csp import write_csp
 from lutforge.luts.writers.cube import write_cube
 from lutforge.luts.writers.hald import HALD_SIZES, write_hald
 from lutforge.luts.writers.integers import VLT_SIZE, write_3dl, write_vlt
 from lutforge.luts.writers.process_list import PROCESS_LISTS, write_clf
 from lutforge.luts.writers.spi import SPI_PAIR, write_spi
-
-if TYPE_CHECKING:
-    from lutforge.luts.sequence import Lut  # which is written by these functions
 
 
 @dataclass(frozen=True)
@@ -32,7 +27,7 @@ class FileFormat:
     name: str
     suffixes: tuple[str, ...]
     forms: tuple[Form, ...]
-    write: Callable[[Lut, Path], None]
+    write: Callable[[OpSequence, Path], None]
     sizes: tuple[int, ...] = ()
     size: int = 65
     bits: int | None = None
@@ -63,7 +58,7 @@ def format_of(path: Path) -> FileFormat:
     return file_format
 
 
-def write(lut: Lut, path: Path) -> Path:
+def write(lut: OpSequence, path: Path) -> Path:
     """Write a LUT to a file, atomically and exactly, in the format that the suffix names; return the path.
 
     Nothing is fitted or sampled here. Raises LutError, with the form that the file needs, where its format cannot hold
@@ -75,7 +70,7 @@ def write(lut: Lut, path: Path) -> Path:
     return path
 
 
-def _require_held(lut: Lut, path: Path, file_format: FileFormat) -> None:
+def _require_held(lut: OpSequence, path: Path, file_format: FileFormat) -> None:
     """Raise LutError where a format cannot hold a LUT as it is."""
     name = file_format.name
     form = file_format.forms[0]

@@ -3,7 +3,7 @@
 from typing import Literal, get_args
 
 Form = Literal["full", "shaper", "plain"]
-"""What sequences a format holds: any; a curve per channel and a cube; a cube."""
+"""The sequences that a format holds: "full" any, "shaper" a curve per channel and a cube, "plain" a cube alone."""
 
 FORMS: tuple[Form, ...] = get_args(Form)
 

@@ -33,9 +33,11 @@ class InputAndOutput:
 
     @property
     def are_linear(self) -> tuple[bool, bool]:
-        """Whether the input, and whether the output, is linear."""
-        takes, gives = (end == CAMERA_RAW or end.startswith("scene-linear") for end in (self.input, self.output))
-        return takes, gives
+        """True where the input is linear, and True where the output is."""
+        takes_linear, gives_linear = (
+            side == CAMERA_RAW or side.startswith("scene-linear") for side in (self.input, self.output)
+        )
+        return takes_linear, gives_linear
 
     @property
     def comments(self) -> tuple[str, ...]:

@@ -13,9 +13,9 @@ from lutforge.arrays import Array, ColourFunction
 from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.errors import LutError
 from lutforge.interpolation import Levels
+from lutforge.luts.decomposition import Decomposition, checked, curve_alone, decomposed
 from lutforge.luts.fit_cube import Function
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range, joined
-from lutforge.luts.parts import Parts, checked, curve_alone, parts_of
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import MAX_SHAPER_SIZE, lattice_ops, levels_before_gain, node_levels, shaper
 from lutforge.luts.target import Target
@@ -74,11 +74,11 @@ class EvenSegment:
     function: Function
 
 
-Part = Op | Segment | SegmentOnLevels | EvenSegment
-"""What a transform is lowered to."""
+LoweredPart = Op | Segment | SegmentOnLevels | EvenSegment
+"""A part of a lowered transform: an operation that is known, or a segment to fit."""
 
 
-def lower(transform: ColourFunction, target: Target, highest: float = 1.0) -> tuple[Part, ...]:
+def lower(transform: ColourFunction, target: Target, highest: float = 1.0) -> tuple[LoweredPart, ...]:
     """Return the operations and segments of a transform for one form.
 
     highest: of the inputs, which begin at 0; a transform of scene-linear inputs states itself where they are clipped.
@@ -93,7 +93,7 @@ def lower(transform: ColourFunction, target: Target, highest: float = 1.0) -> tu
             return _to_cube(transform, target, highest)
 
 
-def lower_steps(transform: Transform, target: Target) -> tuple[Part, ...]:
+def lower_steps(transform: Transform, target: Target) -> tuple[LoweredPart, ...]:
     """Return the operations and segments of a transform with a cube for each of its steps, from one clip to the next.
 
     A refinish between two lattices of a profile is lattice → matrix → lattice: written so, the file is the model, while
@@ -110,7 +110,7 @@ def takes_scenes(transform: ColourFunction) -> bool:
     return isinstance(transform, Transform) and bool(transform.stages) and isinstance(transform.stages[0], MatrixStage)
 
 
-def _to_any_sequence(transform: ColourFunction, target: Target, highest: float) -> tuple[Part, ...]:
+def _to_any_sequence(transform: ColourFunction, target: Target, highest: float) -> tuple[LoweredPart, ...]:
     """Lower a transform to a file that holds any sequence of operations."""
     if isinstance(transform, Transform) and transform.is_identity:
         return (Range(),)
@@ -125,25 +125,29 @@ def _to_any_sequence(transform: ColourFunction, target: Target, highest: float) 
     if curve_ops:
         return curve_ops
 
-    parts = parts_of(transform)
+    parts = decomposed(transform)
+    before = Matrix(parts.gain[:, None] * parts.matrix_before)
+    after = Matrix(parts.matrix_after)
     lattice = _exact_lattice(parts, target)
     if lattice is not None:
-        return (Matrix(parts.gain[:, None] * parts.before), Range(), *lattice_ops(lattice), Matrix(parts.matrix))
+        return (before, Range(), *lattice_ops(lattice), after)
 
     if highest != 1:
         return Matrix(np.eye(3) / highest), Range(), _scaled(transform, highest)
     if parts.output_curve is None:
-        cube: tuple[Part, ...] = (Segment(parts.cube_values, parts.gain, parts.curve),)
+        cube: tuple[LoweredPart, ...] = (Segment(parts.cube_values, parts.gain, parts.input_curve),)
     elif parts.lattice is not None and parts.lattice.input_matrix is not None:
         to_axes, segment = _without_outer_cells(parts.lattice, parts.lattice.input_matrix, parts.output_curve)
         cube = (to_axes, Range(), segment, Curve(parts.output_curve))
     else:
-        magnified = SegmentBeforeCurve(parts.cube_values, parts.gain, parts.curve, output_curve=parts.output_curve)
+        magnified = SegmentBeforeCurve(
+            parts.cube_values, parts.gain, parts.input_curve, output_curve=parts.output_curve
+        )
         cube = (magnified, Curve(parts.output_curve))
-    return (Matrix(parts.gain[:, None] * parts.before), Range(), *cube, Matrix(parts.matrix))
+    return (before, Range(), *cube, after)
 
 
-def _to_shaper_and_cube(transform: ColourFunction, target: Target, highest: float) -> tuple[Part, ...]:
+def _to_shaper_and_cube(transform: ColourFunction, target: Target, highest: float) -> tuple[LoweredPart, ...]:
     """Lower a transform to a curve per channel and a cube after it, or to a curve alone."""
     if isinstance(transform, Transform) and transform.is_identity:
         return (_even_cube(target),)
@@ -156,18 +160,18 @@ def _to_shaper_and_cube(transform: ColourFunction, target: Target, highest: floa
 
     if isinstance(transform, Transform) and takes_scenes(transform):
         return (_one_segment(transform, transform.highest()),)
-    parts = parts_of(transform)
+    parts = decomposed(transform)
     folded = _folded_lattice(parts, target)
     if folded:
         return folded
     if highest != 1:
         return (_one_segment(transform, highest),)
     # An input curve is known for the values before an output curve, not for those after it.
-    input_curve = parts.curve if parts.output_curve is None else None
-    return (WholeSegment(parts.body, parts.gain, input_curve, matrix=parts.matrix),)
+    input_curve = parts.input_curve if parts.output_curve is None else None
+    return (WholeSegment(parts.body, parts.gain, input_curve, matrix=parts.matrix_after),)
 
 
-def _to_cube(transform: ColourFunction, target: Target, highest: float) -> tuple[Part, ...]:
+def _to_cube(transform: ColourFunction, target: Target, highest: float) -> tuple[LoweredPart, ...]:
     """Lower a transform to an evenly spaced cube, or to a curve alone where the file may hold one."""
     if highest != 1:
         raise LutError(f"LUT: a plain cube takes inputs from 0 to 1, not to {highest:g}; bake the form shaper or full")
@@ -178,7 +182,7 @@ def _to_cube(transform: ColourFunction, target: Target, highest: float) -> tuple
         case [Curve() as curve] if target.curve:
             return (curve,)
 
-    folded = () if takes_scenes(transform) else _folded_lattice(parts_of(transform), target)
+    folded = () if takes_scenes(transform) else _folded_lattice(decomposed(transform), target)
     return folded if folded and Lut(folded).has_form("plain") else (EvenSegment(checked(transform)),)
 
 
@@ -222,7 +226,7 @@ def _without_outer_cells(lattice: Lattice, input_matrix: Array, output_curve: Ar
     return to_axes, SegmentOnLevels(function, (r, g, b), at_black, at_white, output_curve)
 
 
-def _folded_lattice(parts: Parts, target: Target) -> tuple[Op, ...]:
+def _folded_lattice(parts: Decomposition, target: Target) -> tuple[Op, ...]:
     """The shaper and cube of a lattice, which hold its gain and its matrix; nothing where a fit is needed."""
     lattice = _exact_lattice(parts, target)
     if lattice is None or lattice.output_curve is not None:
@@ -231,15 +235,15 @@ def _folded_lattice(parts: Parts, target: Target) -> tuple[Op, ...]:
     curve, cube = Lut(ops).shaper_and_cube()
     gain = parts.gain
     if np.all(gain == 1):
-        return (*ops[:-1], Cube(cube.values @ parts.matrix.T, cube.interpolation))
+        return (*ops[:-1], Cube(cube.values @ parts.matrix_after.T, cube.interpolation))
 
     # Levels move to the shaper's grid, so the cube is evaluated there anew; the change is below one step of the shaper.
     levels = levels_before_gain(node_levels(curve, cube), gain)
-    values = Lut(ops)(np.clip(grid(levels) * gain, 0.0, 1.0)) @ parts.matrix.T
+    values = Lut(ops)(np.clip(grid(levels) * gain, 0.0, 1.0)) @ parts.matrix_after.T
     return shaper(levels), Cube(values, cube.interpolation)
 
 
-def _exact_lattice(parts: Parts, target: Target) -> Lattice | None:
+def _exact_lattice(parts: Decomposition, target: Target) -> Lattice | None:
     """The lattice of a transform, where it has the size and the interpolation of a target."""
     lattice = parts.lattice
     if lattice is None or set(lattice.size) != {target.size or lattice.size[0]}:

@@ -1,4 +1,4 @@
-"""The programs that read LUT files, and what each of them takes."""
+"""The programs that read LUT files, and their verdicts on the kinds of files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,16 +7,23 @@ from pathlib import Path
 from lutforge.errors import LutError, alternatives
 from lutforge.interpolation import Interpolation
 from lutforge.luts import command_lines
+from lutforge.luts.lut_kind import LutKind
 
-CUBES = (".cube", ".cube, domain from 0", ".cube, domain", ".cube, range", ".cube, curve")
+WITH_DOMAIN = (LutKind.CUBE_WITH_DOMAIN_FROM_0, LutKind.CUBE_WITH_DOMAIN)
+"""Kinds of .cube files with a domain other than 0 to 1."""
+WITHOUT_SHAPER = (LutKind.CUBE, *WITH_DOMAIN, LutKind.CUBE_WITH_RANGE, LutKind.CUBE_OF_CURVE)
 """Kinds of .cube files without a shaper."""
+WITH_SHAPER = (LutKind.CUBE_WITH_SHAPER, LutKind.CUBE_WITH_SHAPER_WITHOUT_RANGES)
+"""Kinds of .cube files with a shaper."""
+CSP = (LutKind.CSP, LutKind.CSP_WITH_SHAPER)
+FLAME_3DL = (LutKind.FLAME_3DL, LutKind.FLAME_3DL_17_NODES_12_BITS)
 
 READS = "reads it"
 REFUSES = "refuses it"
 LEAVES = "leaves the picture as it is, without a word"
 NOT_KNOWN = "is not known to read it"
 GARBAGE = "reads it without a word and renders wrong colours"
-"""What a program does with a file: the last of these five ways is the worst."""
+"""The verdicts of programs on a file; the last of these five is the worst."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +35,9 @@ class Program:
     line, for programs that have one. develops: it develops RAW files itself, and applies a LUT to developed colours,
     never to camera RAW.
 
-    title: its name for people, empty for OpenColorIO and programs that read files through it. does: its verdict by kind
-    of file, as `check` names kinds; otherwise: its verdict on every other kind; tried: the version that these were
-    measured with, empty where they come from its makers and users.
+    title: its name for people, "" for OpenColorIO and programs that read files through it. does: its verdict by kind
+    of file; otherwise: its verdict on every other kind; tried: the version that these were measured with, empty where
+    they come from its makers and users.
     """
 
     reads: tuple[str, ...]
@@ -43,7 +50,7 @@ class Program:
     develops: bool = False
     title: str = ""
     tried: str = ""
-    does: Mapping[str, str] = field(default_factory=dict)
+    does: Mapping[LutKind, str] = field(default_factory=dict)
     otherwise: str = REFUSES
 
     def advice(self, path: Path) -> str:
@@ -51,25 +58,26 @@ class Program:
         return self.use if self.command is None else self.command(path)
 
 
-def _avfilter(refused: str) -> dict[str, str]:
+def _avfilter(refused: str) -> dict[LutKind, str]:
     """The verdicts of ffmpeg's filter lut3d, by kind of file; refused: the verdict on files that it refuses."""
     return {
-        **dict.fromkeys((".cube", ".cube, domain from 0", ".csp", ".3dl, 17 nodes, 12 bits"), READS),
+        **dict.fromkeys(
+            (LutKind.CUBE, LutKind.CUBE_WITH_DOMAIN_FROM_0, LutKind.CSP, LutKind.FLAME_3DL_17_NODES_12_BITS), READS
+        ),
         # Between two knots its interpolation weight goes up to the distance of the knots, and not to 1.
-        ".csp, bent": "reads it; its curve in steps where that has less than some thousand knots",
-        ".cube, curve": f"{refused} as a 3D LUT; its filter lut1d reads it",
-        **dict.fromkeys((".cube, domain", ".cube, shaper without ranges"), GARBAGE),
-        ".3dl": f"takes 17 nodes and 12 bits only: {GARBAGE}",  # it skips one line, and reads 17³ rows after it
-        "Hald image": f"{refused} as a 3D LUT; its filter haldclut reads it",
+        LutKind.CSP_WITH_SHAPER: "reads it; its curve in steps where that has less than some thousand knots",
+        LutKind.CUBE_OF_CURVE: f"{refused} as a 3D LUT; its filter lut1d reads it",
+        **dict.fromkeys((LutKind.CUBE_WITH_DOMAIN, LutKind.CUBE_WITH_SHAPER_WITHOUT_RANGES), GARBAGE),
+        # It skips one line, and reads 17³ rows after it.
+        LutKind.FLAME_3DL: f"takes 17 nodes and 12 bits only: {GARBAGE}",
+        LutKind.HALD: f"{refused} as a 3D LUT; its filter haldclut reads it",
     }
 
 
 OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".3dl", ".spi1d", ".spi3d")
 HALD_SUFFIXES = (".png", ".tif", ".tiff")
-READS_HALDS = {"Hald image": READS}
-READ_BY_ADOBE = dict.fromkeys(
-    (".cube", ".cube, domain from 0", ".cube, domain", ".cube, curve", ".3dl", ".3dl, 17 nodes, 12 bits"), READS
-)
+READS_HALDS = {LutKind.HALD: READS}
+READ_BY_ADOBE = dict.fromkeys((LutKind.CUBE, *WITH_DOMAIN, LutKind.CUBE_OF_CURVE, *FLAME_3DL), READS)
 AVFILTER = (".cube", ".csp", ".3dl")
 _MLT = "the filter {}, and right behind it {} as it comes, without which HD film changes its colours"
 PROGRAMS: dict[str, Program] = {
@@ -77,35 +85,34 @@ PROGRAMS: dict[str, Program] = {
         shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Update Lists",
         title="DaVinci Resolve",
         does={
-            **dict.fromkeys(CUBES, READS), ".cube, shaper": "reads it, shaper included",
-            ".cube, shaper without ranges": "reads it, shaper included", ".clf": READS, ".3dl": READS,
-            ".3dl, 17 nodes, 12 bits": READS,
+            **dict.fromkeys((*WITHOUT_SHAPER, LutKind.CLF, *FLAME_3DL), READS),
+            **dict.fromkeys(WITH_SHAPER, "reads it, shaper included"),
         },
     ),
     "nuke": Program(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
     "ocio": Program(shaper=True, reads=OCIO_READS),
     "oiio": Program(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
     "baselight": Program(
-        reads=(".clf", ".cube"), title="Baselight", does={**dict.fromkeys(CUBES[:1], READS), ".clf": READS}
+        reads=(".clf", ".cube"), title="Baselight", does=dict.fromkeys((LutKind.CUBE, LutKind.CLF), READS)
     ),
     "flame": Program(
         reads=(".clf", ".ctf", ".3dl", ".csp", ".cube"), title="Flame",
-        does=dict.fromkeys((".clf", ".ctf", ".3dl", ".3dl, 17 nodes, 12 bits", ".csp", ".csp, bent", ".cube"), READS),
+        does=dict.fromkeys((LutKind.CLF, LutKind.CTF, *FLAME_3DL, *CSP, LutKind.CUBE), READS),
     ),
     "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
     "photoshop": Program(
-        reads=(".cube", ".3dl", ".csp"), title="Photoshop", does={**READ_BY_ADOBE, ".csp": READS, ".csp, bent": READS}
+        reads=(".cube", ".3dl", ".csp"), title="Photoshop", does=READ_BY_ADOBE | dict.fromkeys(CSP, READS)
     ),
     "lightroom": Program(
         reads=(".cube", ".dcp"), size=33, use="in a profile made with Camera Raw", develops=True, title="Lightroom",
-        does={".cube": "reads it in a profile made with Camera Raw"},
+        does={LutKind.CUBE: "reads it in a profile made with Camera Raw"},
     ),
     "premiere": Program(reads=(".cube", ".3dl"), title="Premiere", does=READ_BY_ADOBE),
     "aftereffects": Program(
         reads=(".cube", ".3dl", ".csp"), max_size=64, size=64, title="After Effects",
-        does={**READ_BY_ADOBE, ".csp": READS, ".csp, bent": READS},
+        does=READ_BY_ADOBE | dict.fromkeys(CSP, READS),
     ),
-    "finalcut": Program(reads=(".cube",), title="Final Cut", does={".cube": READS}),
+    "finalcut": Program(reads=(".cube",), title="Final Cut", does={LutKind.CUBE: READS}),
     "ffmpeg": Program(
         reads=AVFILTER, interpolation="tetrahedral", command=command_lines.ffmpeg,
         title="ffmpeg", tried="5.1", does=_avfilter(REFUSES),
@@ -129,20 +136,18 @@ PROGRAMS: dict[str, Program] = {
     "obs": Program(
         reads=(".cube",), title="OBS",
         does={
-            ".cube": READS, ".cube, curve": READS,
-            **dict.fromkeys((".cube, domain from 0", ".cube, domain"), f"ignores the domain: {GARBAGE}"),
-            **dict.fromkeys((".cube, shaper", ".cube, shaper without ranges"), "loads the 1D part only: wrong colours"),
+            LutKind.CUBE: READS, LutKind.CUBE_OF_CURVE: READS,
+            **dict.fromkeys(WITH_DOMAIN, f"ignores the domain: {GARBAGE}"),
+            **dict.fromkeys(WITH_SHAPER, "loads the 1D part only: wrong colours"),
         },
     ),
     "darktable": Program(
         reads=(".icc", ".cube", ".3dl", ".png"), interpolation="tetrahedral", use="module input color profile",
         develops=True, title="darktable", tried="4.2",
         does={
-            **dict.fromkeys((".cube", ".3dl", ".3dl, 17 nodes, 12 bits"), READS),
-            "Hald image": "reads it as .png; with a .tif it leaves the picture as it is",
-            **dict.fromkeys(
-                (".cube, domain from 0", ".cube, domain"), "refuses a domain other than 0 to 1, and darktable-cli ends"
-            ),
+            **dict.fromkeys((LutKind.CUBE, *FLAME_3DL), READS),
+            LutKind.HALD: "reads it as .png; with a .tif it leaves the picture as it is",
+            **dict.fromkeys(WITH_DOMAIN, "refuses a domain other than 0 to 1, and darktable-cli ends"),
         },
         otherwise=LEAVES,
     ),
@@ -151,16 +156,18 @@ PROGRAMS: dict[str, Program] = {
         title="RawTherapee", tried="5.9", does=READS_HALDS,
     ),
     "art": Program(
-        reads=(*HALD_SUFFIXES, ".clf", ".dcp", ".icc"), develops=True, title="ART", does={**READS_HALDS, ".clf": READS}
+        reads=(*HALD_SUFFIXES, ".clf", ".dcp", ".icc"), develops=True, title="ART",
+        does={**READS_HALDS, LutKind.CLF: READS},
     ),
     "captureone": Program(reads=(".icc",), develops=True, title="Capture One"),
     "gmic": Program(
         reads=(".cube", ".png"), command=command_lines.gmic, title="G'MIC", tried="2.9",
         does={
-            **dict.fromkeys((".cube", ".cube, range"), "reads it half a node too bright: enlarge it to 256³ first"),
-            ".cube, curve": READS, "Hald image": "reads it, 1.2 codes too bright",
-            **dict.fromkeys((".cube, domain from 0", ".cube, domain"), f"ignores the domain: {GARBAGE}"),
-            **dict.fromkeys((".cube, shaper", ".cube, shaper without ranges"), GARBAGE),
+            LutKind.CUBE: "reads it half a node too bright: enlarge it to 256³ first",
+            LutKind.CUBE_WITH_RANGE: "reads it half a node too bright: enlarge it to 256³ first",
+            LutKind.CUBE_OF_CURVE: READS, LutKind.HALD: "reads it, 1.2 codes too bright",
+            **dict.fromkeys(WITH_DOMAIN, f"ignores the domain: {GARBAGE}"),
+            **dict.fromkeys(WITH_SHAPER, GARBAGE),
         },
     ),
     "gimp": Program(reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
@@ -174,32 +181,32 @@ PROGRAMS: dict[str, Program] = {
     "pillow": Program(
         reads=(".cube",), use="pillow_lut.load_cube_file", title="pillow-lut", tried="1.1",
         does={
-            **dict.fromkeys((".cube", ".cube, range"), READS),
-            **dict.fromkeys((".cube, domain from 0", ".cube, domain"), f"ignores the domain: {GARBAGE}"),
+            **dict.fromkeys((LutKind.CUBE, LutKind.CUBE_WITH_RANGE), READS),
+            **dict.fromkeys(WITH_DOMAIN, f"ignores the domain: {GARBAGE}"),
         },
     ),
     "three": Program(
         reads=(".cube",), use="LUTCubeLoader", title="three.js", tried="r187",
         does={
-            **dict.fromkeys((".cube", ".cube, range"), READS),
-            **dict.fromkeys((".cube, domain from 0", ".cube, domain"), "reads it, and leaves the domain to its caller"),
-            **dict.fromkeys((".cube, shaper", ".cube, shaper without ranges"), GARBAGE),
+            **dict.fromkeys((LutKind.CUBE, LutKind.CUBE_WITH_RANGE), READS),
+            **dict.fromkeys(WITH_DOMAIN, "reads it, and leaves the domain to its caller"),
+            **dict.fromkeys(WITH_SHAPER, GARBAGE),
         },
     ),
     "parse-cube-lut": Program(
         reads=(".cube",), title="parse-cube-lut", tried="1.0",
         does={
-            **dict.fromkeys((".cube", ".cube, curve"), READS),
-            **dict.fromkeys((".cube, domain from 0", ".cube, domain"), "reads it, and leaves the domain to its caller"),
-            ".cube, range": "takes the range for a row: all colours are off by one node",
-            **dict.fromkeys((".cube, shaper", ".cube, shaper without ranges"), GARBAGE),
+            **dict.fromkeys((LutKind.CUBE, LutKind.CUBE_OF_CURVE), READS),
+            **dict.fromkeys(WITH_DOMAIN, "reads it, and leaves the domain to its caller"),
+            LutKind.CUBE_WITH_RANGE: "takes the range for a row: all colours are off by one node",
+            **dict.fromkeys(WITH_SHAPER, GARBAGE),
         },
     ),
 }  # fmt: skip
 """The programs that `--for` names."""
 
 
-def verdicts_on(kind: str) -> dict[str, str]:
+def verdicts_on(kind: LutKind) -> dict[str, str]:
     """The verdict on a kind of file of each program that does not read through OpenColorIO, by its name for people."""
     verdicts = {}
     for program in PROGRAMS.values():

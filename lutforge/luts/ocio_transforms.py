@@ -11,8 +11,8 @@ from lutforge.errors import LutError
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 
 OCIO_ERRORS = (OCIO.Exception, OCIO.ExceptionMissingFile, UnicodeDecodeError)
-"""What OpenColorIO raises. In Python the second is no subclass of the first; the third comes where its message, or a
-name in a file, is not text."""
+"""The exceptions that OpenColorIO raises. In Python the second is no subclass of the first; the third is raised where
+its message, or a name in a file, is not text."""
 
 
 def matrix_transform(matrix: Array, offset: Array | None = None) -> OCIO.MatrixTransform:

@@ -13,6 +13,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.boundary import reading
 from lutforge.errors import LutError, LutForgeError
+from lutforge.luts.lut_metadata import LutMetadata
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 
@@ -73,9 +74,8 @@ def read_picture(path: Path) -> Lut:
         )
     bits = {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype)
     title, *comments = str(spec.get_string_attribute("ImageDescription"))[:1000].split("; ")
-    metadata = {"format": name, **({"bits": str(bits)} if bits else {})}
     cube = Cube(np.ascontiguousarray(values, dtype=np.float64), "trilinear")
-    return Lut((cube,), title[:200], tuple(comments), metadata)
+    return Lut((cube,), title[:200], tuple(comments), LutMetadata(format=name, bits=bits))
 
 
 def has_size_of_lut(width: int, height: int) -> bool:

@@ -22,8 +22,8 @@ from lutforge.model.transform import Stage, Transform, through_stages
 class RefinishSteps:
     """The steps of a refinish.
 
-    linearize: JPEG → linear; between: from there to white-balanced RAW; highlights: which stay neutral there; render:
-    white-balanced RAW → JPEG. linearize and render are the same under all white balances.
+    linearize: JPEG → linear; between: linear → white-balanced RAW; highlights: keeps highlights neutral there;
+    render: white-balanced RAW → JPEG. linearize and render are the same under all white balances.
     """
 
     linearize: Transform

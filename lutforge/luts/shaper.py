@@ -39,7 +39,7 @@ def shaper(levels: Levels, size: int = MAX_SHAPER_SIZE, axis_curve: Array | None
 
 
 def shaper_error(levels: Levels, size: int, axis_curve: Array | None) -> float:
-    """The largest error of a shaper of `size` entries, half way between them; arguments and errors as of `shaper`."""
+    """The largest error of a shaper of `size` entries, half way between them; arguments and errors as in `shaper`."""
     half_way = (np.arange(size - 1) + 0.5) / (size - 1)
     exact = _spread(levels, half_way, axis_curve)
     return float(np.abs(shaper(levels, size, axis_curve)(half_way[:, None].repeat(3, axis=1)) - exact).max())

@@ -1,4 +1,4 @@
-"""The error of a LUT file against the transform that was baked: the file is read back and evaluated as by its reader.
+"""The error of a LUT file against the transform that was baked: the file is read back and evaluated as its reader does.
 
 OpenColorIO reads the file, or LutForge's reader where it does not know the format, with the interpolation of the target
 program. The points of the comparison are fixed, and denser where the LUT bends.
@@ -16,7 +16,7 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Matrix
-from lutforge.luts.reading import file_processor, has_own_reader, read_lut
+from lutforge.luts.reading import has_own_reader, read_lut, trusted_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels
 from lutforge.luts.writers.spi import SPI_PAIR
@@ -73,7 +73,7 @@ def verify(
         is_pair = path.suffix.lower() in SPI_PAIR and all(file.is_file() for file in pair)
         read = x.astype(np.float32)
         for file in pair if is_pair else [path]:
-            read = evaluate(file_processor(file, method), read)
+            read = evaluate(trusted_processor(file, method), read)
     else:
         lut = read_lut(path)
         ops = tuple(replace(op, interpolation=method) if isinstance(op, Cube) else op for op in lut.ops)
@@ -84,7 +84,7 @@ def verify(
 def sample_points(lut: Lut) -> Array:
     """Points (n, 3) of a LUT's domain, denser where it bends.
 
-    Of a LUT that begins with a matrix which mixes channels, as one of a scene-linear space does, also points beyond it.
+    A LUT of scene-linear inputs begins with a matrix that mixes channels, and gets points beyond the domain, too.
     """
     count = 32768
     first = lut.ops[0]

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError, one_line
+from lutforge.luts.lut_metadata import LutMetadata
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from lutforge.luts.writers.integers import TOP, VLT_HEADER, VLT_SIZE
@@ -24,4 +25,4 @@ def read_vlt(path: Path) -> Lut:
         raise LutError(f"{path}: its table is not of whole numbers ({one_line(str(error), 100)})") from error
     if table.shape[1] != 3 or table.min() < 0 or table.max() > TOP:
         raise LutError(f"{path}: its table is not of three whole numbers a row from 0 to {TOP}")
-    return Lut((Cube(cube_of_rows(table / TOP, VLT_SIZE)),), "", comments, {"bits": "12"})
+    return Lut((Cube(cube_of_rows(table / TOP, VLT_SIZE)),), "", comments, LutMetadata(bits=12))

@@ -1,1 +1,1 @@
-"""What a calibrated camera is: its evaluation and its files. The fits are in lutforge.calibration."""
+"""Calibrated cameras: their models, the evaluation of these, and their files. The fits are in lutforge.calibration."""

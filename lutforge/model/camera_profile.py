@@ -15,7 +15,7 @@ from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError, alternatives
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.neutral_highlights import neutral_highlights as highlights_between
-from lutforge.model.profile import CameraModel, ProfileData
+from lutforge.model.profile import CameraModel, PictureStyle, ProfileData
 from lutforge.model.profile_file import described, read_profile, write_profile
 from lutforge.model.provenance import Pictures, ReferenceRaw
 from lutforge.model.raw_transfer import RawTransfer
@@ -30,7 +30,7 @@ from lutforge.model.transform import (
     Transform,
     through_stages,
 )
-from lutforge.model.white_balance import resolve, shifted, temperature_of
+from lutforge.model.white_balance import WhiteBalanceModel
 from lutforge.settings import Kelvin, Multipliers, Selector, Shift, parse_selector, require_exposure, split_shift
 
 ModelName = Literal["lattice", "model"]
@@ -45,6 +45,11 @@ class CameraProfile(ProfileData):
         styles, balances = ", ".join(sorted(self.styles)), ", ".join(sorted(self.white_balances))
         return f"CameraProfile({self.camera}: styles {styles}; white balances {balances})"
 
+    @property
+    def white_balance_model(self) -> WhiteBalanceModel:
+        """The white balances that the profile knows, and those of other lights by its matrices."""
+        return WhiteBalanceModel(self.white_balances, self.matrix, self.from_xyz)
+
     def selector(self, text: str | Selector) -> Selector:
         """A selector whose style and white balance this profile knows. Raises SettingsError listing the known ones."""
         selector = text if isinstance(text, Selector) else parse_selector(text)
@@ -56,13 +61,13 @@ class CameraProfile(ProfileData):
         if step is not None and step[0] in known_balances:  # a known one with a step: "daylight+10", "auto+500K"
             return replace(selector, white_balance=self.shifted(known_balances[step[0]].factors, step[1]))
         try:
-            resolve(balance, known_balances, self.matrix, self.from_xyz)
+            self.white_balance_model.multipliers(balance)
         except SettingsError as error:
             raise SettingsError(f"{self.camera}: {error}") from None
         return selector
 
     def notes_on(self, selector: Selector) -> list[str]:
-        """What is to be known of a setting: that the camera sets it anew for each shot, or that it comes on top."""
+        """Notes on a setting that the camera sets anew for each shot, or that comes on top of another white balance."""
         known = self.white_balances.get(str(selector.white_balance))
         if isinstance(self.provenance, Pictures) and isinstance(selector.white_balance, Multipliers):
             return [
@@ -84,12 +89,12 @@ class CameraProfile(ProfileData):
         """
         if isinstance(self.provenance, Pictures) and shift != Shift():
             raise SettingsError(f"{self.camera}: colour temperatures need RAW, and the profile is of {self.provenance}")
-        r, g, b = (float(value) for value in shifted(factors, shift, self.white_balances, self.matrix, self.from_xyz))
+        r, g, b = (float(value) for value in self.white_balance_model.shifted(factors, shift))
         return Multipliers((r / g, 1.0, b / g), g)
 
     def multipliers(self, text: str | Selector) -> Array:
         """Tw (3,) that a selector asks for: white-balance multipliers times the gain of the setting."""
-        return resolve(self.selector(text).white_balance, self.white_balances, self.matrix, self.from_xyz)
+        return self.white_balance_model.multipliers(self.selector(text).white_balance)
 
     def render(self, to: str | Selector, model: ModelName | None = None) -> Transform:
         """RAW before white balance, of the reference camera if there is one → the camera's JPEG, encoded [0, 1]."""
@@ -104,11 +109,13 @@ class CameraProfile(ProfileData):
 
     def _render(self, to: str | Selector, model: ModelName | None) -> Transform:
         selector = self.selector(to)
-        gain, style, fitted = self.multipliers(selector), self.styles[selector.style], self._model(selector, model)
-        if fitted is None:
-            if style.render is None:
+        gain = self.multipliers(selector)
+        if self._uses_lattice(selector, model):
+            lattice = self.styles[selector.style].render
+            if lattice is None:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for rendering")
-            return Transform((Gain(gain), Clip(), style.render))
+            return Transform((Gain(gain), Clip(), lattice))
+        fitted = self._camera_model(selector)
         forward, response = fitted.gamut_map, Encode(fitted.response)
         if not isinstance(self.provenance, ReferenceRaw):
             return Transform((Gain(gain), Clip(), MatrixStage(fitted.matrix), forward, response))
@@ -137,18 +144,20 @@ class CameraProfile(ProfileData):
         title = f"{self.camera} {source} to {space}"
         return Transform(stages, _purpose("linearize", title, (self, source), space=space))
 
-    def linearize_to_own_raw(self, source: str | Selector) -> Transform:
+    def linearize_to_own_raw(self, source: str | Selector, model: ModelName | None = None) -> Transform:
         """JPEG → the RAW, before white balance, that the camera has or would have: Tc of a reference camera's."""
-        return self._linearize(source, "raw", None)
+        return self._linearize(source, "raw", model)
 
     def _linearize(self, source: str | Selector, space: str, model: ModelName | None) -> Transform:
         selector = self.selector(source)
-        gain, style, fitted = self.multipliers(selector), self.styles[selector.style], self._model(selector, model)
+        gain = self.multipliers(selector)
         scene = np.diag(1 / gain) if space == "raw" else from_linear_srgb(space) @ self.matrix
-        if fitted is None:
-            if style.linearize is None:
+        if self._uses_lattice(selector, model):
+            lattice = self.styles[selector.style].linearize
+            if lattice is None:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for linearizing")
-            return Transform((Clip(), style.linearize, MatrixStage(scene)))
+            return Transform((Clip(), lattice, MatrixStage(scene)))
+        fitted = self._camera_model(selector)
         scene = scene @ np.linalg.inv(fitted.matrix)
         return Transform((Clip(), Decode(fitted.response), fitted.inverse_gamut_map, MatrixStage(scene)))
 
@@ -190,16 +199,16 @@ class CameraProfile(ProfileData):
         """Write the profile to a file (.npz), atomically; `lutforge.load_profile` reads it."""
         write_profile(path, self)
 
-    def _model(self, selector: Selector, model: ModelName | None) -> CameraModel | None:
-        """The camera model fitted for this white balance, else the style's first; None where a lattice takes part."""
-        style = self.styles[selector.style]
-        if model == "lattice" or (model is None and style.render is not None):
-            return None
-        if not style.models:
+    def _uses_lattice(self, selector: Selector, model: ModelName | None) -> bool:
+        """True where a style is transformed by its lattices: as asked, or by default where it has one for rendering."""
+        return model == "lattice" or (model is None and self.styles[selector.style].render is not None)
+
+    def _camera_model(self, selector: Selector) -> CameraModel:
+        """The camera model fitted for this white balance, else the style's first. Raises ProfileError without one."""
+        models = self.styles[selector.style].models
+        if not models:
             raise ProfileError(f"{self.camera}: style {selector.style} holds no camera model; take its lattice")
-        return next(
-            (fitted for fitted in style.models if selector.white_balance in fitted.white_balances), style.models[0]
-        )
+        return next((fitted for fitted in models if selector.white_balance in fitted.white_balances), models[0])
 
 
 def load_profile(path: str | Path) -> CameraProfile:
@@ -212,7 +221,7 @@ def load_profile(path: str | Path) -> CameraProfile:
         The profile.
 
     Raises:
-        ProfileError: it is none, in one line.
+        ProfileError: the file is no profile; the message is one line.
     """
     return CameraProfile(**vars(read_profile(path_of(path, "a profile"))))
 
@@ -236,37 +245,40 @@ def match(
 ) -> Transform:
     """One camera's JPEG → the JPEG of another, or of itself under other settings (6.1, 6.3).
 
-    neutral_highlights: as for `CameraProfile.refinish`.
+    neutral_highlights: as for `CameraProfile.refinish`. transfer: Tc, measured on common scenes; without it Tc follows
+    from the profiles, as in `raw_to_raw`.
 
-    transfer: Tc, measured on common scenes. Without it Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of
-    the source's light (see `same_light`); where the target camera does not know it, it is its target white balance.
-    Between profiles of one RAW, a camera's own or a common reference's, Tc is what takes both to that.
     Raises SettingsError on an exposure beyond ±20 stops, ProfileError on a transfer between other cameras.
     """
-    words = (source, target)
-    source, target = source_camera.selector(source), target_camera.selector(target)
-    exposed = raw_to_balanced(source_camera, source, target_camera, target, ev, transfer)
+    from_setting, to_setting = source_camera.selector(source), target_camera.selector(target)
+    exposed = raw_to_balanced(source_camera, from_setting, target_camera, to_setting, ev, transfer)
     target_name = "" if target_camera is source_camera else f"{target_camera.camera} "
-    title = f"{source_camera.camera} {words[0]} to {target_name}{words[1]}"
+    title = f"{source_camera.camera} {source} to {target_name}{target}"
     kind = "match" if target_name else "refinish"
-    purpose = _purpose(kind, title, (source_camera, words[0]), (target_camera, words[1]), ev=ev)
-    if ev == 0 and source_camera is target_camera and source.style == target.style:
-        by_white_balance = len(source_camera.styles[source.style].models) > 1  # one for each white balance
-        multipliers = source_camera.multipliers(source), source_camera.multipliers(target)
-        if source == target or (not by_white_balance and np.array_equal(*multipliers)):
-            return Transform((), purpose)
+    purpose = _purpose(kind, title, (source_camera, source), (target_camera, target), ev=ev)
+    if ev == 0 and source_camera is target_camera and _are_equal(source_camera, from_setting, to_setting):
+        return Transform((), purpose)
 
-    balanced = (*source_camera._linearize(source, "raw", model).stages, *exposed)
-    render = target_camera.render_balanced(target, model)
+    balanced = (*source_camera.linearize_to_own_raw(from_setting, model).stages, *exposed)
+    render = target_camera.render_balanced(to_setting, model)
     if not neutral_highlights:
         return Transform((*balanced, *render.stages), purpose)
 
     # White that is burnt out in the source's picture becomes grey in the output.
     to_balanced = through_stages(exposed, np.eye(3)).T
-    back = MatrixStage(np.diag(source_camera.multipliers(source)) @ np.linalg.inv(to_balanced))
-    shown = partial(through_stages, (back, *source_camera.render_balanced(source, model).stages))
+    back = MatrixStage(np.diag(source_camera.multipliers(from_setting)) @ np.linalg.inv(to_balanced))
+    shown = partial(through_stages, (back, *source_camera.render_balanced(from_setting, model).stages))
     highlights = highlights_between(Transform(balanced), shown, render, 2.0**ev, target_camera.matrix, render.highest())
     return Transform((*balanced, highlights, *render.stages), purpose)
+
+
+def _are_equal(profile: CameraProfile, first: Selector, second: Selector) -> bool:
+    """True where two settings of a camera render every scene the same."""
+    if first == second:
+        return True
+    if first.style != second.style or len(profile.styles[first.style].models) > 1:  # a model for each white balance
+        return False
+    return np.array_equal(profile.multipliers(first), profile.multipliers(second))
 
 
 def _purpose(
@@ -277,26 +289,36 @@ def _purpose(
     space: str = "raw",
     ev: float = 0.0,
 ) -> Purpose:
-    """What a transform is for: a note on each setting that stands for others, and the held-out errors of its ends."""
+    """The purpose of a transform: with notes on settings that stand for others, and the held-out errors of its styles.
+
+    source, target: the profile and the setting of the JPEG that comes in, and of the one that comes out.
+    """
     notes: list[str] = []
-    comments = []
-    for direction, end in (("linearize", source), ("render", target)):
-        if end is None:
-            continue
-        profile, selector = end[0], end[0].selector(end[1])
-        notes += profile.notes_on(selector)
-        errors = profile.styles[selector.style].errors
-        if f"{direction}_mean" in errors:
-            seen = errors.get(f"{direction}_de00_mean")
-            shown = "" if seen is None else f", ΔE00 {seen:.2f}"
-            comments.append(
-                f"held-out {direction} error: mean {255 * errors[f'{direction}_mean']:.2f} codes of 255{shown}"
-            )
-    light = (source or target or (None,))[0]
-    from_setting, to_setting = ("" if end is None else str(end[1]) for end in (source, target))
-    raw = light.raw_space if light is not None and space == "raw" else space
+    comments: list[str] = []
+    for direction, jpeg in (("linearize", source), ("render", target)):
+        if jpeg is not None:
+            profile, setting = jpeg
+            selector = profile.selector(setting)
+            notes += profile.notes_on(selector)
+            comments += _held_out_errors(profile.styles[selector.style], direction)
+
+    raw = space
+    if space == "raw":
+        profile_of_raw = next(jpeg[0] for jpeg in (source, target) if jpeg is not None)
+        raw = profile_of_raw.raw_space
+    from_setting, to_setting = ("" if jpeg is None else str(jpeg[1]) for jpeg in (source, target))
     title += f", {ev:+g} EV" if ev else ""
     return Purpose(kind, title, space, raw, from_setting, to_setting, tuple(dict.fromkeys(notes)), tuple(comments))
+
+
+def _held_out_errors(style: PictureStyle, direction: str) -> list[str]:
+    """The held-out error of a style as a comment; none where it was not measured."""
+    mean = style.errors.get(f"{direction}_mean")
+    if mean is None:
+        return []
+    de00 = style.errors.get(f"{direction}_de00_mean")
+    in_de00 = "" if de00 is None else f", ΔE00 {de00:.2f}"
+    return [f"held-out {direction} error: mean {255 * mean:.2f} codes of 255{in_de00}"]
 
 
 def raw_to_balanced(
@@ -307,7 +329,7 @@ def raw_to_balanced(
     ev: float = 0.0,
     transfer: RawTransfer | None = None,
 ) -> tuple[Stage, ...]:
-    """The stages from one camera's RAW under `source` to white-balanced RAW of `target`, for any style of both.
+    """The stages from one camera's RAW under `source` to white-balanced RAW of `target`; styles do not count.
 
     Arguments and errors are those of `match`.
     """
@@ -320,15 +342,26 @@ def raw_to_balanced(
     balance = Gain(2.0**ev * target_camera.multipliers(target))
     if source_camera is target_camera:
         return (balance,)
-    light = same_light(source_camera, source, target_camera)
     if transfer is not None:
+        light = same_light(source_camera, source, target_camera)
         under = None if light is None else target_camera.multipliers(Selector(target.style, light))
         return MatrixStage(transfer.under(source_camera.multipliers(source), under).matrix), balance
+    return MatrixStage(raw_to_raw(source_camera, source, target_camera, target)), balance
+
+
+def raw_to_raw(source_camera: CameraProfile, source: Selector, target_camera: CameraProfile, target: Selector) -> Array:
+    """Tc (3, 3), from one camera's RAW to another's, both before white balance, where it was not measured.
+
+    Between profiles of one RAW, a camera's own or a common reference's, Tc is what takes both to that. Else
+    Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of the source's light (see `same_light`); where the
+    target camera does not know that light, its target white balance is taken.
+    """
     if source_camera.raw_camera == target_camera.raw_camera:
-        return MatrixStage(target_camera.from_reference @ np.linalg.inv(source_camera.from_reference)), balance
+        return target_camera.from_reference @ np.linalg.inv(source_camera.from_reference)
+    light = same_light(source_camera, source, target_camera)
     light_of_target = target_camera.multipliers(Selector(target.style, light or target.white_balance))
     to_target = np.linalg.inv(target_camera.matrix * light_of_target)
-    return MatrixStage(to_target @ (source_camera.matrix * source_camera.multipliers(source))), balance
+    return np.asarray(to_target @ (source_camera.matrix * source_camera.multipliers(source)))
 
 
 def same_light(
@@ -341,10 +374,8 @@ def same_light(
     if isinstance(source.white_balance, str) and source.white_balance in target_camera.white_balances:
         return source.white_balance
     try:
-        multipliers = source_camera.multipliers(source)
-        source_matrix, target_matrix = source_camera.matrix, target_camera.matrix
-        light = temperature_of(multipliers, source_camera.white_balances, source_matrix, source_camera.from_xyz)
-        resolve(light, target_camera.white_balances, target_matrix, target_camera.from_xyz)
+        light = source_camera.white_balance_model.temperature_of(source_camera.multipliers(source))
+        target_camera.white_balance_model.multipliers(light)
     except SettingsError:
         return None
     return light

@@ -21,7 +21,7 @@ def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHES
     """Return the mask (…,) of encoded colours (…, 3) farther than `farthest` from every sample.
 
     The samples are taken to be at the centres of the camera models, or at the nodes of a lattice that samples touched.
-    Of a style that has neither, no colour is covered.
+    A style that has neither covers no colour.
     """
     return ~np.isfinite(_distance(style, np.asarray(encoded, dtype=np.float64), farthest))
 
@@ -55,7 +55,7 @@ def confidence(style: PictureStyle) -> Lattice:
 
     covered: by the distance to the nearest sample: 1 up to half the limit of `uncovered`, then falling linearly to 0 at
     one and a half times the limit. unclipped: 0 where a channel is at 0 or 255, else 1. confidence: the smaller of
-    both. The lattice takes O(N³ log n) time; an image is then evaluated at the speed of a LUT.
+    these two. The lattice takes O(N³ log n) time; an image is then evaluated at the speed of a LUT.
     """
     nodes = grid((_AXIS, _AXIS, _AXIS))
     covered = np.clip(1.5 - _distance(style, nodes, 1.5 * FARTHEST) / FARTHEST, 0.0, 1.0)

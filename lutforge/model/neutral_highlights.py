@@ -75,10 +75,10 @@ def neutral_highlights(
     to_linear: Array,
     highest: float = 1.0,
 ) -> NeutralHighlights:
-    """Return what keeps white neutral between the two halves of a refinish.
+    """Return the stage that keeps white neutral between the two halves of a refinish.
 
     to_balanced: encoded source → balanced light; shown: the way back; render: balanced light → encoded output; level:
-    balanced light of white, if it is no brighter than what just saturates; to_linear, highest: as of
+    balanced light of white, if it is no brighter than what just saturates; to_linear, highest: as in
     `NeutralHighlights`.
     """
     codes = np.linspace(0.0, 1.0, 256)

@@ -1,7 +1,7 @@
 """Records of a calibrated camera: white balances, a matrix, and per picture style the models of its rendering.
 
-What goes both ways, RAW → JPEG and back, is one `ByDirection`. A `Diagnosis` is of implausible samples. Their file is
-`profile_file`, the transforms that they offer are `camera_profile`.
+A pair of things for the two directions, RAW → JPEG and back, is a `ByDirection`. A `Diagnosis` explains implausible
+samples. `profile_file` reads and writes the records; `camera_profile` has the transforms that they offer.
 """
 
 from collections.abc import Iterator, Mapping
@@ -28,7 +28,7 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True, eq=False)
 class ByDirection(Generic[Value]):
-    """One thing of each direction. render: white-balanced RAW → JPEG; linearize: JPEG → white-balanced RAW."""
+    """A pair of things. render: for white-balanced RAW → JPEG; linearize: for JPEG → white-balanced RAW."""
 
     render: Value
     linearize: Value
@@ -40,7 +40,7 @@ class ByDirection(Generic[Value]):
         return iter((self.render, self.linearize))
 
     def items(self) -> tuple[tuple[Direction, Value], ...]:
-        """Each with its direction."""
+        """Each of the two with its direction."""
         return (("render", self.render), ("linearize", self.linearize))
 
 
@@ -91,7 +91,7 @@ class CameraModel:
 
 @dataclass(frozen=True, eq=False)
 class PictureStyle:
-    """What is known of one picture style.
+    """A picture style: its lattices, its camera models, and their errors.
 
     render: Tw E → I; linearize: I → Tw E; errors: held-out figures by name; coverage: per direction the summed weight
     of the samples at each node of its lattice, (N_r, N_g, N_b); expected: the error to expect there, in encoded RGB.
@@ -157,9 +157,10 @@ class StylesByName(dict[str, PictureStyle]):
 class ProfileData:
     """A camera. matrix: Ts (3, 3), white-balanced camera RGB → linear sRGB, rows sum to 1.
 
-    shots: the names that it was calibrated from; options: how, as plain JSON values; provenance: what the linear values
-    of the samples were. vignettings: what JPEGs are brighter towards the corners than the middle, for which the styles
-    stand, by lens setting. diagnoses: what in the samples no camera makes. dng_camera: the UniqueCameraModel of its
+    shots: the names of those that it was calibrated from; options: those of the calibration, as plain JSON values;
+    provenance: the origin of the samples' linear values. vignettings: by lens setting, how much brighter JPEGs are
+    towards the corners than in the middle, for which the styles hold. diagnoses: of samples that no camera makes.
+    dng_camera: the UniqueCameraModel of its
     DNG files, by which developers match camera profiles; "" where unknown. from_xyz: (3, 3) XYZ → RAW of any
     scale, as LibRaw or a DNG file has it, for temperatures; None where unknown. Raises ProfileError where there is
     no style or no white balance, a name is not one line of text, or a matrix is singular.
@@ -197,5 +198,5 @@ class ProfileData:
 
     @property
     def fed_to(self) -> str:
-        """What a render takes: "raw", or the space in which pictures in place of RAW are encoded."""
+        """The input of a render: "raw", or the space in which the pictures that replace RAW are encoded."""
         return "raw" if self.provenance.space == self.raw_space else self.provenance.space

@@ -187,7 +187,7 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
         }
         expected = style.expected.get(direction)
         for part, array in (
-            ("response", lattice.output_curve),
+            ("response", lattice.output_curve),  # so named in files, as the curve of a camera is made from f
             ("input_matrix", lattice.input_matrix),
             ("coverage", style.coverage.get(direction)),
             ("expected", None if expected is None else expected.round(5)),
@@ -242,8 +242,11 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
         for part, arrays in arrays_of.items():
             if part in stored:
                 arrays[direction] = array(stored[part])
-        curve, matrix = (arrays_of[part].get(direction) for part in ("response", "input_matrix"))
-        lattices[direction] = Lattice((r, g, b), array(stored["values"]), stored["interpolation"], curve, matrix)
+        output_curve = arrays_of["response"].get(direction)  # so named in files, see `_style_to_json`
+        input_matrix = arrays_of["input_matrix"].get(direction)
+        lattices[direction] = Lattice(
+            (r, g, b), array(stored["values"]), stored["interpolation"], output_curve, input_matrix
+        )
     models = []
     if len(entry["models"]) > MOST_MODELS:
         raise ProfileError(f"refused, a style has {len(entry['models'])} models, more than any profile's")

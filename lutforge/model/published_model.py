@@ -83,7 +83,7 @@ def import_published(folders: Sequence[str | Path], camera: str = "", style: str
 
     Args:
         folders: those that hold raw2jpg_transform.txt.
-        camera: its name, which else is read off the folder above.
+        camera: its name; without it the name is taken from the folder above.
         style: the picture style that the folders are of.
 
     Returns:

@@ -20,10 +20,10 @@ def vignetting_basis(q: Array) -> Array:
     coefficients that are not negative never falls, and nearly every rising polynomial of that degree is such a sum.
     """
     inside, beyond = np.minimum(q, 1.0), np.maximum(q - 1.0, 0.0)
-    rest = 1.0 - inside
+    remaining = 1.0 - inside
     cubic = inside**3
-    second = cubic + 3.0 * inside**2 * rest
-    return np.stack([second + 3.0 * inside * rest**2, second, cubic + VIGNETTING_DEGREE * beyond], axis=-1)
+    second = cubic + 3.0 * inside**2 * remaining
+    return np.stack([second + 3.0 * inside * remaining**2, second, cubic + VIGNETTING_DEGREE * beyond], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Vignetting:
 def vignetting_of(vignettings: Iterable[Vignetting], lens: str, focal_mm: float, aperture: float) -> Vignetting | None:
     """The vignetting of the nearest lens setting, of the same lens and within half a stop; None where there is none.
 
-    The distance is in stops of focal length and of aperture. Values that are unknown of both count as equal.
+    The distance is in stops of focal length and of aperture. A value that is unknown in both settings counts as equal.
     """
     setting = np.array([focal_mm, aperture])
 

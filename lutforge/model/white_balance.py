@@ -50,7 +50,7 @@ class WhiteBalance:
     """The multipliers of one white balance, and what is known of it.
 
     multipliers: r, g, b with g = 1; kelvin: correlated colour temperature where known; spread: for a setting that the
-    camera changes from shot to shot (auto), the largest relative departure of a shot from these multipliers; gain: a
+    camera changes from shot to shot (auto), the largest relative deviation of a shot from these multipliers; gain: a
     common factor of all channels of this setting, relative to the camera's other settings (the third number of Tw).
 
     Raises ProfileError on multipliers that are not positive numbers with green = 1 or that no camera sets, and on a
@@ -83,139 +83,131 @@ class WhiteBalance:
             raise ProfileError(f"white balance: no camera multiplies all channels by {self.gain}")
 
 
-def resolve(
-    white_balance: str | Kelvin | Multipliers,
-    known: Mapping[str, WhiteBalance],
-    matrix: Array,
-    colorimetric: Array | None = None,
-) -> Array:
-    """Tw (3,) that a selector asks for: multipliers times the gain of the setting.
+@dataclass(frozen=True, eq=False)
+class WhiteBalanceModel:
+    """The white balances that a profile knows, and its matrices, from which those of other lights follow.
 
-    For temperatures: matrix: Ts (3, 3); colorimetric: (3, 3) XYZ → RAW, where it is known.
-
-    Raises SettingsError, listing the known settings, where the profile cannot answer.
+    known: by name; matrix: Ts (3, 3), white-balanced camera RGB → linear sRGB; colorimetric: (3, 3) XYZ → RAW, None
+    where it is not known.
     """
-    match white_balance:
-        case Multipliers(rgb, gain):
-            return gain * np.array(rgb)
-        case Kelvin(kelvin, 0.0) if f"{kelvin:g}k" in known:
-            return known[f"{kelvin:g}k"].factors
-        case Kelvin(kelvin, tint):
-            return _at_temperature(kelvin, tint, known, matrix, colorimetric)
-        case name:
-            if name not in known:
-                hint = f" (a temperature is written {name}K)" if name.isdigit() else ""
-                raise SettingsError(
-                    f'unknown white balance "{name}"{hint}; {alternatives(name, sorted(known))}'
-                    f"{temperatures_of(known)}, or any multipliers of red, green and blue, such as 2.1,1,1.4"
-                )
-            return known[name].factors
 
+    known: Mapping[str, WhiteBalance]
+    matrix: Array
+    colorimetric: Array | None = None
 
-def shifted(
-    multipliers: Array,
-    shift: Shift,
-    known: Mapping[str, WhiteBalance],
-    matrix: Array,
-    colorimetric: Array | None = None,
-) -> Array:
-    """The multipliers of a light that is a step from the one that `multipliers` make neutral.
+    def multipliers(self, white_balance: str | Kelvin | Multipliers) -> Array:
+        """Tw (3,) that a selector asks for: multipliers times the gain of the setting.
 
-    Where the profile knows no temperature at all, that light is taken for daylight of 5200 K: a step in mired changes
-    multipliers nearly alike from everywhere. Raises SettingsError where no natural light is so far off.
-    """
-    if colorimetric is not None or _on_the_locus(known):
-        from_xyz = _camera_from_xyz(known, matrix, colorimetric)
-    else:
-        from_xyz = camera_from_xyz(matrix, multipliers / multipliers[1], NAMED_KELVIN["daylight"])
-    kelvin, tint = temperature_and_tint(white_of(multipliers, from_xyz))
-    mired = 1e6 / (kelvin + shift.kelvin) + shift.mired if kelvin + shift.kelvin > 0 else 0.0
-    if not 1e6 / HOTTEST <= mired <= 1e6 / COOLEST:
-        raise SettingsError(f"no natural light lies so far from the picture's {kelvin:.0f}K, {tint:+.0f}")
-    change = multipliers_of(white(1e6 / mired, tint + shift.tint), from_xyz)
-    return np.asarray(multipliers * change / multipliers_of(white(kelvin, tint), from_xyz))
+        Raises SettingsError, listing the known settings, where the profile cannot answer.
+        """
+        match white_balance:
+            case Multipliers(rgb, gain):
+                return gain * np.array(rgb)
+            case Kelvin(kelvin, 0.0) if f"{kelvin:g}k" in self.known:
+                return self.known[f"{kelvin:g}k"].factors
+            case Kelvin(kelvin, tint):
+                return self._at_temperature(kelvin, tint)
+            case name:
+                if name not in self.known:
+                    hint = f" (a temperature is written {name}K)" if name.isdigit() else ""
+                    raise SettingsError(
+                        f'unknown white balance "{name}"{hint}; {alternatives(name, sorted(self.known))}'
+                        f"{self.temperatures_in_words}, or any multipliers of red, green and blue, such as 2.1,1,1.4"
+                    )
+                return self.known[name].factors
 
+    def shifted(self, multipliers: Array, shift: Shift) -> Array:
+        """The multipliers of a light that is a step from the one that `multipliers` make neutral.
 
-def temperature_of(
-    multipliers: Array, known: Mapping[str, WhiteBalance], matrix: Array, colorimetric: Array | None = None
-) -> Kelvin:
-    """Temperature and tint of the light that multipliers make neutral, through the camera's matrix.
+        Where the profile knows no temperature at all, that light is taken for daylight of 5200 K: a step in mired
+        changes multipliers nearly alike from everywhere. Raises SettingsError where no natural light is so far off.
+        """
+        if self.colorimetric is not None or self._settings_of_natural_light:
+            from_xyz = self._camera_from_xyz()
+        else:
+            from_xyz = camera_from_xyz(self.matrix, multipliers / multipliers[1], NAMED_KELVIN["daylight"])
+        kelvin, tint = temperature_and_tint(white_of(multipliers, from_xyz))
+        mired = 1e6 / (kelvin + shift.kelvin) + shift.mired if kelvin + shift.kelvin > 0 else 0.0
+        if not 1e6 / HOTTEST <= mired <= 1e6 / COOLEST:
+            raise SettingsError(f"no natural light lies so far from the picture's {kelvin:.0f}K, {tint:+.0f}")
+        change = multipliers_of(white(1e6 / mired, tint + shift.tint), from_xyz)
+        return np.asarray(multipliers * change / multipliers_of(white(kelvin, tint), from_xyz))
 
-    Raises SettingsError where the profile knows no temperature at all.
-    """
-    kelvin, tint = temperature_and_tint(white_of(multipliers, _camera_from_xyz(known, matrix, colorimetric)))
-    return Kelvin(kelvin, tint)
+    def temperature_of(self, multipliers: Array) -> Kelvin:
+        """Temperature and tint of the light that multipliers make neutral, through the camera's matrix.
 
+        Raises SettingsError where the profile knows no temperature at all.
+        """
+        kelvin, tint = temperature_and_tint(white_of(multipliers, self._camera_from_xyz()))
+        return Kelvin(kelvin, tint)
 
-def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:
-    """The lowest and highest temperature in kelvin that a selector may ask for.
+    @property
+    def temperature_range(self) -> tuple[float, float]:
+        """The lowest and highest temperature in kelvin that a selector may ask for.
 
-    Raises SettingsError where no setting's temperature is known.
-    """
-    mireds = [1e6 / kelvin for kelvin, _ in _on_the_locus(known)]
-    if not mireds:
-        raise SettingsError(
-            f"this profile knows {', '.join(sorted(known))}, of no known colour temperature: name multipliers instead, "
-            "such as standard/2.1,1,1.4, shift a picture's own, such as as-shot+500K, or calibrate from RAW files of a "
-            "camera that LibRaw knows, or with a shot on a named setting, such as daylight"
-        )
-    margin = 30.0  # mired beyond the outermost known white balance
-    low, high = 1e6 / (max(mireds) + margin), 1e6 / max(min(mireds) - margin, 1e6 / HOTTEST)
-    return min(low, BY_MATRIX[0]), max(high, BY_MATRIX[1])
+        Raises SettingsError where no setting's temperature is known.
+        """
+        mireds = [1e6 / kelvin for kelvin, _ in self._settings_of_natural_light]
+        if not mireds:
+            raise SettingsError(
+                f"this profile knows {', '.join(sorted(self.known))}, of no known colour temperature: name multipliers "
+                "instead, such as standard/2.1,1,1.4, shift a picture's own, such as as-shot+500K, or calibrate from "
+                "RAW files of a camera that LibRaw knows, or with a shot on a named setting, such as daylight"
+            )
+        margin = 30.0  # mired beyond the outermost known white balance
+        low, high = 1e6 / (max(mireds) + margin), 1e6 / max(min(mireds) - margin, 1e6 / HOTTEST)
+        return min(low, BY_MATRIX[0]), max(high, BY_MATRIX[1])
 
+    @property
+    def temperatures_in_words(self) -> str:
+        """The temperatures that a selector may ask for, as the end of a list; "" where there are none."""
+        if not self._settings_of_natural_light:
+            return ""
+        low, high = self.temperature_range
+        return f", a temperature from {low:.0f}K to {high:.0f}K"
 
-def temperatures_of(known: Mapping[str, WhiteBalance]) -> str:
-    """The temperatures that a selector may ask for, as the end of a list; "" where there are none."""
-    if not _on_the_locus(known):
-        return ""
-    low, high = temperature_range(known)
-    return f", a temperature from {low:.0f}K to {high:.0f}K"
+    def _at_temperature(self, kelvin: float, tint: float) -> Array:
+        """Return the multipliers for a light by the matrix, corrected by the deviations of the camera's own settings.
 
+        The logarithms of the deviations are interpolated in reciprocal temperature (mired), and constant beyond the
+        outermost settings.
+        """
+        low, high = self.temperature_range
+        if not low - 1e-6 <= kelvin <= high + 1e-6:
+            raise SettingsError(
+                f"{kelvin:g}K lies outside the white balances of this profile, {low:.0f}K to {high:.0f}K; "
+                "calibrate shots on a setting nearer to it"
+            )
+        from_xyz = self._camera_from_xyz()
+        settings = self._settings_of_natural_light
+        mireds = np.array(sorted({1e6 / temperature for temperature, _ in settings}))
+        deviations = np.zeros((len(mireds), 3))
+        for index, mired in enumerate(mireds):  # settings of one temperature: their mean
+            logs = [np.log(factors) for temperature, factors in settings if 1e6 / temperature == mired]
+            deviations[index] = np.mean(logs, axis=0) - np.log(multipliers_of(locus(1e6 / mired), from_xyz))
+        deviation = [np.interp(1e6 / kelvin, mireds, deviations[:, c]) for c in range(3)]
+        return np.asarray(np.exp(deviation) * multipliers_of(white(kelvin, tint), from_xyz))
 
-def _at_temperature(
-    kelvin: float, tint: float, known: Mapping[str, WhiteBalance], matrix: Array, colorimetric: Array | None
-) -> Array:
-    """Return the multipliers for a light by the matrix, corrected by the departures of the camera's own settings.
+    @property
+    def _settings_of_natural_light(self) -> list[tuple[float, Array]]:
+        """Temperature and Tw of the settings for natural light.
 
-    The logarithms of the departures are interpolated in reciprocal temperature (mired), and constant beyond the
-    outermost settings.
-    """
-    low, high = temperature_range(known)
-    if not low - 1e-6 <= kelvin <= high + 1e-6:
-        raise SettingsError(
-            f"{kelvin:g}K lies outside the white balances of this profile, {low:.0f}K to {high:.0f}K; "
-            "calibrate shots on a setting nearer to it"
-        )
-    from_xyz = _camera_from_xyz(known, matrix, colorimetric)
-    settings = _on_the_locus(known)
-    mireds = np.array(sorted({1e6 / temperature for temperature, _ in settings}))
-    departures = np.zeros((len(mireds), 3))
-    for index, mired in enumerate(mireds):  # settings of one temperature: their mean
-        logs = [np.log(factors) for temperature, factors in settings if 1e6 / temperature == mired]
-        departures[index] = np.mean(logs, axis=0) - np.log(multipliers_of(locus(1e6 / mired), from_xyz))
-    departure = [np.interp(1e6 / kelvin, mireds, departures[:, c]) for c in range(3)]
-    return np.asarray(np.exp(departure) * multipliers_of(white(kelvin, tint), from_xyz))
+        Fluorescent lamps lie beside its locus, and count only where there is nothing else.
+        """
+        settings = {name: (balance.kelvin, balance.factors) for name, balance in self.known.items() if balance.kelvin}
+        natural = [setting for name, setting in settings.items() if "fluorescent" not in name]
+        return natural if len({kelvin for kelvin, _ in natural}) >= 2 else list(settings.values())
 
+    def _camera_from_xyz(self) -> Array:
+        """(3, 3) XYZ → camera RGB: the colorimetric one, else the fitted one, anchored at the setting nearest daylight.
 
-def _on_the_locus(known: Mapping[str, WhiteBalance]) -> list[tuple[float, Array]]:
-    """Return temperature and Tw of the settings for natural light.
-
-    Fluorescent lamps lie beside its locus, and count only where there is nothing else.
-    """
-    points = {name: (balance.kelvin, balance.factors) for name, balance in known.items() if balance.kelvin}
-    natural = [point for name, point in points.items() if "fluorescent" not in name]
-    return natural if len({kelvin for kelvin, _ in natural}) >= 2 else list(points.values())
-
-
-def _camera_from_xyz(known: Mapping[str, WhiteBalance], matrix: Array, colorimetric: Array | None) -> Array:
-    """(3, 3) XYZ → camera RGB: the colorimetric one, else the fitted one, anchored at the setting nearest to daylight.
-
-    The fitted matrix contains the camera's look: it takes warm light for less warm than it is.
-    """
-    if colorimetric is not None:
-        return colorimetric
-    points = _on_the_locus(known)
-    if not points:
-        raise SettingsError("this profile knows no colour temperature; name multipliers r,g,b instead")
-    kelvin, factors = min(points, key=lambda point: abs(1e6 / point[0] - 1e6 / NAMED_KELVIN["daylight"]))
-    return camera_from_xyz(matrix, factors / factors[1], kelvin)
+        The fitted matrix contains the camera's look: it takes warm light for less warm than it is.
+        """
+        if self.colorimetric is not None:
+            return self.colorimetric
+        settings = self._settings_of_natural_light
+        if not settings:
+            raise SettingsError("this profile knows no colour temperature; name multipliers r,g,b instead")
+        daylight = 1e6 / NAMED_KELVIN["daylight"]
+        kelvin, factors = min(settings, key=lambda setting: abs(1e6 / setting[0] - daylight))
+        return camera_from_xyz(self.matrix, factors / factors[1], kelvin)

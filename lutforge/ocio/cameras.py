@@ -176,7 +176,7 @@ def name_cameras(
 ) -> tuple[Camera, ...]:
     """The cameras of profiles, with names; a camera gets a number where a name of it is taken. Raises ConfigError.
 
-    taken: names of colour spaces and aliases; looks: white balances, as of `_look_pairs`.
+    taken: names of colour spaces and aliases; looks: white balances, as in `_look_pairs`.
     """
     used = {name.lower() for name in taken}
     cameras: list[Camera] = []

@@ -160,33 +160,34 @@ def _built(
     minor = spaces.minor_version(profile_version)
     cameras = name_cameras(profiles, config_names(spaces.base_config(minor) if base is None else base.config), looks)
     taken = [] if base is None else [file.stem.lower() for file in base.files]
-    parts = renderings(cameras, [stem.removesuffix("_render").removesuffix("_linearize") for stem in taken])
-    texts, errors = _all_baked(parts, inverse_size, progress)
+    all_renderings = renderings(cameras, [stem.removesuffix("_render").removesuffix("_linearize") for stem in taken])
+    texts, errors = _all_baked(all_renderings, inverse_size, progress)
     files = {f"{spaces.LUT_FOLDER}/{name}": text.encode() for name, text in texts.items()}
     files |= {} if base is None else base.contents()
-    return Built(_assembled(cameras, parts, base, errors, minor), dict(sorted(files.items())))
+    return Built(_assembled(cameras, all_renderings, base, errors, minor), dict(sorted(files.items())))
 
 
 @one_blas_thread
 def _all_baked(
-    parts: Sequence[Rendering], inverse_size: int, progress: Progress
+    all_renderings: Sequence[Rendering], inverse_size: int, progress: Progress
 ) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
     """The texts of the renderings' files by name, and the lines on their errors by stem; baked on all cores."""
-    begun = count()
+    steps_begun = count()
     reporting = Lock()
 
     def bake_one(rendering: Rendering) -> tuple[dict[str, str], tuple[str, ...]]:
         def report_step(step: str) -> None:
             with reporting:
-                progress(f"{rendering.camera.name} {rendering.style}: {step}", next(begun) / (BAKE_STEPS * len(parts)))
+                share = next(steps_begun) / (BAKE_STEPS * len(all_renderings))
+                progress(f"{rendering.camera.name} {rendering.style}: {step}", share)
 
         luts, errors = baked(rendering, inverse_size, report_step)
         return {name: clf_text(lut) for name, lut in luts.items()}, errors
 
     texts = dict[str, str]()
     errors = dict[str, tuple[str, ...]]()
-    results = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)
-    for rendering, (files, lines) in zip(parts, results, strict=True):
+    results = each(bake_one, all_renderings) if len(all_renderings) > 1 else map(bake_one, all_renderings)
+    for rendering, (files, lines) in zip(all_renderings, results, strict=True):
         texts |= files
         errors[rendering.stem] = lines
     return texts, errors
@@ -194,22 +195,23 @@ def _all_baked(
 
 def _assembled(
     cameras: Sequence[Camera],
-    parts: Sequence[Rendering],
+    all_renderings: Sequence[Rendering],
     base: BaseConfig | None,
     errors: Mapping[str, tuple[str, ...]],
     minor: int,
 ) -> OCIO.Config:
     """The whole config, validated. errors: lines on the errors of a rendering's LUTs, by its stem."""
     config = spaces.base_config(minor)
-    groups: dict[object, str] = {}
+    groups = spaces.EqualityGroups()
     for camera in cameras:
         spaces.add_raw(config, camera, groups)
-    for rendering in parts:
+    for rendering in all_renderings:
         spaces.add_jpegs(config, rendering, groups, errors.get(rendering.stem, ()))
-    looks = UniqueNames(() if base is None else base.config.getLookNames())
+    unique_look_name = UniqueNames(() if base is None else base.config.getLookNames())
     for camera in cameras:
-        spaces.add_looks(config, camera, [part for part in parts if part.camera is camera], looks)
-    views = spaces.add_views(config, parts, UniqueNames(base.views if base is not None else ()))
+        of_camera = [rendering for rendering in all_renderings if rendering.camera is camera]
+        spaces.add_looks(config, camera, of_camera, unique_look_name)
+    views = spaces.add_views(config, all_renderings, UniqueNames(() if base is None else base.views))
     spaces.arrange_views(config, [view.name for view in views])
     spaces.add_file_rules(config, [name for camera in cameras for name in camera.spaces()])
     if base is not None:

@@ -32,7 +32,7 @@ MOST_UNPACKED = 2 << 30
 
 @dataclass(frozen=True, eq=False)
 class BaseConfig:
-    """A config that cameras are added to. label: the user's name for it; folder: of its files, none if built in."""
+    """A config that cameras are added to. label: the user's name for it; folder: of its files, None if built in."""
 
     config: OCIO.Config
     label: str
@@ -105,14 +105,11 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
 
 
 def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View]) -> OCIO.Config:
-    """The base with the cameras of a config of LutForge: spaces, looks and views. Raises ConfigError."""
-    # Displays that can show a shared view: those with the name of a display colour space of video or cinema.
-    displays = []
-    for display in base.config.getDisplaysAll():
-        space = base.config.getColorSpace(display)
-        of_display = space is not None and space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
-        if of_display and space.getEncoding() in ("sdr-video", ""):
-            displays.append(display)
+    """The base, with the colour spaces, looks and views of the cameras added to it. Raises ConfigError.
+
+    cameras: the cameras' own config, as LutForge builds it, which is stripped for the merge; views: those in it.
+    """
+    displays = list(_displays_for_shared_views(base.config))
     srgb_displays = [] if displays else list(_srgb_displays(base.config))
     minor = cameras.getMinorVersion()
     _strip(cameras, keep_displays=not (displays or srgb_displays))
@@ -124,7 +121,9 @@ def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View])
     parameters.setAvoidDuplicates(False)
     parameters.setErrorOnConflict(False)
     level = OCIO.GetLoggingLevel()
-    OCIO.SetLoggingLevel(OCIO.LOGGING_LEVEL_NONE)  # else it would warn of all names that both have, as intended here
+    OCIO.SetLoggingLevel(
+        OCIO.LOGGING_LEVEL_NONE
+    )  # it would warn of each name that both configs have, which is intended
     try:
         config = OCIO.ConfigMergingHelpers.MergeConfigs(parameters, base.config, cameras)
     except OCIO_ERRORS as error:
@@ -144,6 +143,19 @@ def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View])
             config.addActiveView(view.name)
     config.setVersion(2, max(base.config.getMinorVersion(), minor))
     return config
+
+
+def _displays_for_shared_views(config: OCIO.Config) -> Iterator[str]:
+    """The displays that can show a shared view.
+
+    OpenColorIO converts such a view to the display colour space that has the name of the display, so there must be one,
+    and it must be of standard dynamic range, as the cameras' JPEGs are.
+    """
+    for display in config.getDisplaysAll():
+        space = config.getColorSpace(display)
+        is_display_space = space is not None and space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
+        if is_display_space and space.getEncoding() in ("sdr-video", ""):
+            yield display
 
 
 def _srgb_displays(config: OCIO.Config) -> Iterator[str]:

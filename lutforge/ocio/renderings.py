@@ -20,8 +20,10 @@ from lutforge.luts.highlight_ops import highlight_ops
 from lutforge.luts.ops import Curve
 from lutforge.luts.refinish import steps_of
 from lutforge.luts.sequence import Lut
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import uncovered
 from lutforge.model.lattice import SHORT_SHAPER_SIZE
+from lutforge.model.profile import PictureStyle
 from lutforge.model.transform import Gain, Transform
 from lutforge.ocio.cameras import Camera, UniqueNames, file_stem
 from lutforge.samples.clipping import HALF_CODE
@@ -101,18 +103,15 @@ class Rendering:
 
 def renderings(cameras: Iterable[Camera], taken: Iterable[str] = ()) -> tuple[Rendering, ...]:
     """The renderings of cameras. taken: file stems in use. Raises ConfigError on a style without a model."""
-    stems = UniqueNames(taken, "_")
-    found = []
+    unique_stem = UniqueNames(taken, "_")
+    result = []
     for camera in cameras:
         profile = camera.profile
-        all_balances = tuple(profile.white_balances)
         for name, style in profile.styles.items():
-            groups = [all_balances] if style.render or style.linearize else []
+            groups = _balances_by_model(profile, style)
             if not groups:
-                groups = [tuple(b for b in all_balances if b in model.white_balances) for model in style.models]
-            if not any(groups):
                 raise ConfigError(f"{profile.camera}: style {name} holds no model; calibrate it first")
-            for balances in filter(None, groups):
+            for balances in groups:
                 selector = Selector(name, balances[0])
                 render = linearize = None
                 if style.render or style.models:
@@ -120,9 +119,18 @@ def renderings(cameras: Iterable[Camera], taken: Iterable[str] = ()) -> tuple[Re
                 if style.linearize or style.models:
                     balance = Gain(profile.multipliers(selector))
                     linearize = Transform((*profile.linearize_to_own_raw(selector).stages, balance))
-                stem = stems(file_stem(camera.name, camera.styles[name]))
-                found.append(Rendering(camera, name, balances, stem, render, linearize))
-    return tuple(found)
+                stem = unique_stem(file_stem(camera.name, camera.styles[name]))
+                result.append(Rendering(camera, name, balances, stem, render, linearize))
+    return tuple(result)
+
+
+def _balances_by_model(profile: CameraProfile, style: PictureStyle) -> list[tuple[str, ...]]:
+    """The white balances that each model of a style covers, in the profile's order; a lattice covers all of them."""
+    balances = tuple(profile.white_balances)
+    if style.render or style.linearize:
+        return [balances] if balances else []
+    by_model = [tuple(name for name in balances if name in model.white_balances) for model in style.models]
+    return [names for names in by_model if names]
 
 
 WHITE_LEVEL = 4.0
@@ -150,55 +158,97 @@ def baked(
     linearization is that of the profile. inverse_size: nodes per axis of an inverse. report_step: called with the name
     of each step as it begins.
     """
-    title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
-    report_step("baking the render")
     luts: dict[str, Lut] = {}
-    errors: list[str] = []
-    if rendering.render is not None:
-        render = with_white(with_short_curves(bake(rendering.render, title=f"{title} render")))
-        errors.append(f"render LUT against the model: {_error(render, rendering.render)}")
-        luts[rendering.file("render")] = replace(render, comments=tuple(errors))
+    report_step("baking the render")
+    render = None if rendering.render is None else _baked_render(rendering, rendering.render)
+    if render is not None:
+        luts[rendering.file("render")] = render
 
+    linearize = None
     if rendering.linearize is not None:
-        model: ColourFunction = rendering.linearize
-        trip: list[str] = []
-        if rendering.render is None or render.cube is None:  # a response alone is its own exact inverse
-            linearize = with_short_curves(bake(rendering.linearize, title=f"{title} linearize"))
+        if render is None or render.cube is None:  # a response alone is its own exact inverse
+            linearize = _baked_linearization(rendering, rendering.linearize, report_step)
         else:
-            report_step("inverting it")
-            inverse = inverse_of(BakedRender.of(render), rendering.linearize, inverse_size)
-            inverse.values[-1, -1, -1] = WHITE_LEVEL
-            calibrated = model
+            linearize = _inverted_render(rendering, render, rendering.linearize, inverse_size, report_step)
+        luts[rendering.file("linearize")] = linearize
+        luts |= _baked_looks(rendering, rendering.linearize)
 
-            def with_burnt_white(x: ArrayLike) -> Array:
-                """Linear values of encoded colours, which rise to WHITE_LEVEL in the last half code below white."""
-                least = np.min(np.asarray(x), axis=-1, keepdims=True)
-                burnt = np.clip((least - (1.0 - HALF_CODE)) / HALF_CODE, 0.0, 1.0)
-                linear = calibrated(x)
-                return np.asarray(linear + burnt * (WHITE_LEVEL - linear))
+    return luts, tuple(line for lut in (render, linearize) if lut is not None for line in lut.comments)
 
-            model = with_burnt_white
-            linearize = inverse.as_lut(f"{title} linearize")
-            style = rendering.camera.profile.styles[rendering.style]
-            report_step("measuring what comes back")
-            trip = str(measure(render, linearize, shown=lambda jpeg: ~uncovered(style, jpeg))).splitlines()
-        report_step("comparing with the model")
-        lines = [f"linearize LUT against the model: {_error(linearize, model, rendering.render)}", *trip]
-        luts[rendering.file("linearize")] = replace(linearize, comments=tuple(lines))
-        errors += lines
 
-        for source, target, refinish in rendering.refinishes():
-            if rendering.file("calibrated") not in luts:  # the same for all pairs
-                lut = bake(rendering.linearize, title=f"{title} linearize, as calibrated")
-                luts[rendering.file("calibrated")] = with_short_curves(lut)
-            # A look changes the white balance between linearization and render; white stays white.
-            highlights = steps_of(refinish).highlights
-            gain = rendering.camera.gain(target) / rendering.camera.gain(source)
-            names = rendering.camera.balances
-            title = f"{rendering.camera.name} {names[source]} to {names[target]}"
-            step = highlight_ops(highlights, gain, BALANCE_REACH, BALANCE_SIZE)
-            luts[rendering.balance_file(source, target)] = Lut(step, title)
-    return luts, tuple(errors)
+def _title(rendering: Rendering, way: str) -> str:
+    """The title of a LUT of a rendering. way: the transform that it holds."""
+    return f"{rendering.camera.name} {rendering.camera.styles[rendering.style]} {way}"
+
+
+def _baked_render(rendering: Rendering, render: Transform) -> Lut:
+    """The LUT of a render, with its error as its comment."""
+    lut = with_white(with_short_curves(bake(render, title=_title(rendering, "render"))))
+    return replace(lut, comments=(f"render LUT against the model: {_error(lut, render)}",))
+
+
+def _baked_linearization(rendering: Rendering, linearize: Transform, report_step: Callable[[str], None]) -> Lut:
+    """The LUT of a linearization as the profile has it, with its error as its comment."""
+    lut = with_short_curves(bake(linearize, title=_title(rendering, "linearize")))
+    report_step("comparing with the model")
+    return replace(lut, comments=(_error_of_linearization(lut, linearize, rendering),))
+
+
+def _inverted_render(
+    rendering: Rendering,
+    render: Lut,
+    linearize: Transform,
+    inverse_size: int,
+    report_step: Callable[[str], None],
+) -> Lut:
+    """The LUT of the exact inverse of a baked render, with its errors as its comments."""
+    report_step("inverting it")
+    inverse = inverse_of(BakedRender.of(render), linearize, inverse_size)
+    inverse.values[-1, -1, -1] = WHITE_LEVEL
+    lut = inverse.as_lut(_title(rendering, "linearize"))
+
+    report_step("measuring what comes back")
+    style = rendering.camera.profile.styles[rendering.style]
+    round_trip = measure(render, lut, shown=lambda jpeg: ~uncovered(style, jpeg))
+    report_step("comparing with the model")
+    error = _error_of_linearization(lut, _with_burnt_white(linearize), rendering)
+    return replace(lut, comments=(error, *str(round_trip).splitlines()))
+
+
+def _error_of_linearization(lut: Lut, exact: ColourFunction, rendering: Rendering) -> str:
+    """The line that states the error of a linearization's LUT."""
+    return f"linearize LUT against the model: {_error(lut, exact, rendering.render)}"
+
+
+def _with_burnt_white(linearize: ColourFunction) -> ColourFunction:
+    """A linearization whose values rise to WHITE_LEVEL in the last half code below white."""
+
+    def linearized(x: ArrayLike) -> Array:
+        least = np.min(np.asarray(x), axis=-1, keepdims=True)
+        burnt = np.clip((least - (1.0 - HALF_CODE)) / HALF_CODE, 0.0, 1.0)
+        linear = linearize(x)
+        return np.asarray(linear + burnt * (WHITE_LEVEL - linear))
+
+    return linearized
+
+
+def _baked_looks(rendering: Rendering, linearize: Transform) -> dict[str, Lut]:
+    """The LUTs of the looks from one white balance to another, by file name: the calibrated JPEG → RAW, and each step.
+
+    A look changes the white balance between linearization and render; white stays white.
+    """
+    camera = rendering.camera
+    refinishes = tuple(rendering.refinishes())
+    if not refinishes:
+        return {}
+    calibrated = bake(linearize, title=_title(rendering, "linearize, as calibrated"))
+    luts = {rendering.file("calibrated"): with_short_curves(calibrated)}
+    for source, target, refinish in refinishes:
+        gain = camera.gain(target) / camera.gain(source)
+        step = highlight_ops(steps_of(refinish).highlights, gain, BALANCE_REACH, BALANCE_SIZE)
+        title = f"{camera.name} {camera.balances[source]} to {camera.balances[target]}"
+        luts[rendering.balance_file(source, target)] = Lut(step, title)
+    return luts
 
 
 def _error(lut: Lut, transform: ColourFunction, rendered_by: Transform | None = None) -> str:

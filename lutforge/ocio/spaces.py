@@ -6,12 +6,13 @@ inverse, and one JPEG space → another a refinish (thesis, equation 6.1).
 """
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
+from lutforge.arrays import Array
 from lutforge.errors import ConfigError
 from lutforge.luts.ocio_transforms import matrix_transform
 from lutforge.model.provenance import ReferenceRaw, ResponseOnly
@@ -30,14 +31,24 @@ LUT_SUFFIXES = {
     *(".cc", ".ccc", ".cdl", ".icc", ".icm", ".look", ".spimtx", ".vf"),
 }
 """Suffixes of the files that belong to a config: those that OpenColorIO reads."""
+
+# The names below are those of OpenColorIO's studio config, so that other configs and programs know them.
 REFERENCE = "ACES2065-1"
-DISPLAY = "sRGB - Display"
-WORKING = "ACEScg"
-TEXTURE = "sRGB Encoded Rec.709 (sRGB)"
-DATA = "Raw"
-LINEAR_REC709 = "Linear Rec.709 (sRGB)"
+"""The scene reference, through which all scenes and cameras are converted."""
 DISPLAY_REFERENCE = "CIE XYZ-D65 - Display-referred"
+"""The display reference, through which all displays are converted."""
+WORKING = "ACEScg"
+"""The scene-linear space in which pictures are rendered and composited."""
+LINEAR_REC709 = "Linear Rec.709 (sRGB)"
+"""The scene-linear space with the primaries of sRGB."""
+TEXTURE = "sRGB Encoded Rec.709 (sRGB)"
+"""The space of finished pictures and textures, encoded sRGB."""
+DATA = "Raw"
+"""The space of what is no colour, which no conversion changes."""
+DISPLAY = "sRGB - Display"
+"""The space of an sRGB monitor."""
 UN_TONE_MAPPED = "Un-tone-mapped"
+"""The view without a tone scale."""
 SCENE_RULE = "scene-referred"
 """The viewing rule for views of linear and logarithmic scenes, which finished pictures do not get."""
 
@@ -53,11 +64,14 @@ BLENDER_NAMES = {
 }
 """The names of these spaces in Blender's config, by which .blend files refer to them."""
 BLENDER_ROLES = {"default_byte": TEXTURE, "default_float": LINEAR_REC709, "default_sequencer": TEXTURE}
+"""Roles that Blender asks a config for: the spaces of pictures of 8 bits, of float pictures, of its video editor."""
 
 STUDIO = "ocio://studio-config-v5.0.0_aces-v2.1_ocio-v2.6"
 """OpenColorIO's built-in config, from which the spaces of scenes and displays are copied."""
 SCENE_SPACES = (REFERENCE, WORKING, "ACEScct", LINEAR_REC709, TEXTURE, DATA)
+"""The scene-referred spaces that a config has besides those of cameras."""
 DISPLAYS = (DISPLAY, "Display P3 - Display", "Gamma 2.6 P3-D65 - Display", "Rec.1886 Rec.709 - Display")
+"""The displays that a config has: monitors of sRGB and Display P3, cinema, television."""
 
 
 def minor_version(text: str) -> int:
@@ -74,6 +88,8 @@ def base_config(minor: int = PROFILE_VERSIONS[OLDEST]) -> OCIO.Config:
     config.setName("lutforge")
     config.setDescription("Cameras calibrated by LutForge: their RAW and JPEGs as colour spaces, views and looks.")
     config.setSearchPath(LUT_FOLDER)
+
+    # The common colour spaces and their roles, as the studio config has them, and those that Blender asks for.
     studio = OCIO.Config.CreateFromFile(STUDIO)
     for name in (*SCENE_SPACES, DISPLAY_REFERENCE, *DISPLAYS):
         space = studio.getColorSpace(name)
@@ -86,6 +102,8 @@ def base_config(minor: int = PROFILE_VERSIONS[OLDEST]) -> OCIO.Config:
     for role, name in BLENDER_ROLES.items():
         config.setRole(role, name)
     config.setInactiveColorSpaces(DISPLAY_REFERENCE)
+
+    # The view without a tone scale, and rules for views and files.
     config.addViewTransform(studio.getViewTransform(UN_TONE_MAPPED))
     config.setDefaultViewTransformName(UN_TONE_MAPPED)
     config.addSharedView(UN_TONE_MAPPED, UN_TONE_MAPPED, OCIO.OCIO_VIEW_USE_DISPLAY_NAME, "", "", "")
@@ -142,8 +160,22 @@ def file_transform(name: str) -> OCIO.FileTransform:
     return OCIO.FileTransform(src=name, interpolation=OCIO.INTERP_BEST)
 
 
-def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> None:
-    """Add the camera's RAW before white balance, and after each. groups: equality groups, by what decides them."""
+class EqualityGroups:
+    """The equality groups of a config: colour spaces with equal conversions, between which programs convert nothing.
+
+    A group bears the alias of its first colour space.
+    """
+
+    def __init__(self) -> None:
+        self._names: dict[tuple[str, bytes], str] = {}
+
+    def of(self, space: str, files: str, to_reference: Array) -> str:
+        """The group of a colour space, which the LUT files and the matrix (3, 3) of its conversion decide."""
+        return self._names.setdefault((files, to_reference.tobytes()), file_stem(space))
+
+
+def add_raw(config: OCIO.Config, camera: Camera, groups: EqualityGroups) -> None:
+    """Add the camera's RAW before white balance, and after each."""
     for balance in (None, *camera.profile.white_balances):
         name = camera.raw(balance)
         matrix = camera.to_reference(balance)
@@ -157,18 +189,19 @@ def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> N
             kelvin = f", about {setting.kelvin:.0f} K" if setting.kelvin is not None else ""
             r, g, b = setting.multipliers
             description += f"after white balance {balance}{kelvin}: multipliers {r:.4f}, {g:.4f}, {b:.4f}"
-        group = groups.setdefault(matrix.tobytes(), file_stem(name))
-        transform = matrix_transform(matrix)
-        _add(config, name, camera.family, description, "scene-linear", equalityGroup=group, toReference=transform)
+        group = groups.of(name, "", matrix)
+        properties = {"equalityGroup": group, "toReference": matrix_transform(matrix)}
+        config.addColorSpace(_space_of_files(name, camera.family, description, "scene-linear", properties))
 
 
-def _add(config: OCIO.Config, name: str, family: str, description: str, encoding: str, **properties: object) -> None:
-    """Add a colour space of files. properties: of OpenColorIO's ColorSpace, by their names."""
-    space = OCIO.ColorSpace(
+def _space_of_files(
+    name: str, family: str, description: str, encoding: str, properties: Mapping[str, object]
+) -> OCIO.ColorSpace:
+    """A colour space of pictures in files. properties: more arguments of OpenColorIO's ColorSpace, by their names."""
+    return OCIO.ColorSpace(
         name=name, aliases=[file_stem(name)], family=family, encoding=encoding, categories=["file-io", "texture"],
         description=description, bitDepth=OCIO.BIT_DEPTH_F32, **properties,
     )  # fmt: skip
-    config.addColorSpace(space)
 
 
 def jpeg_to_reference(rendering: Rendering, balance: str) -> OCIO.GroupTransform:
@@ -187,7 +220,7 @@ DESCRIBED_ERRORS = ("render_mean", "render_max", "render_de00_mean", "linearize_
 """The held-out errors of a style that the description of a colour space states."""
 
 
-def add_jpegs(config: OCIO.Config, rendering: Rendering, groups: dict[object, str], errors: Sequence[str]) -> None:
+def add_jpegs(config: OCIO.Config, rendering: Rendering, groups: EqualityGroups, errors: Sequence[str]) -> None:
     """Add the JPEGs of a rendering under each white balance. errors: lines on the errors of its LUTs."""
     camera = rendering.camera
     style = camera.profile.styles[rendering.style]
@@ -197,13 +230,12 @@ def add_jpegs(config: OCIO.Config, rendering: Rendering, groups: dict[object, st
         name = camera.jpeg(rendering.style, balance)
         setting = f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}"
         description = "\n".join((setting, f"held-out error of the profile: {held_out or 'not measured'}", *errors))
-        group = groups.setdefault((rendering.stem, camera.to_reference(balance).tobytes()), file_stem(name))
-        transforms = {}
+        properties: dict[str, object] = {"equalityGroup": groups.of(name, rendering.stem, camera.to_reference(balance))}
         if rendering.linearize is not None:
-            transforms["toReference"] = jpeg_to_reference(rendering, balance)
+            properties["toReference"] = jpeg_to_reference(rendering, balance)
         if rendering.render is not None:
-            transforms["fromReference"] = reference_to_jpeg(rendering, balance)
-        _add(config, name, camera.family, description, "sdr-video", equalityGroup=group, **transforms)
+            properties["fromReference"] = reference_to_jpeg(rendering, balance)
+        config.addColorSpace(_space_of_files(name, camera.family, description, "sdr-video", properties))
 
 
 def _default_balances(renderings: Sequence[Rendering]) -> dict[tuple[str, str], str]:
@@ -225,8 +257,8 @@ class View:
     jpeg: str
 
 
-def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: UniqueNames) -> tuple[View, ...]:
-    """Add a view transform and a shared view for each style of each camera. views: names taken."""
+def add_views(config: OCIO.Config, renderings: Sequence[Rendering], unique_view_name: UniqueNames) -> tuple[View, ...]:
+    """Add a view transform and a shared view for each style of each camera."""
     # The camera's JPEG is sRGB: it is converted to CIE XYZ, and from there to each display by OpenColorIO's spaces.
     added = []
     defaults = _default_balances(renderings)
@@ -236,7 +268,7 @@ def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: Uniqu
         balance = defaults[camera.name, style]
         if rendering.render is None or balance not in rendering.white_balances:
             continue
-        name = views(space_name(camera.name, camera.styles[style]))
+        name = unique_view_name(space_name(camera.name, camera.styles[style]))
         to_display = OCIO.GroupTransform([reference_to_jpeg(rendering, balance), _srgb(OCIO.TRANSFORM_DIR_INVERSE)])
         properties = {}
         if rendering.linearize is not None:
@@ -253,15 +285,15 @@ def add_views(config: OCIO.Config, renderings: Sequence[Rendering], views: Uniqu
     return tuple(added)
 
 
-def arrange_views(config: OCIO.Config, views: Sequence[str]) -> None:
+def arrange_views(config: OCIO.Config, view_names: Sequence[str]) -> None:
     """Offer the views on each display in this order, then the view without a tone scale, and that of data."""
     for display in DISPLAYS:
-        for view in (*views, UN_TONE_MAPPED):
-            config.addDisplaySharedView(display, view)
+        for name in (*view_names, UN_TONE_MAPPED):
+            config.addDisplaySharedView(display, name)
         config.addDisplayView(display, DATA, DATA, "")
         config.addActiveDisplay(display)
-    for view in (*views, UN_TONE_MAPPED, DATA):  # the order of the menus; the first is the default
-        config.addActiveView(view)
+    for name in (*view_names, UN_TONE_MAPPED, DATA):  # the order of the menus; the first is the default
+        config.addActiveView(name)
 
 
 def _srgb(direction: OCIO.TransformDirection) -> OCIO.BuiltinTransform:
@@ -269,60 +301,90 @@ def _srgb(direction: OCIO.TransformDirection) -> OCIO.BuiltinTransform:
     return OCIO.BuiltinTransform("DISPLAY - CIE-XYZ-D65_to_sRGB", direction)
 
 
-def add_looks(config: OCIO.Config, camera: Camera, renderings: Sequence[Rendering], looks: UniqueNames) -> None:
-    """Add the looks of a camera with these renderings: to another white balance, or another style. looks: names taken.
+def add_looks(
+    config: OCIO.Config, camera: Camera, renderings: Sequence[Rendering], unique_look_name: UniqueNames
+) -> None:
+    """Add the looks of a camera with these renderings: to another white balance, or another style.
 
     A look changes colours of its process space into colours of that same space, so that programs can apply it between
     any two spaces. With source and target the JPEG space that a photograph was taken in, the result is the JPEG that
     the camera would have made with the other setting. Every look has an inverse.
     """
-
-    def add(name: str, space: str, transform: OCIO.Transform, back: OCIO.Transform | None, description: str) -> None:
-        inverse = {} if back is None else {"inverseTransform": back}
-        look = OCIO.Look(name=looks(name), processSpace=space, transform=transform, description=description, **inverse)
+    looks = [
+        *_looks_of_jpeg_balances(camera, renderings),
+        *_looks_of_styles(camera, renderings),
+        *_looks_of_raw_balances(camera),
+    ]
+    for look in looks:
+        look.setName(unique_look_name(look.getName()))
         config.addLook(look)
 
-    names = camera.balances
-    styles = camera.styles
 
-    # White balances of photographs, refinished as by `apply`. A conversion between two colour spaces knows only the
-    # linear values of the scene, which can be the same for burnt-out white under one white balance and for a coloured
-    # highlight under another. These looks know both white balances, and keep white neutral.
+def _looks_of_jpeg_balances(camera: Camera, renderings: Sequence[Rendering]) -> Iterator[OCIO.Look]:
+    """Looks of photographs from one white balance to another, refinished as `apply` does.
+
+    A conversion between two colour spaces knows only the linear values of the scene, which can be the same for
+    burnt-out white under one white balance and for a coloured highlight under another. These looks know both white
+    balances, and keep white neutral.
+    """
+    names = camera.balances
     for rendering in renderings:
-        render = rendering.file("render")
+        style = camera.styles[rendering.style]
         refinishes = {(source, target) for source, target, _ in rendering.refinishes()}
         for source, target in camera.look_pairs:
             if (source, target) not in refinishes:
                 continue
-            forward, back = (
-                OCIO.GroupTransform([file_transform(file) for file in (rendering.file("calibrated"), step, render)])
-                for step in (rendering.balance_file(source, target), rendering.balance_file(target, source))
+            yield OCIO.Look(
+                name=space_name(camera.name, JPEG, style, f"{names[source]} → {names[target]}"),
+                processSpace=camera.jpeg(rendering.style, source),
+                transform=_refinish(rendering, source, target),
+                inverseTransform=_refinish(rendering, target, source),
+                description=f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}",
             )
-            style = styles[rendering.style]
-            name = space_name(camera.name, JPEG, style, f"{names[source]} → {names[target]}")
-            description = f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}"
-            add(name, camera.jpeg(rendering.style, source), forward, back, description)
 
-    # From the standard style to each of the others, and back.
+
+def _refinish(rendering: Rendering, source: str, target: str) -> OCIO.GroupTransform:
+    """JPEG under one white balance → JPEG under another: linearized, changed in white balance, and rendered again."""
+    files = (rendering.file("calibrated"), rendering.balance_file(source, target), rendering.file("render"))
+    return OCIO.GroupTransform([file_transform(file) for file in files])
+
+
+def _looks_of_styles(camera: Camera, renderings: Sequence[Rendering]) -> Iterator[OCIO.Look]:
+    """Looks of photographs from the standard style to each of the others, and back."""
     for source, target, balance in _style_pairs(camera, renderings):
         before = camera.jpeg(source, balance)
         after = camera.jpeg(target, balance)
-        name = space_name(before, "→", styles[target], names[balance])
-        description = f"A JPEG in picture style {target} instead of {source}, white balance {balance}"
-        add(name, before, OCIO.ColorSpaceTransform(before, after), OCIO.ColorSpaceTransform(after, before), description)
+        yield OCIO.Look(
+            name=space_name(before, "→", camera.styles[target], camera.balances[balance]),
+            processSpace=before,
+            transform=OCIO.ColorSpaceTransform(before, after),
+            inverseTransform=OCIO.ColorSpaceTransform(after, before),
+            description=f"A JPEG in picture style {target} instead of {source}, white balance {balance}",
+        )
 
-    # White balances in RAW: exact for any linear values, such as those of a rendered scene, and common to all styles.
+
+def _looks_of_raw_balances(camera: Camera) -> Iterator[OCIO.Look]:
+    """Looks of RAW from one white balance to another: exact for any linear values, such as a rendered scene's.
+
+    They are common to all styles.
+    """
+    names = camera.balances
     for source, target in camera.look_pairs:
-        ratio = matrix_transform(np.diag(camera.gain(target) / camera.gain(source)))
-        name = space_name(camera.name, "scene", f"{names[source]} → {names[target]}")
-        add(name, camera.raw(), ratio, None, f"A scene as white balance {target} shows it, instead of {source}")
+        yield OCIO.Look(
+            name=space_name(camera.name, "scene", f"{names[source]} → {names[target]}"),
+            processSpace=camera.raw(),
+            transform=matrix_transform(np.diag(camera.gain(target) / camera.gain(source))),
+            description=f"A scene as white balance {target} shows it, instead of {source}",
+        )
 
 
 def _style_pairs(camera: Camera, renderings: Sequence[Rendering]) -> Iterator[tuple[str, str, str]]:
     """The styles (from, to) that looks change, with the white balance: the standard style to all others, and back."""
-    both_ways = [part for part in renderings if part.render is not None and part.linearize is not None]
+    both_ways = [
+        rendering for rendering in renderings if rendering.render is not None and rendering.linearize is not None
+    ]
     balance = camera.look_pairs[0][1] if camera.look_pairs else camera.reference_balance
-    styles = list(dict.fromkeys(part.style for part in both_ways if balance in part.white_balances))
+    styles = list(dict.fromkeys(rendering.style for rendering in both_ways if balance in rendering.white_balances))
     if not styles:
         return
     hub = "standard" if "standard" in styles else styles[0]

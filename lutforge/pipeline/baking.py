@@ -2,7 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, write_dcp
-from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, write_icc
+from lutforge.kits.icc import NODES, Variant, fit_icc_profile, write_icc
 from lutforge.kits.kit import look_of, setting_of
 from lutforge.kits.measure import error_of_profile
 from lutforge.luts.bake import bake_steps, bake_to, bake_within
@@ -22,11 +22,12 @@ from lutforge.luts.formats import format_of, write
 from lutforge.luts.forms import FORMS, Form
 from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, InputAndOutput, input_and_output_of
 from lutforge.luts.lower import takes_scenes
+from lutforge.luts.lut_metadata import LutMetadata
 from lutforge.luts.lut_programs import Program, program_named
 from lutforge.luts.sequence import Lut
 from lutforge.luts.target import Target, files_for, target_of
 from lutforge.luts.verification import FileError, verify
-from lutforge.luts.writers.process_list import AMPAS_CLF_3, CLF_NAMESPACE, PROCESS_LISTS
+from lutforge.luts.writers.process_list import AMPAS_CLF_3, PROCESS_LISTS
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import Pictures
 from lutforge.model.transform import Purpose, Transform
@@ -133,7 +134,8 @@ def _bake_camera_profile(camera: CameraProfile, request: TransformRequest, path:
         write_dcp(fit_dng_profile(look), path)
         summary = f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}"
     else:
-        write_icc(fit_icc_profile(look, VARIANTS[colours]), path)
+        variant = Variant.COLOURS if colours else Variant.JPEG
+        write_icc(fit_icc_profile(look, variant), path)
         summary = f"ICC profile, {NODES}³ nodes, to Lab"
     return BakedFile(path, summary, error_of_profile(path, look, colours))
 
@@ -212,7 +214,7 @@ class _Plan:
     tasks: tuple[_Task, ...]
     title: str
     comments: tuple[str, ...]
-    metadata: Mapping[str, str]
+    metadata: LutMetadata
     input_and_output: InputAndOutput | None
     scenes: bool
     program: str | None
@@ -324,15 +326,15 @@ def _comments(
     return description(input_and_output, place, [*settings, *purpose.comments])
 
 
-def _clf_metadata(version: str | None, paths: Iterable[Path]) -> dict[str, str]:
+def _clf_metadata(version: str | None, paths: Iterable[Path]) -> LutMetadata:
     """The metadata of a LUT that select a version of CLF. Raises SettingsError on an unknown version."""
     if version is None:
-        return {}
+        return LutMetadata()
     if str(version) not in ("3", "3.0"):
         raise SettingsError(f'unknown CLF version "{version}": 3, or none for SMPTE ST 2136-1')
     if not any(path.suffix.lower() == ".clf" for path in paths):
         raise SettingsError("--clf-version goes with a .clf: -o look.clf")
-    return {CLF_NAMESPACE: AMPAS_CLF_3}
+    return LutMetadata(clf_namespace=AMPAS_CLF_3)
 
 
 def _fitted(plan: _Plan, task: _Task, progress: Progress) -> Lut:
@@ -350,7 +352,7 @@ def _fitted(plan: _Plan, task: _Task, progress: Progress) -> Lut:
                 plan.transform, task.target, title=plan.title, comments=plan.comments, highest=plan.highest,
                 progress=reporting,
             )  # fmt: skip
-    return replace(lut, metadata={**lut.metadata, **plan.metadata})
+    return replace(lut, metadata=plan.metadata)
 
 
 def _written(plan: _Plan, luts: Sequence[Lut]) -> list[tuple[BakedFile, Lut]]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.arrays import Array, Mask, Pixels
+from lutforge.arrays import Array, Mask, Single
 from lutforge.calibration.exposure_pairs import NEAR_AN_END
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
@@ -79,7 +79,7 @@ def _found_places(bracket: Bracket, kind: ChartKind, reference: Array, progress:
     return places
 
 
-def _codes_of(file: Path) -> Pixels:
+def _codes_of(file: Path) -> Single:
     """A picture (h, w, 3) in codes 0 … 255; more than 8 bits give fractions."""
     return np.asarray(np.clip(255.0 * colours_of(file), 0.0, 255.0), dtype=np.float32)
 

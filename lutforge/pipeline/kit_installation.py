@@ -9,7 +9,7 @@ from lutforge.errors import LutForgeError
 from lutforge.kits.all_kits import KITS
 from lutforge.kits.install import INSTALLED_KITS, install, is_installed, targets_of, uninstall
 from lutforge.kits.manifest import MANIFEST, read_manifest
-from lutforge.kits.places import KEPT, Machine, place_of
+from lutforge.kits.places import Machine, place_of
 from lutforge.pipeline.outputs import one_of
 
 
@@ -43,7 +43,7 @@ def install_kit(folder: str | Path, into: str | Path | None = None) -> Installat
             raise LutForgeError(f"{into}: no such folder; --into names the folder where {program} keeps its settings")
         place = replace(place, settings=Path(into).resolve())
     targets = targets_of(program, kit, place, _data_folder() / "kits")
-    is_found = place.use == KEPT or is_installed(place)
+    is_found = not place.has_folder or is_installed(place)
     if is_found and targets:
         install(program, targets, _data_folder() / INSTALLED_KITS)
     return Installation(KITS[program].title, tuple(targets), is_found and bool(targets), place.use)

@@ -12,7 +12,7 @@ from lutforge.atomic_write import scratch_folder
 from lutforge.errors import LutForgeError, SettingsError
 from lutforge.kits.all_kits import KITS
 from lutforge.kits.kit import Kit, KitFiles, Look, look_of, write_develop_script
-from lutforge.kits.lumix import lumix_kit
+from lutforge.kits.lumix import base_style_kit
 from lutforge.kits.manifest import MANIFEST, SCRIPT, names_in, read_manifest
 from lutforge.luts.description import LICENCE
 from lutforge.model.camera_profile import CameraProfile, as_profile
@@ -55,7 +55,7 @@ def write_kit(
         raise SettingsError(f"--base and --as go with --for lumix, not with {name}")
     if look is not None and base is None:
         raise SettingsError("--as goes with --base STYLE, the style of the camera that the LUT lies on")
-    kit = KITS[name] if base is None else lumix_kit(profile, base)
+    kit = KITS[name] if base is None else base_style_kit(profile, base)
     look_profile = profile if look is None else as_profile(look)
     looks = [look_of(look_profile, setting) for setting in (look_profile.styles if to.lower() == "all" else [to])]
     for chosen in looks:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageOps
 
-from lutforge.arrays import Pixels
+from lutforge.arrays import Single
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading
 from lutforge.errors import ImageError, SettingsError
@@ -100,7 +100,7 @@ def _as_jpeg(picture: Image.Image) -> bytes:
     return buffer.getvalue()
 
 
-def read_small(path: Path, most: int) -> Pixels:
+def read_small(path: Path, most: int) -> Single:
     """Read an image upright, RGB in [0, 1], reduced by area means to at most `most` pixels. Raises ImageError.
 
     An 8-bit picture in another space than sRGB is converted, as by `apply_image`.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.arrays import Array, Pixels
+from lutforge.arrays import Array, Single
 from lutforge.calibration.bracket import BracketFit, fit_bracket
 from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.options import BETA
@@ -160,7 +160,7 @@ def _pairs(files: Sequence[Path], times: Sequence[float], progress: Progress) ->
     return pairs_of_bracket([file.name for file in files], pixels(), times)
 
 
-def colours_of(file: Path) -> Pixels:
+def colours_of(file: Path) -> Single:
     """A picture (h, w, 3), 1 = full scale. Raises CalibrationError where it is grey."""
     pixels = read_image(file).pixels
     if pixels.shape[2] < 3:

@@ -1,6 +1,7 @@
 """The answers at the start of a report: how good a profile is, what it is fit for, what to photograph next."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,8 +25,19 @@ VISIBILITY = (
 )
 """Verdicts by the upper bound of a mean ΔE00: its visibility, and whether a profile with it is fit for use."""
 
-Errors = tuple[float, float | None, float | None, bool]
-"""A style's mean error RAW → JPEG, its mean ΔE00, its mean error JPEG → RAW, and whether shots were held out."""
+
+@dataclass(frozen=True)
+class StyleErrors:
+    """The mean errors of a style, as shares of full scale.
+
+    render: RAW → JPEG; render_de00: the same in ΔE00; linearize: JPEG → RAW; held_out: they were measured on shots that
+    were held out of the fit.
+    """
+
+    render: float
+    render_de00: float | None
+    linearize: float | None
+    held_out: bool
 
 
 def answers(
@@ -40,23 +52,13 @@ def answers(
     method: of `evaluation`, that of the profile's model. Without an evaluation the errors are those that the profile
     holds. Each figure is also printed by `calibrate` or `evaluate`.
     """
-    errors: dict[str, Errors] = {}
-    for name, style in profile.styles.items() if evaluation is None else ():
-        if "render_mean" in style.errors:
-            de00 = style.errors.get("render_de00_mean")
-            backward = style.errors.get("linearize_mean")
-            errors[name] = style.errors["render_mean"], de00, backward, True
-    rows = [row for row in (evaluation.rows if evaluation else ()) if row.method == method and row.all_shots]
-    backward_errors = {row.style: row.figures.mean for row in rows if row.direction == "linearize"}
-    for row in rows:
-        if row.direction == "render":
-            errors[row.style] = row.figures.mean, row.figures.de00_mean, backward_errors.get(row.style), row.held_out
+    errors = _errors_of_profile(profile) if evaluation is None else _errors_of_evaluation(evaluation, method)
 
     other_cameras = sorted({str(style.samples.camera[0]) for style in data.values()} - {profile.camera})
     good = (
         *map(str, profile.diagnoses),
         *(f"The samples are of {name}, not of {profile.camera}: so are the errors." for name in other_cameras),
-        *(_how_good(name, *of_style) for name, of_style in errors.items()),
+        *(_how_good(name, style_errors) for name, style_errors in errors.items()),
         *(profile.notes if isinstance(profile.provenance, ResponseOnly) else ()),
     )
     best_and_worst = [
@@ -70,8 +72,8 @@ def answers(
     gaps: list[Block] = []
     if not data:
         gaps.append("Give the shots or their samples to the report, too: it then names the colours that they lack.")
-    for name, of_style in data.items():
-        if colours := colour_gaps(of_style.encoded, linearizing_error(profile.styles[name])):
+    for name, style_data in data.items():
+        if colours := colour_gaps(style_data.encoded, linearizing_error(profile.styles[name])):
             gaps.append(f"{name}: of the colours that real surfaces have, these are known least:")
             gaps.append(tuple(map(str, colours[:4])))
         else:
@@ -85,17 +87,45 @@ def answers(
     }
 
 
-def _how_good(style: str, mean: float, de00: float | None, backward: float | None, held_out: bool) -> str:
-    """A sentence on the errors of a style; the arguments after it are its `Errors`."""
-    error = f"{mean:.4f} of full scale"
+def _errors_of_profile(profile: CameraProfile) -> dict[str, StyleErrors]:
+    """The errors that a profile holds, by style: of those whose render was measured."""
+    return {
+        name: StyleErrors(
+            style.errors["render_mean"],
+            style.errors.get("render_de00_mean"),
+            style.errors.get("linearize_mean"),
+            held_out=True,
+        )
+        for name, style in profile.styles.items()
+        if "render_mean" in style.errors
+    }
+
+
+def _errors_of_evaluation(evaluation: Evaluation, method: str) -> dict[str, StyleErrors]:
+    """The errors of a method over all shots, by style."""
+    rows = [row for row in evaluation.rows if row.method == method and row.all_shots]
+    linearize = {row.style: row.figures.mean for row in rows if row.direction == "linearize"}
+    return {
+        row.style: StyleErrors(row.figures.mean, row.figures.de00_mean, linearize.get(row.style), row.held_out)
+        for row in rows
+        if row.direction == "render"
+    }
+
+
+def _how_good(style: str, errors: StyleErrors) -> str:
+    """A sentence on the errors of a style."""
+    de00 = errors.render_de00
+    error = f"{errors.render:.4f} of full scale"
     off = f"the JPEG predicted from RAW is ΔE00 {de00:.2f} off" if de00 is not None else f"the JPEG is {error} off"
-    if not held_out:
+    if not errors.held_out:
         return (
             f"{style}: on these shots, to which it was fitted in part or in whole, {off} in the mean. How well it "
             "predicts others is not known: calibrate from two shots or more."
         )
     visibility = "" if de00 is None else f": {judged(de00)[0]}"
-    recovered = "" if backward is None else f" RAW recovered from the JPEG is {backward:.4f} of full scale off."
+    recovered = ""
+    if errors.linearize is not None:
+        recovered = f" RAW recovered from the JPEG is {errors.linearize:.4f} of full scale off."
     return f"{style}: on shots that it had not seen, {off} in the mean{visibility}.{recovered}"
 
 
@@ -136,12 +166,12 @@ def colour_sentence(predictions: Predictions, method: str) -> str:
     return f"most exact on {best} (ΔE00 {means[best]:.2f} in the mean), least on {worst} ({means[worst]:.2f})."
 
 
-def _uses(method: str, evaluation: Evaluation | None, errors: Mapping[str, Errors]) -> Iterator[tuple[str, ...]]:
+def _uses(method: str, evaluation: Evaluation | None, errors: Mapping[str, StyleErrors]) -> Iterator[tuple[str, ...]]:
     """A row for each job, on the style or the pair of settings with the largest error in it."""
     render = ("the camera's look on RAW, in other programs", "lutforge kit")
     linearize = ("linear light from its JPEGs", "lutforge bake … linearize")
     refinish = ("its JPEGs with another white balance, exposure or style", "lutforge apply")
-    if not all(held_out for *_, held_out in errors.values()):
+    if not all(style.held_out for style in errors.values()):
         for job, command in (render, linearize, refinish):
             yield job, "not known", "one shot only: none is left to try it on", command
         return
@@ -152,11 +182,11 @@ def _uses(method: str, evaluation: Evaluation | None, errors: Mapping[str, Error
         where = f", at worst ({worst})" if len(de00) > 1 else ""
         return fit, f"ΔE00 {de00[worst]:.2f} in the mean{where}: {words}"
 
-    rendered = {name: de00 for name, (_, de00, _, _) in errors.items() if de00 is not None}
+    rendered = {name: style.render_de00 for name, style in errors.items() if style.render_de00 is not None}
     if rendered:
         yield render[0], *verdict(rendered), render[1]
 
-    linear = {name: backward for name, (_, _, backward, _) in errors.items() if backward is not None}
+    linear = {name: style.linearize for name, style in errors.items() if style.linearize is not None}
     if linear:
         worst = max(linear, key=lambda name: linear[name])
         where = f" ({worst})" if len(linear) > 1 else ""

@@ -1,6 +1,6 @@
 """Drawings: rows of panels with marks, each mark an array of numbers with a colour.
 
-A drawing says what is drawn; `matplotlib_figure` draws it in files, the studio on its pages.
+A drawing is data: `matplotlib_figure` draws it in files, the studio on its pages.
 """
 
 from collections.abc import Sequence

@@ -96,7 +96,7 @@ def build_report(
 
 
 def error_tables(method: str, evaluation: Evaluation) -> Iterator[Table]:
-    """Tables of the errors of both directions, of RAW, of refinishing, and of exposure pairs. method: set bold."""
+    """Tables of errors: of each direction, of RAW, of refinishing, and of exposure pairs. method: the one set bold."""
     for direction, title in TITLES.items():
         rows = [row for row in evaluation.rows if row.direction == direction and row.all_shots]
         if rows:

@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from lutforge.arrays import Pixels
+from lutforge.arrays import Single
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.reports.drawing import ERROR_SCALE, MAP
 from lutforge.reports.figures import lattice_figure
@@ -17,7 +17,7 @@ SHEET_DPI = 100
 
 
 def refinish_sheet(
-    before: Pixels, after: Pixels, target: Pixels, path: str | Path, titles: tuple[str, str, str]
+    before: Single, after: Single, target: Single, path: str | Path, titles: tuple[str, str, str]
 ) -> None:
     """Write one PNG of a photograph, the graded one, and its target, each (h, w, 3), and the error of the graded one.
 

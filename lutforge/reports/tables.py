@@ -93,7 +93,7 @@ def response_table(fit: BracketFit) -> Table:
 
 
 def error_table(caption: str, rows: Sequence[EvaluationRow], bold_method: str = "") -> Table:
-    """The errors of one direction, with times where these were measured. bold_method: set bold."""
+    """The errors of one direction, with times where these were measured. bold_method: the one set bold."""
     from lutforge.evaluation.figures import FIGURES
 
     timed = any(row.fit_seconds is not None for row in rows)

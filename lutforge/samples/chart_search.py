@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import least_squares
 
-from lutforge.arrays import Array, Pixels
+from lutforge.arrays import Array, Single
 from lutforge.colour.srgb import srgb_encode
 from lutforge.samples.chart import ChartKind, chart_kind
 from lutforge.shots.cells import CellStatistics
@@ -166,7 +166,7 @@ def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
     return np.asarray(least_squares(residuals, corners.ravel(), **options).x.reshape(4, 2))
 
 
-def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: LocatedChart) -> CellStatistics:
+def patch_codes(picture: NDArray[np.uint8] | Single, chart: LocatedChart) -> CellStatistics:
     """The statistics (n, 3) of the pixels whose centres lie in each patch; NaN where it leaves the picture."""
     statistics = np.full((4, len(chart.kind.centres), 3), np.nan)
     for index, corners in enumerate(chart.patches()):

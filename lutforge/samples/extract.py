@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Codes, Mask, Pixels
+from lutforge.arrays import Array, Codes, Mask, Single
 from lutforge.colour.srgb import srgb_encode
 from lutforge.images.orientation import upright, upright_places
 from lutforge.samples.chart import ChartKind
@@ -182,7 +182,7 @@ def _thumbnails(shot: Shot) -> Thumbnails:
     return Thumbnails(upright(raw8, shot.raw.orientation), upright(picture, shot.raw.orientation))
 
 
-def _reduced(pixels: Pixels | Codes) -> Pixels:
+def _reduced(pixels: Single | Codes) -> Single:
     """Area means of a picture (h, w, 3), the longer side of about THUMBNAIL_SIDE pixels, or of its own if fewer."""
     height, width = pixels.shape[:2]
     step = max(1, round(max(height, width) / THUMBNAIL_SIDE))

@@ -1,4 +1,4 @@
-"""Statistics of RAW and JPEG over the cells of one grid: each pixel counts by as much of it as a cell covers."""
+"""Statistics of RAW and JPEG over the cells of one grid: each pixel counts by the share of it that a cell covers."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Codes, Pixels, Single
+from lutforge.arrays import Array, Codes, Single
 from lutforge.compiled import REASSOCIATED, compiled
 
 Number = TypeVar("Number", Array, Single)
@@ -21,8 +21,8 @@ Where no more pixels are clipped than lie beyond it, 0.8 %, the mean changes by 
 class CellStatistics:
     """Statistics over the cells of a grid on a picture, each (H, W, 3) float64; NaN where the picture has no pixels.
 
-    Each pixel weighs by as much of it as the cell covers, exactly. minimum and maximum are over every pixel that the
-    cell touches, but no further from the mean than NOISE_REACH standard deviations.
+    The weight of a pixel is exactly the share of it that the cell covers. minimum and maximum are over every pixel that
+    the cell touches, but no further from the mean than NOISE_REACH standard deviations.
     """
 
     mean: Array
@@ -31,7 +31,7 @@ class CellStatistics:
     maximum: Array
 
     @classmethod
-    def of(cls, image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array) -> "CellStatistics":
+    def of(cls, image: Single | Codes | NDArray[np.uint16], rows: Array, columns: Array) -> "CellStatistics":
         """The statistics of an image (h, w, 3); 16-bit values 0 … 65535 stand for codes 0 … 255.
 
         rows (H + 1,), columns (W + 1,): borders of the grid, in pixels. What lies over four standard deviations from
@@ -69,7 +69,7 @@ def _touched(edges: Array, cell: int, size: int) -> tuple[int, int]:
 
 @compiled(fastmath=REASSOCIATED)
 def _statistics_under(
-    image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, statistics: Array
+    image: Single | Codes | NDArray[np.uint16], rows: Array, columns: Array, statistics: Array
 ) -> None:
     """Fill mean, standard deviation, least and greatest value, (4, H, W, 3)."""
     height, width = image.shape[:2]
@@ -105,7 +105,7 @@ def _statistics_under(
 
 @compiled(fastmath=REASSOCIATED)
 def _add_rows(
-    image: Pixels | Codes | NDArray[np.uint16],
+    image: Single | Codes | NDArray[np.uint16],
     top: float,
     bottom: float,
     total: Array,
@@ -129,7 +129,7 @@ def _add_rows(
 
 @compiled(fastmath=REASSOCIATED)
 def _without_outliers(
-    cell: Pixels | Codes | NDArray[np.uint16],
+    cell: Single | Codes | NDArray[np.uint16],
     top: float,
     bottom: float,
     left: float,

@@ -1,10 +1,11 @@
 """The place of a JPEG on its RAW: a scale, an offset, and the distortion of the lens that the camera removed."""
 
 from dataclasses import dataclass, replace
+from enum import IntEnum
 
 import numpy as np
 
-from lutforge.arrays import Array, Pixels, Single
+from lutforge.arrays import Array, Single
 from lutforge.compiled import compiled
 
 
@@ -30,6 +31,17 @@ class Distortion:
         away = straight - (self.x, self.y)
         square = np.square(away).sum(axis=-1, keepdims=True) / self.radius**2
         return np.asarray((self.x, self.y) + away * (1 + square * (self.k1 + square * self.k2)))
+
+
+class Unknowns(IntEnum):
+    """The parameters of a registration that a fit moves; the value is their number."""
+
+    PLACE = 3
+    """The scale, and the offset in x and y."""
+    DISTORTION = 5
+    """The place, and k1 and k2 of the distortion."""
+    CENTRE = 7
+    """The place, k1 and k2, and the distortion's centre in x and y."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +83,9 @@ class Registration:
         return straight if self.distortion is None else self.distortion.distorted(straight)
 
     def moved(self, step: Array) -> "Registration":
-        """Add a step to scale and offset (3,), to k1 and k2 (5,), and to the distortion's centre (7,)."""
+        """Add a step to the first parameters of scale, offset in x and y, k1, k2, and the centre in x and y."""
         lens = self.distortion
-        if lens is not None and len(step) > 3:
+        if lens is not None and len(step) > Unknowns.PLACE:
             k1, k2, x, y = (float(change) for change in (*step[3:], 0.0, 0.0)[:4])
             lens = replace(lens, k1=lens.k1 + k1, k2=lens.k2 + k2, x=lens.x + x, y=lens.y + y)
         scale, x, y = (float(change) for change in step[:3])
@@ -81,17 +93,17 @@ class Registration:
             self, scale=self.scale + scale, offset_x=self.offset_x + x, offset_y=self.offset_y + y, distortion=lens
         )
 
-    def shifts(self, places: Array, count: int) -> Array:
-        """How far places (n, 2) of the JPEG move by a unit of each parameter of `moved`, (n, 2, count)."""
+    def shifts(self, places: Array, unknowns: Unknowns) -> Array:
+        """How far places (n, 2) of the JPEG move by a unit of each parameter, (n, 2, unknowns)."""
         on_raw = self.on_raw(places)
         small = 1e-3
         (a, c), (b, d) = ((self.on_raw(places + small * unit) - on_raw).T / small for unit in np.eye(2))
         inverse = np.stack([d, -b, -c, a], axis=-1).reshape(-1, 2, 2) / (a * d - b * c)[:, None, None]
-        steps = small * np.array([1e-3, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])[:count]
+        steps = small * np.array([1e-3, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])[:unknowns]
         changes = [(self.moved(step).on_raw(places) - on_raw) / step.sum() for step in np.diag(steps)]
         return np.asarray(inverse @ np.stack(changes, axis=-1))
 
-    def straightened(self, pixels: Pixels, pixel_size: float, shape: tuple[int, ...]) -> tuple[Pixels, "Registration"]:
+    def straightened(self, pixels: Single, pixel_size: float, shape: tuple[int, ...]) -> tuple[Single, "Registration"]:
         """RAW (h, w, 3) in the frame of its JPEG of this shape, 0 where it has none, and the place on that."""
         lens = self.distortion
         if lens is None or not any((lens.k1, lens.k2, lens.red, lens.blue)):
@@ -114,7 +126,7 @@ class Placement:
 
 
 @compiled()
-def _straighten(pixels: Pixels, start: Array, powers: Array, larger: Array, straight: Single) -> None:
+def _straighten(pixels: Single, start: Array, powers: Array, larger: Array, straight: Single) -> None:
     """Fill a picture (H, W, 3), whose corner is at start[:2] from the centre start[2:], from pixels (h, w, 3)."""
     height, width = pixels.shape[:2]
     for i in range(straight.shape[0]):

@@ -66,7 +66,7 @@ def in_adobe_rgb(tags: Tags) -> bool:
 
 
 def notes_of(tags: Tags) -> Iterator[str]:
-    """What in the settings makes the rendering depend on the scene, or a JPEG other than sRGB."""
+    """Notes on settings that make the rendering depend on the scene, and on a JPEG that is not sRGB."""
     if in_adobe_rgb(tags):
         yield "the JPEG is Adobe RGB, not sRGB: a style of its own, whose linear light is off; set the camera to sRGB"
     depends = "was on: the rendering depends on the scene, which the calibration does not model"
@@ -113,7 +113,7 @@ def _named_style(tags: Tags) -> str | None:
 
 
 def _adjustments(tags: Tags, style_is_named: bool) -> Iterator[tuple[str, float]]:
-    """What was adjusted, by how many steps of the menu, nine at most. Sharpness changes no flat colour: left out."""
+    """The adjustments of a style, in steps of the menu, nine at most; sharpness changes no flat colour."""
     for text, (part, unit) in _table("signed_adjustments").items():
         number = next(iter(_signed(tags.get(key_of(text)))), 0)
         if number and abs(number / unit) <= 9:

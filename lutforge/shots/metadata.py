@@ -40,7 +40,7 @@ class ShotMetadata:
     camera: make and model, "" where a picture does not name it. style, white_balance: lower-case words ("standard",
     "vivid", …; "auto", "daylight", …; "unknown"); the white balance of a picture may be a temperature ("5200k").
     multipliers: (3,) with green = 1, None where unknown. exposure_s, iso, focal_mm, aperture (f-number): NaN where
-    unknown. notes: what the user should know, a line each. lens: its name, "" where unknown. d65, from_xyz: as of
+    unknown. notes: what the user should know, a line each. lens: its name, "" where unknown. d65, from_xyz: as in
     `RawImage`. dng_camera: the UniqueCameraModel of a DNG, by which raw developers match profiles; "" of other files.
     """
 

@@ -54,11 +54,11 @@ def read_other_view(picture: Path, raw_file: Path) -> tuple[Shot, float]:
     pixels = cv2.warpPerspective(
         raw.pixels, to_array, (int(width / size), int(height / size)), flags=cv2.INTER_NEAREST, borderValue=0.0
     )
-    warped = replace(raw, pixels=pixels, pixel_size=size, flip=0, preview=None)
+    resampled = replace(raw, pixels=pixels, pixel_size=size, flip=0, preview=None)
 
-    metadata = read_metadata(picture, replace(warped, multipliers=None, exposure_s=np.nan, iso=np.nan), None)
+    metadata = read_metadata(picture, replace(resampled, multipliers=None, exposure_s=np.nan, iso=np.nan), None)
     metadata = replace(metadata, notes=())
-    shot = Shot(picture.stem, picture, warped, jpeg, str(picture), metadata, Registration(1.0, 0.0, 0.0, share))
+    shot = Shot(picture.stem, picture, resampled, jpeg, str(picture), metadata, Registration(1.0, 0.0, 0.0, share))
 
     aperture = raw.aperture if raw.aperture > 0 else 1.0
     exposure = raw.exposure_s * (raw.iso if raw.iso > 0 else 100.0) / 100.0 / aperture**2

@@ -34,10 +34,11 @@ class Shot:
     """A RAW/JPEG pair, both oriented like the sensor.
 
     name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the JPEG file.
-    development: the picture that replaces the RAW. raw_camera: the other camera that the RAW is of, or "".
-    fine: the same picture, 0 … 65535, where its file has more than 8 bits. distorted: where the JPEG lies on the RAW
-    as the lens distorted it, where the camera straightened the JPEG: raw is then straightened, and the registration on
-    that.
+    registration: of the JPEG on `raw`. development: the picture that replaces the RAW. raw_camera: the other camera
+    that the RAW is of, or "". fine: the JPEG's picture, 0 … 65535, where its file has more than 8 bits.
+
+    before_straightening: None, unless the camera corrected its lens in the JPEG. `raw` is then straightened to match,
+    and this is the placement on the RAW as the lens distorted it.
     """
 
     name: str
@@ -50,19 +51,19 @@ class Shot:
     development: Development | None = None
     raw_camera: str = ""
     fine: NDArray[np.uint16] | None = None
-    distorted: Placement | None = None
+    before_straightening: Placement | None = None
 
     @property
     def placement(self) -> Placement:
-        """The place of the JPEG on the RAW as the lens distorted it, at which other shots can be sought first."""
-        if self.distorted is not None:
-            return self.distorted
+        """The placement of the JPEG on the RAW as the lens distorted it, at which other shots can be sought first."""
+        if self.before_straightening is not None:
+            return self.before_straightening
         height, width = self.raw.pixels.shape[:2]
         return Placement((height, width, self.raw.pixel_size), self.jpeg.shape[:2], self.registration)
 
     @property
     def lens_note(self) -> str:
-        """What the camera corrected of the lens in its JPEG, in words for a user; "" where nothing."""
+        """The lens corrections of the camera in its JPEG, in words for a user; "" where there are none."""
         lens = self.placement.registration.distortion
         if lens is None:
             return ""
@@ -90,11 +91,12 @@ class Shot:
         return CellStatistics.of(jpeg, rows, columns)
 
     def straightened(self) -> "Shot":
-        """The shot with a RAW as straight as its JPEG, where the registration says how the lens bent it."""
+        """The shot with a RAW as straight as its JPEG, where the registration states how the lens distorted it."""
         if self.registration.distortion is None:
             return self
-        pixels, place = self.registration.straightened(self.raw.pixels, self.raw.pixel_size, self.jpeg.shape)
-        return replace(self, raw=replace(self.raw, pixels=pixels), registration=place, distorted=self.placement)
+        pixels, registration = self.registration.straightened(self.raw.pixels, self.raw.pixel_size, self.jpeg.shape)
+        raw = replace(self.raw, pixels=pixels)
+        return replace(self, raw=raw, registration=registration, before_straightening=self.placement)
 
 
 EMBEDDED = "embedded preview"
@@ -107,14 +109,22 @@ def read_shot(
     expected: Callable[[], Placement | None] = lambda: None,
     source: str | None = None,
 ) -> Shot:
-    """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
+    """Read one RAW file: the RAW at half size, the camera's JPEG registered on it, and the metadata.
 
-    The JPEG next to the RAW (same stem) is used where it registers, else the embedded preview; one that another program
-    wrote (a converter's DNG holds that converter's rendering) comes last. metadata.notes says so, and which was passed
-    over and why. development: a picture that a program made of the RAW, which takes the RAW's place: balanced, so that
-    its multipliers are 1; its tones may let a JPEG seem distorted as no lens does, which then is no reason to refuse
-    it. expected: called once the RAW is decoded, for where another shot of the camera lies; the place is looked at
-    first. source: the JPEG to take and no other, as `Shot.jpeg_source` names it. Raises ImageError or ShotError.
+    The JPEG is the file beside the RAW with the same stem, where that registers, and else the preview in the RAW. JPEGs
+    that another program wrote are tried last, such as the preview in a converter's DNG. The notes of the metadata state
+    which JPEGs were passed over, and why.
+
+    Args:
+        path: of the RAW file.
+        development: a picture that a program made of the RAW, which replaces it. It is balanced, so its multipliers
+            are 1. Its tones may let a JPEG seem distorted as by no lens, which is then no reason to refuse the JPEG.
+        expected: returns the placement of another shot of the camera, which is tried first; called once the RAW is
+            decoded.
+        source: the only JPEG to try, as `Shot.jpeg_source` names it.
+
+    Raises:
+        ImageError, ShotError: the RAW cannot be read, or no JPEG matches it.
     """
     path = Path(path)
     if path.suffix.lower() in JPEG_SUFFIXES or is_heif(path):
@@ -139,18 +149,19 @@ def read_shot(
 
     for index, (name, edited) in enumerate(candidates):
         try:
-            jpeg, fine, registration, converted = _registered(raw, path, name, expected())
-            if registration.non_rigid and development is None:
-                raise ShotError(f"{name}: {NON_RIGID_MESSAGE.format(registration.non_rigid)}")
+            jpeg = _registered(raw, name, expected())
+            non_rigid = jpeg.registration.non_rigid
+            if non_rigid and development is None:
+                raise ShotError(f"{name}: {NON_RIGID_MESSAGE.format(non_rigid)}")
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue
 
         metadata = read_metadata(path, raw, Path(name) if name != EMBEDDED else None)
-        reasons += [f"{name_after}: {note}" for name_after, notes in candidates[index + 1 :] for note in notes]
-        notes = (*edited, *converted, *(f"passed over: {reason}" for reason in reasons))
+        reasons += [f"{untried}: {note}" for untried, notes in candidates[index + 1 :] for note in notes]
+        notes = (*edited, *jpeg.notes, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
-        shot = Shot(path.stem, path, raw, jpeg, name, metadata, registration, development, fine=fine)
+        shot = Shot(path.stem, path, raw, jpeg.codes, name, metadata, jpeg.registration, development, fine=jpeg.fine)
         return shot.straightened()
 
     if development is not None:
@@ -171,10 +182,21 @@ def read_pair(picture: Path, development: Development) -> Shot:
     return Shot(picture.stem, picture, raw, turned, str(picture), metadata, registration, development).straightened()
 
 
-def _registered(
-    raw: RawImage, path: Path, source: str, expected: Placement | None
-) -> tuple[Codes, NDArray[np.uint16] | None, Registration, tuple[str, ...]]:
-    """The picture in 8 bits, and in 16 where it has more, in the sensor's orientation; its registration; notes."""
+@dataclass(frozen=True, eq=False)
+class _RegisteredJpeg:
+    """A camera's picture in the sensor's orientation, in 8 bits and, where its file has more, in 16.
+
+    notes: what was changed in it.
+    """
+
+    codes: Codes
+    fine: NDArray[np.uint16] | None
+    registration: Registration
+    notes: tuple[str, ...]
+
+
+def _registered(raw: RawImage, source: str, expected: Placement | None) -> _RegisteredJpeg:
+    """Read and register a picture. source: as `Shot.jpeg_source` names it. Raises ImageError or ShotError."""
     if source == EMBEDDED and raw.preview is None:
         raise ShotError(raw.preview_note)
     heif = read_heif(Path(source)) if source != EMBEDDED and is_heif(Path(source)) else None
@@ -205,13 +227,16 @@ def _registered(
         notes.append(MIRROR_IMAGE)
     if fine is not None:
         fine = upright(fine, orientation_between(jpeg, turned) or 1)
-    return turned, fine, registration, tuple(notes)
+    return _RegisteredJpeg(turned, fine, registration, tuple(notes))
 
 
 def _in_any_orientation(
     raw: RawImage, jpeg: Codes, expected: Placement | None = None
 ) -> tuple[Codes, Registration, bool]:
-    """Register a picture that may be turned or mirrored; return it as the sensor lies, its place, if mirrored."""
+    """Register a picture that may be turned or mirrored.
+
+    Returned are the picture as the sensor lies, its registration, and True where it was mirrored.
+    """
     # Previews lie like the sensor or upright; a JPEG file may have been turned by any program. A camera that mirrors
     # its pictures, for those who photograph themselves, leaves the RAW as it is.
     turns = tuple(dict.fromkeys((0, QUARTER_TURNS[inverse(raw.orientation)], 1, 2, 3)))

@@ -16,7 +16,7 @@ BORDER = 8
 
 
 def develop(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: CameraSettings) -> NDArray[np.uint8]:
-    """What the camera does to its mosaic (h, w) for a JPEG: all of `rendered`, rounded to 8 bits."""
+    """Develop a mosaic (h, w) into the picture of a JPEG: `rendered`, rounded to 8 bits."""
     return np.rint(255 * rendered(camera, mosaic, settings)).astype(np.uint8)
 
 

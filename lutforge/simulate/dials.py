@@ -16,8 +16,8 @@ class CameraSettings:
 
     preview_scale: size of the embedded JPEG relative to the full one. push_ev: brightening in the development, in
     stops. orientation: how the camera was held (TIFF 1, 3, 6 or 8); pixels stay as the sensor has them.
-    vignetting: what the lens loses, which the development brings back. distortion: how the lens bends
-    the scene, which the development straightens and scales to fill the JPEG.
+    vignetting: that of the lens, which the development corrects. distortion: that of the lens; the development
+    straightens the picture and scales it to fill the JPEG.
     """
 
     style: str = "standard"

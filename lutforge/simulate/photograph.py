@@ -48,7 +48,7 @@ def photograph(
     if settings.vignetting is not None:
         irradiance /= settings.vignetting.gain(*irradiance.shape[:2]).astype(np.float32)
     lens = settings.distortion
-    if lens is not None and (lens.red or lens.blue):  # red and blue are drawn larger than green
+    if lens is not None and (lens.red or lens.blue):  # lateral chromatic aberration: red and blue are larger than green
         y, x = np.mgrid[: irradiance.shape[0], : irradiance.shape[1]] + 0.5
         for channel, larger in ((0, lens.red), (2, lens.blue)):
             places = [lens.y + (y - lens.y) / (1 + larger) - 0.5, lens.x + (x - lens.x) / (1 + larger) - 0.5]

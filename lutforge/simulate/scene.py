@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lutforge.arrays import Array, Mask, Pixels
+from lutforge.arrays import Array, Mask, Single
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.simulate.camera import SimulatedCamera
 
@@ -30,9 +30,9 @@ class Scene:
     y: Array
     first: NDArray[np.int16]
     second: NDArray[np.int16]
-    mix: Pixels
-    shade: Pixels
-    gloss: Pixels
+    mix: Single
+    shade: Single
+    gloss: Single
     patches: Array = field(default_factory=lambda: np.empty((0, 2)))
     patch_side: float = 0.0
 
@@ -51,7 +51,7 @@ class Scene:
         height, width = self.first.shape
         return height, width
 
-    def irradiance(self, camera: SimulatedCamera, white_balance: str, exposure_s: float | None = None) -> Pixels:
+    def irradiance(self, camera: SimulatedCamera, white_balance: str, exposure_s: float | None = None) -> Single:
         """E before lens and sensor: (h, w, 3), no noise, 1 = saturation, highlights beyond 1 not clipped."""
         surfaces = camera.expose(self.reflectances, white_balance, exposure_s).astype(np.float32)
         source = camera.expose(np.ones(self.reflectances.shape[1]), white_balance, exposure_s).astype(np.float32)
@@ -132,7 +132,7 @@ class Scene:
         self.gloss[mask] += shine[mask].astype(np.float32)
 
     def vignetted(self, amount: float = 0.12) -> "Scene":
-        """It, with the vignetting of the lens toward the corners."""
+        """The scene with the vignetting of the lens towards the corners."""
         aspect = self.shape[1] / self.shape[0]
         radius = ((self.x - aspect / 2) ** 2 + (self.y - 0.5) ** 2) / (aspect**2 / 4 + 0.25)
         vignetting = (1 - amount * radius).astype(np.float32)

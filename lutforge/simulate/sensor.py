@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lutforge.arrays import Pixels
+from lutforge.arrays import Single
 from lutforge.simulate.camera import SimulatedCamera
 
 
-def capture(camera: SimulatedCamera, light: Pixels, rng: np.random.Generator, iso: int = 100) -> NDArray[np.uint16]:
+def capture(camera: SimulatedCamera, light: Single, rng: np.random.Generator, iso: int = 100) -> NDArray[np.uint16]:
     """One exposure: light on the sensor (h, w, 3), 1 = saturation, to a mosaic (h, w) of sensor codes."""
     # Shot noise is Poisson's, as a normal distribution: variance = electrons. A higher ISO fills less of the well.
     blurred = ndimage.gaussian_filter(light, (0.7, 0.7, 0), mode="nearest")  # pixels: lens and low-pass filter
@@ -20,7 +20,7 @@ def capture(camera: SimulatedCamera, light: Pixels, rng: np.random.Generator, is
     return np.clip(np.rint(codes), 0, camera.white).astype(np.uint16)
 
 
-def filtered(image: Pixels, cfa: str) -> Pixels:
+def filtered(image: Single, cfa: str) -> Single:
     """The mosaic (h, w) that a 2 × 2 filter array, such as "RGGB", lets through of an image (h, w, 3)."""
     mosaic = np.empty(image.shape[:2], dtype=image.dtype)
     for place, color in enumerate(cfa):
@@ -29,12 +29,12 @@ def filtered(image: Pixels, cfa: str) -> Pixels:
     return mosaic
 
 
-def normalized(camera: SimulatedCamera, mosaic: NDArray[np.uint16]) -> Pixels:
+def normalized(camera: SimulatedCamera, mosaic: NDArray[np.uint16]) -> Single:
     """Sensor codes to E: black = 0, white = 1."""
     return (mosaic.astype(np.float32) - camera.black) / np.float32(camera.white - camera.black)
 
 
-def demosaic(mosaic: Pixels, cfa: str) -> Pixels:
+def demosaic(mosaic: Single, cfa: str) -> Single:
     """Full colour (h, w, 3) from a Bayer mosaic: gradient-corrected linear interpolation.
 
     Malvar, He & Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned color images" (ICASSP

@@ -24,7 +24,6 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import confidence
 from lutforge.model.provenance import ReferenceRaw
 from lutforge.model.transform import Transform
-from lutforge.model.white_balance import temperature_range
 from lutforge.pipeline.looks import ChosenLook, add_baked, bake_steps, look_lut, slow_steps, usual_setting
 from lutforge.pipeline.photographs import IMAGE_SUFFIXES, Photograph, open_photograph
 from lutforge.settings import Selector, Shift
@@ -68,7 +67,7 @@ class SettingControl:
         kelvins = None
         through_reference = isinstance(profile.provenance, ReferenceRaw)
         with suppress(SettingsError):
-            kelvins = None if through_reference else temperature_range(profile.white_balances)
+            kelvins = None if through_reference else profile.white_balance_model.temperature_range
         self.tint.disabled = self.kelvin.disabled = kelvins is None
         self.multipliers.disabled = through_reference
         other_ways = [

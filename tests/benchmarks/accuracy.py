@@ -43,7 +43,7 @@ from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake_steps, bake_to
 from lutforge.luts.ocio_transforms import evaluate
-from lutforge.luts.reading import file_processor
+from lutforge.luts.reading import trusted_processor
 from lutforge.luts.refinish import steps_of
 from lutforge.luts.target import target_of
 from lutforge.model.camera_profile import match, raw_to_balanced
@@ -164,7 +164,7 @@ def bakes(data: Path) -> Figures:
     }
 
     def error(path: Path, method: Interpolation, expected: Array) -> tuple[float, float]:
-        difference = delta_e_2000(evaluate(file_processor(path, method), x).astype(np.float64), expected)
+        difference = delta_e_2000(evaluate(trusted_processor(path, method), x).astype(np.float64), expected)
         return float(difference.mean()), float(difference.max())
 
     for name, transform in chosen.items():
@@ -179,7 +179,9 @@ def bakes(data: Path) -> Figures:
             for what, (mean, most) in best.items():
                 yield Figure(f"bake {name}, {what}³: mean ΔE00", mean)
                 yield Figure(f"bake {name}, {what}³: max ΔE00", most)
-            bare = evaluate(file_processor(bake_steps(transform, 65).write(Path(work, "model.clf"))), x).astype(float)
+            bare = evaluate(trusted_processor(bake_steps(transform, 65).write(Path(work, "model.clf"))), x).astype(
+                float
+            )
             peer = min(error(path, method, bare) for path in by_ociobakelut(Path(work)) for method in INTERPOLATIONS)
             for figure, mine, theirs in zip(("mean", "max"), best[".clf 17"], peer, strict=True):
                 yield Figure(f"bake {name}, .clf 17³ by 33³ of ociobakelut: {figure}", mine / theirs)

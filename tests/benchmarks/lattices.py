@@ -25,7 +25,7 @@ from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
 from lutforge.luts.ocio_transforms import evaluate
-from lutforge.luts.reading import file_processor
+from lutforge.luts.reading import trusted_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
 from lutforge.thesis.calibrate import fit_lattices as fit_thesis
@@ -55,7 +55,7 @@ def lattice(options: Options) -> Fit:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "fitted.clf"
                 Lut(lattice_ops(fitted)).write(path)
-                return evaluate(file_processor(path, options.interpolation), points).astype(np.float64)
+                return evaluate(trusted_processor(path, options.interpolation), points).astype(np.float64)
 
         return predict
 

@@ -25,7 +25,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import psutil
 from PIL import Image as Pillow
 
-from lutforge.arrays import Pixels
+from lutforge.arrays import Single
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import fit_lattices
@@ -214,7 +214,7 @@ def task_lines() -> Figures:
             yield from task("bake", size, 0, f"refinish of the D40 baked and written, {size}³", limit, 2000)
 
 
-def scene(height: int, width: int) -> Pixels:
+def scene(height: int, width: int) -> Single:
     """Shades, edges and the noise of a sensor, so that neighbouring pixels look at different nodes of a cube."""
     rng = np.random.default_rng(1)
     y, x = np.mgrid[0:height, 0:width].astype(np.float32) / width

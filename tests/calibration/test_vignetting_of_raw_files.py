@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.arrays import Pixels
+from lutforge.arrays import Single
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
@@ -41,7 +41,7 @@ def profile() -> CameraProfile:
     return calibrate(samples, CalibrationOptions(size=9))
 
 
-def _error(profile: CameraProfile, shot: Photograph, folder: Path) -> Pixels:
+def _error(profile: CameraProfile, shot: Photograph, folder: Path) -> Single:
     """Of the RAW graded by a profile against the camera's JPEG, smoothed over 8 × 8 pixels."""
     profile.save(folder / "camera.npz")
     result = apply(folder / "camera.npz", shot.dng, folder / "graded", suffix=".png")

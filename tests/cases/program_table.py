@@ -11,19 +11,20 @@ import sys
 from pathlib import Path
 
 from lutforge.atomic_write import atomic_path
+from lutforge.luts.lut_kind import LutKind
 from lutforge.luts.lut_programs import GARBAGE, LEAVES, NOT_KNOWN, PROGRAMS, READS, REFUSES, Program
 
 PAGE = Path(__file__).resolve().parents[2] / "examples" / "guide" / "files.md"
 KINDS = {
-    "plain `.cube`": ".cube",
-    "`.cube` with a domain other than 0 to 1": ".cube, domain",
-    "shaper `.cube`": ".cube, shaper",
-    "`.csp`": ".csp",
-    "`.3dl`": ".3dl",
-    "`.clf`": ".clf",
-    "Hald image": "Hald image",
+    "plain `.cube`": LutKind.CUBE,
+    "`.cube` with a domain other than 0 to 1": LutKind.CUBE_WITH_DOMAIN,
+    "shaper `.cube`": LutKind.CUBE_WITH_SHAPER,
+    "`.csp`": LutKind.CSP,
+    "`.3dl`": LutKind.FLAME_3DL,
+    "`.clf`": LutKind.CLF,
+    "Hald image": LutKind.HALD,
 }
-"""The columns of the table, and the kind of file of each as `check` names it."""
+"""The columns of the table, and the kind of file of each."""
 
 SHORT = {READS: "read", REFUSES: "refused", NOT_KNOWN: "–"}
 """What fits into a cell, instead of a whole verdict."""
@@ -59,7 +60,7 @@ def table() -> str:
     return "\n".join(rows)
 
 
-def _cell(program: Program, kind: str) -> str:
+def _cell(program: Program, kind: LutKind) -> str:
     verdict = program.does.get(kind, program.otherwise if program.tried else NOT_KNOWN)
     for words, short in WITHIN.items():
         verdict = verdict.replace(words, short)

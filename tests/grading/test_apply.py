@@ -13,7 +13,7 @@ from lutforge.grading.image import apply_image
 from lutforge.grading.inputs import BATCH_JOURNAL
 from lutforge.grading.pixels import BLOCK_PIXELS
 from lutforge.images.read import read_image
-from lutforge.luts.reading import file_processor
+from lutforge.luts.reading import trusted_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import MAX_SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels
@@ -41,7 +41,7 @@ def picture(height: int = 30, width: int = 50, channels: int = 3) -> Pixels:
 def test_every_block_and_thread_gives_the_lut_and_leaves_other_channels(lut: Lut, lut_file: Path, workers: int) -> None:
     pixels = picture(2 * BLOCK_PIXELS // 500 + 3, 500, channels=5)  # two whole blocks and a part
     before = pixels.copy()
-    graded = apply_to_pixels(file_processor(lut_file), pixels, workers=workers)
+    graded = apply_to_pixels(trusted_processor(lut_file), pixels, workers=workers)
     np.testing.assert_allclose(graded[..., :3], lut(pixels[..., :3]), atol=1e-5)
     np.testing.assert_array_equal(graded[..., 3:], pixels[..., 3:])
     np.testing.assert_array_equal(pixels, before)
@@ -53,7 +53,7 @@ def test_premultiplied_colours_are_graded_as_colours(lut: Lut, lut_file: Path) -
     pixels = straight.copy()
     pixels[..., :3] *= pixels[..., 3:]
     pixels[0, 0, :3] = (0.25, 0.5, 0.75)  # light without coverage, such as a flame
-    graded = apply_to_pixels(file_processor(lut_file), pixels, premultiplied=True)
+    graded = apply_to_pixels(trusted_processor(lut_file), pixels, premultiplied=True)
     expected = lut(straight[..., :3]) * straight[..., 3:]
     np.testing.assert_allclose(graded[1:, :, :3], expected[1:], atol=2e-5)
     np.testing.assert_array_equal(graded[0, 0], pixels[0, 0])

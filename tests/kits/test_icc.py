@@ -11,7 +11,7 @@ import pytest
 
 from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000, srgb_decode, srgb_encode, srgb_to_lab
-from lutforge.kits.icc import VARIANTS, fit_icc_profile, icc_lines, read_icc, scene_linear, write_icc
+from lutforge.kits.icc import Variant, fit_icc_profile, icc_lines, read_icc, scene_linear, write_icc
 from lutforge.kits.kit import look_of
 from lutforge.luts.reading import read_lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, match
@@ -85,7 +85,7 @@ def test_nodes_lie_where_greys_bend(profile: CameraProfile, tmp_path: Path) -> N
 
 def test_colours_without_the_tone_curve_are_linear_in_greys(profile: CameraProfile, tmp_path: Path) -> None:
     look = look_of(profile, "standard")
-    fitted = fit_icc_profile(look, VARIANTS[1])
+    fitted = fit_icc_profile(look, Variant.COLOURS)
     luminance = np.array([0.2126, 0.7152, 0.0722])
     light = np.repeat(np.linspace(0.02, 1.0, 200)[:, None], 3, axis=1)
     greys = np.repeat((srgb_decode(fitted(light)) @ luminance)[:, None], 3, axis=1)

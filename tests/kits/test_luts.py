@@ -13,7 +13,7 @@ from lutforge.errors import SettingsError
 from lutforge.kits.kit import look_of
 from lutforge.kits.lumix import card_name
 from lutforge.luts.ocio_transforms import evaluate
-from lutforge.luts.reading import file_processor
+from lutforge.luts.reading import trusted_processor
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.ocio.blender import blender_config
 from lutforge.pipeline.baking import bake_files
@@ -35,7 +35,7 @@ def test_the_nuke_kit_is_the_model_from_below_black_to_what_clips(profile: Camer
     folder = write_kit(profile, SETTING, tmp_path / "kit", "nuke")
     (path,) = folder.glob("*.clf")
     x = np.concatenate([scene(-0.1, 4.0), scene(-0.1, 1.0)])
-    light = evaluate(file_processor(path), x) @ matrix_between("acescg", "linear-srgb").T
+    light = evaluate(trusted_processor(path), x) @ matrix_between("acescg", "linear-srgb").T
     shown = rgb_space("srgb").encode(np.clip(light, 0.0, 1.0))
     assert np.abs(shown - through_camera(profile, SETTING, "acescg")(x)).max() < 0.5 / 255
     request = TransformRequest("render", target=SETTING, space="acescg")
@@ -83,7 +83,7 @@ def test_the_error_of_a_shaper_cube_counts_what_it_clips(profile: CameraProfile,
     request = TransformRequest("render", target=SETTING, space="acescg")
     (file,), notes = bake_files(profile, request, [tmp_path / "a.resolve.cube"], size=17)
     x = np.concatenate([scene(-0.1, 1.0)])
-    got, expected = evaluate(file_processor(file.path), x), through_camera(profile, SETTING, "acescg")(x)
+    got, expected = evaluate(trusted_processor(file.path), x), through_camera(profile, SETTING, "acescg")(x)
     assert file.error.max > 0.5 * np.linalg.norm(got - expected, axis=1).max()
     assert any("the largest difference is at light" in note for note in notes)
 
@@ -128,7 +128,7 @@ def test_the_namespace_of_a_clf(profile: CameraProfile, tmp_path: Path) -> None:
         assert f'xmlns="{namespace}"' in head
         assert head.count("compCLFversion") == 1
         x = np.random.default_rng(0).random((500, 3))
-        assert np.abs(evaluate(file_processor(tmp_path / "a.clf"), x) - profile.render(SETTING)(x)).max() < 1e-5
+        assert np.abs(evaluate(trusted_processor(tmp_path / "a.clf"), x) - profile.render(SETTING)(x)).max() < 1e-5
     for version, path in (("2", "a.clf"), ("3", "a.cube")):
         with pytest.raises(SettingsError):
             bake_files(profile, request, [tmp_path / path], clf_version=version)

@@ -12,7 +12,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.luts.ocio_transforms import evaluate
-from lutforge.luts.reading import file_processor
+from lutforge.luts.reading import trusted_processor
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.provenance import Developed
 from lutforge.pipeline.calibration import calibrate as calibrate_profile
@@ -57,7 +57,7 @@ def test_a_look_between_two_renderings(folders: tuple[Path, Path], tmp_path: Pat
     cube = tmp_path / "look.cube"
     run = lutforge("bake", output, "render", "--to", setting, "-o", cube, "--size", "33")
     assert "input: scene-referred srgb" in run.stderr
-    assert np.abs(evaluate(file_processor(cube), x) - look(x)).mean() < 0.004  # from the pictures as they are
+    assert np.abs(evaluate(trusted_processor(cube), x) - look(x)).mean() < 0.004  # from the pictures as they are
 
 
 def test_raw_is_not_taken_for_what_a_program_developed(

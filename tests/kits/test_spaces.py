@@ -14,7 +14,7 @@ from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.errors import SettingsError
 from lutforge.luts.check import check_lut
 from lutforge.luts.ocio_transforms import evaluate
-from lutforge.luts.reading import file_processor, read_lut
+from lutforge.luts.reading import read_lut, trusted_processor
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.baking import bake, bake_files
 from lutforge.pipeline.transforms import TransformRequest, transform
@@ -73,7 +73,7 @@ def test_a_jpeg_in_a_log_space_is_as_good_as_in_linear(suffix: str, space: str, 
     for name in (rgb_space(space).linear.name, space):
         path = tmp_path / f"{name}{suffix}"
         bake(transform(truth.profile, "linearize", DAYLIGHT, space=name), path, size=33)
-        light = evaluate(file_processor(path), np.rint(255 * truth.jpeg) / 255).astype(np.float64)
+        light = evaluate(trusted_processor(path), np.rint(255 * truth.jpeg) / 255).astype(np.float64)
         errors[name] = delta_e_2000(shown(light, name), shown(truth.light, "linear-srgb")).mean()
     assert errors[space] <= 1.1 * errors[rgb_space(space).linear.name]
 
@@ -86,7 +86,7 @@ def test_log_footage_is_rendered_as_well_as_linear_light(suffix: str, space: str
         path = tmp_path / f"{name}{end}"
         bake(transform(truth.profile, "render", target=DAYLIGHT, space=name), path)
         footage = rgb_space(name).encode(truth.light @ matrix_between("linear-srgb", rgb_space(name).linear.name).T)
-        jpeg = evaluate(file_processor(path), footage).astype(np.float64)
+        jpeg = evaluate(trusted_processor(path), footage).astype(np.float64)
         errors[name] = delta_e_2000(np.clip(jpeg, 0.0, 1.0), truth.jpeg).mean()
     assert errors[space] <= 1.1 * errors[rgb_space(space).linear.name]
 
@@ -107,7 +107,7 @@ def test_codes_are_those_of_the_published_curves(
     bake(transform(truth.profile, "linearize", DAYLIGHT, space=space), path, size=33)
     camera = nikon_d5100()
     mid = camera.render(np.full(3, 0.18) / camera.multipliers("daylight"), "standard", "daylight")
-    codes = evaluate(file_processor(path), np.stack([np.zeros(3), mid, np.ones(3)]))
+    codes = evaluate(trusted_processor(path), np.stack([np.zeros(3), mid, np.ones(3)]))
     assert np.abs(codes[0] - black).max() < 1.5 / 1023
     assert np.abs(codes[1] - grey).max() < 4 / 1023
     cube = read_lut(path).cube

@@ -17,7 +17,7 @@ from lutforge.luts.bake import bake_steps, bake_to
 from lutforge.luts.forms import FORMS, Form
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.reading import file_processor
+from lutforge.luts.reading import trusted_processor
 from lutforge.luts.shaper import MAX_SHAPER_SIZE
 from lutforge.luts.target import Target
 from lutforge.luts.verification import verify
@@ -137,13 +137,13 @@ def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> N
     x = points()
     transform = Transform((Clip(), lattice))
     assert bake(transform, tmp_path / "a.clf").cube is not None
-    read = evaluate(file_processor(tmp_path / "a.clf"), x)
+    read = evaluate(trusted_processor(tmp_path / "a.clf"), x)
     np.testing.assert_allclose(read, transform(x), atol=1e-5)
     assert read.min() >= 0.0 and read.max() <= 1.0
     other = bake(transform, size=17)
     assert isinstance(other.ops[-1], Curve) and np.linalg.norm(other(x) - transform(x), axis=1).max() < 0.01
     bake(transform, tmp_path / "b.csp")
-    fitted = evaluate(file_processor(tmp_path / "b.csp", "trilinear"), x)
+    fitted = evaluate(trusted_processor(tmp_path / "b.csp", "trilinear"), x)
     assert np.abs(fitted - transform(x)).mean() < 0.03
 
 
@@ -168,7 +168,7 @@ def test_a_physical_model_keeps_its_curves(tmp_path: Path, suffix: str) -> None:
         staged = bake(transform, tmp_path / f"a{suffix}", size=17)
         behind = staged.ops[[isinstance(op, Cube) for op in staged.ops].index(True) + 1 :]
         assert any(isinstance(op, Curve) for op in behind) == isinstance(transform.stages[-1], Encode)
-        got = evaluate(file_processor(tmp_path / f"a{suffix}"), x)
+        got = evaluate(trusted_processor(tmp_path / f"a{suffix}"), x)
         np.testing.assert_allclose(got, staged(x), atol=1e-5)
 
 
@@ -223,7 +223,7 @@ def test_a_plain_cube_of_a_calibrated_camera(tmp_path: Path) -> None:
     jpeg = np.random.default_rng(0).uniform(0.1, 0.9, (2000, 3))
     ratio = np.array([red, 1.0, blue]) / profile.multipliers("standard/daylight")
     camera = np.clip(jpeg ** (1 / 0.45) * ratio, 0.0, 1.0) ** 0.45
-    read = evaluate(file_processor(tmp_path / "a.cube"), jpeg)
+    read = evaluate(trusted_processor(tmp_path / "a.cube"), jpeg)
     assert np.abs(read - camera).mean() < 1 / 255
 
 
@@ -250,7 +250,7 @@ def test_lattices_in_steps_are_the_model(tmp_path: Path) -> None:
     x = points()
     np.testing.assert_allclose(lut(x), transform(x), atol=1e-9)
     path = lut.write(tmp_path / "steps.clf")
-    np.testing.assert_allclose(evaluate(file_processor(path), x), transform(x), atol=5e-5)
+    np.testing.assert_allclose(evaluate(trusted_processor(path), x), transform(x), atol=5e-5)
     with pytest.raises(LutError, match="holds one cube"):
         lut.write(tmp_path / "steps.cube")
 

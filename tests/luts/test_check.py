@@ -15,7 +15,7 @@ from lutforge.luts.check import check_lut, report_lines
 from lutforge.luts.input_and_output import input_and_output_of
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve, Matrix
-from lutforge.luts.reading import file_processor, read_lut
+from lutforge.luts.reading import read_lut, trusted_processor
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.pipeline.baking import bake_files
@@ -127,7 +127,7 @@ def test_errors_name_line_text_and_cause(tmp_path: Path, name: str, text: str, w
 def test_a_range_that_runs_backwards_is_refused_by_check_and_by_apply(tmp_path: Path, name: str, header: str) -> None:
     rows = "".join(f"{n & 1} {n >> 1 & 1} {n >> 2}\n" for n in range(8))
     (tmp_path / name).write_text(header + (rows if "cube" in name else "0 0 0\n1 1 1\n}\n"))
-    for read in (check_lut, file_processor):
+    for read in (check_lut, trusted_processor):
         with pytest.raises(LutError, match="runs backwards"):
             read(tmp_path / name)
 
@@ -146,7 +146,7 @@ def test_houdini_cdls_and_parametric_operations_are_read_as_opencolorio_applies_
     )  # fmt: skip
     x = np.random.default_rng(0).random((1000, 3)) + 0.01
     for path in tmp_path.iterdir():
-        expected = evaluate(file_processor(path), x)
+        expected = evaluate(trusted_processor(path), x)
         np.testing.assert_allclose(read_lut(path)(x), expected, atol=2e-3, err_msg=path.name)
         assert check_lut(path).readers["OpenColorIO, Nuke"] == "reads it"
 

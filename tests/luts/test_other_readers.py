@@ -20,10 +20,11 @@ from lutforge.arrays import Array
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.images.read import read_image
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.luts.lut_kind import LutKind
 from lutforge.luts.lut_programs import PROGRAMS as LUT_PROGRAMS
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.reading import file_processor
+from lutforge.luts.reading import trusted_processor
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.pipeline.baking import bake
@@ -59,7 +60,7 @@ def test_two_readers_agree(tmp_path: Path, name: str, highest: float, method: In
     path = tmp_path / name
     bake(look, path, size=17, interpolation=method, highest=highest)
     x = np.random.default_rng(0).random((2000, 3)) * highest
-    first = evaluate(file_processor(path, method), x)
+    first = evaluate(trusted_processor(path, method), x)
     # float32 in one of them; OpenColorIO lays a spline through the knots of a .csp.
     np.testing.assert_allclose(second_reading(path, x, method), first, atol=1e-5 if highest == 1 else 5e-4)
 
@@ -252,29 +253,29 @@ def _mpv(command: str, folder: Path, lut: Path) -> Path:
     return folder / "00000001.png"
 
 
-def write_kinds(folder: Path) -> dict[str, Path]:
+def write_kinds(folder: Path) -> dict[LutKind, Path]:
     """A file of each kind that the table of programs names and LutForge or others write; all are of `look`."""
     nodes = {size: look(grid(uniform_levels(size))) for size in (17, 33, 64)}
     files = {
-        ".cube": Lut((Cube(nodes[33]),), title="a").write(folder / "plain.cube"),
-        ".3dl": Lut((Cube(nodes[33]),)).write(folder / "large.3dl"),
-        ".3dl, 17 nodes, 12 bits": Lut((Cube(nodes[17]),)).write(folder / "small.3dl"),
-        ".clf": Lut((Cube(nodes[33]),)).write(folder / "a.clf"),
-        ".vlt": Lut((Cube(nodes[17]),)).write(folder / "a.vlt"),
-        "Hald image": Lut((Cube(nodes[64]),)).write(folder / "hald.png"),
+        LutKind.CUBE: Lut((Cube(nodes[33]),), title="a").write(folder / "plain.cube"),
+        LutKind.FLAME_3DL: Lut((Cube(nodes[33]),)).write(folder / "large.3dl"),
+        LutKind.FLAME_3DL_17_NODES_12_BITS: Lut((Cube(nodes[17]),)).write(folder / "small.3dl"),
+        LutKind.CLF: Lut((Cube(nodes[33]),)).write(folder / "a.clf"),
+        LutKind.OTHER: Lut((Cube(nodes[17]),)).write(folder / "a.vlt"),
+        LutKind.HALD: Lut((Cube(nodes[64]),)).write(folder / "hald.png"),
     }
-    text = files[".cube"].read_text()
+    text = files[LutKind.CUBE].read_text()
     curve = Curve(np.sqrt(np.linspace(0.0, 1.0, 1024))[:, None].repeat(3, axis=1))
     shaped = Lut((curve, Cube(look(grid(uniform_levels(33)) ** 2.0))))
-    files[".cube, shaper"] = shaped.write(folder / "a.resolve.cube")
-    silent = "".join(row for row in files[".cube, shaper"].read_text().splitlines(True) if "RANGE" not in row)
+    files[LutKind.CUBE_WITH_SHAPER] = shaped.write(folder / "a.resolve.cube")
+    silent = "".join(row for row in files[LutKind.CUBE_WITH_SHAPER].read_text().splitlines(True) if "RANGE" not in row)
     domain = ("DOMAIN_MIN 0.0 0.0 0.0\nDOMAIN_MAX 1.0 1.0 1.0", "DOMAIN_MIN -1.0 -1.0 -1.0\nDOMAIN_MAX 1.0 1.0 1.0")
     wide = Lut((Cube(look(np.clip(2.0 * grid(uniform_levels(33)) - 1.0, 0.0, 1.0))),), title="a")
     range_only = text.replace(domain[0], "LUT_3D_INPUT_RANGE 0.0 1.0").replace('TITLE "a"\n', "")
     for kind, name, written in (
-        (".cube, shaper without ranges", "silent.cube", silent),
-        (".cube, range", "range.cube", range_only),
-        (".cube, domain", "domain.cube", wide.write(folder / "wide.cube").read_text().replace(*domain)),
+        (LutKind.CUBE_WITH_SHAPER_WITHOUT_RANGES, "silent.cube", silent),
+        (LutKind.CUBE_WITH_RANGE, "range.cube", range_only),
+        (LutKind.CUBE_WITH_DOMAIN, "domain.cube", wide.write(folder / "wide.cube").read_text().replace(*domain)),
     ):
         files[kind] = folder / name
         files[kind].write_text(written)
@@ -315,5 +316,5 @@ def test_programs_do_with_other_files_what_the_table_says(tmp_path: Path, name: 
             continue
         pixels = read_image(shown).pixels[..., :3].astype(np.float64)
         right, same = (255 * np.abs(pixels - other).mean() for other in (expected, x))
-        assert ("as it is" in says) == (same < 1.0) or kind == "Hald image", (kind, says, same)
+        assert ("as it is" in says) == (same < 1.0) or kind is LutKind.HALD, (kind, says, same)
         assert ("wrong colours" in says) == (right > 4.0 and same > 4.0), (kind, says, right)

@@ -77,7 +77,7 @@ def test_each_layout_is_told_by_its_content(tmp_path: Path, layout: str, kind: s
             path = save(tmp_path / name, lay_out(values), kind)
             lut = read_lut(path)
             assert lut.size == size
-            assert called in lut.metadata["format"] or function is np.negative  # upside down is negative, too
+            assert called in lut.metadata.format or function is np.negative  # upside down is negative, too
             assert lut.cube is not None
             if function is not np.negative:
                 np.testing.assert_allclose(lut.cube.values, values, atol=0.6 / 255)

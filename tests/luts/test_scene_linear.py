@@ -12,7 +12,7 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError, SettingsError
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.ops import Matrix
-from lutforge.luts.reading import file_processor
+from lutforge.luts.reading import trusted_processor
 from lutforge.luts.verification import verify
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.transform import Transform
@@ -55,7 +55,7 @@ def test_a_process_list_takes_any_light(tmp_path: Path, footage: Transform, suff
     path = tmp_path / f"a{suffix}"
     lut = bake(footage, path)
     x = np.concatenate([light(footage.highest()), 3 * light(footage.highest()), light(1.0) - 0.05])
-    got = evaluate(file_processor(path), x)
+    got = evaluate(trusted_processor(path), x)
     np.testing.assert_allclose(got, lut(x), atol=2e-5)
     assert delta_e_2000(got.astype(np.float64), footage(x)).mean() < 0.05
     assert verify(path, footage, lut).mean < 1e-3
@@ -68,7 +68,7 @@ def test_tables_are_fine_enough_for_the_darks(tmp_path: Path, footage: Transform
     front = lut.ops[0]
     assert isinstance(front, Matrix)
     x = raw @ np.linalg.inv(front.matrix).T
-    got = evaluate(file_processor(tmp_path / "a.clf"), x)
+    got = evaluate(trusted_processor(tmp_path / "a.clf"), x)
     np.testing.assert_allclose(got, lut(x), rtol=2e-5)
     assert delta_e_2000(got.astype(np.float64), footage(x)).max() < 1.0
 
@@ -82,7 +82,7 @@ def test_other_files_span_the_range_of_the_camera(tmp_path: Path, footage: Trans
     assert lut.shaper.high == footage.highest() > 4.0
     x = light(footage.highest())
     if name != "a.spi1d":  # two files: verify reads them one after the other
-        got = evaluate(file_processor(tmp_path / name), x)
+        got = evaluate(trusted_processor(tmp_path / name), x)
         np.testing.assert_allclose(got, lut(x), atol=1e-3 if name == "a.csp" else 5e-5)
         assert delta_e_2000(got.astype(np.float64), footage(x)).mean() < 0.25
     assert verify(tmp_path / name, footage, lut).mean < 0.005
@@ -96,7 +96,7 @@ def test_the_printed_error_counts_negatives_and_what_clips_a_channel_at_a_time(t
     ramp = np.linspace(-0.1, 1.25 * lut.shaper.high, 500)[:, None]
     for channel in range(3):
         x = (ramp * np.eye(3)[channel]).astype(np.float32).astype(np.float64)
-        off = np.linalg.norm(evaluate(file_processor(file.path), x) - model(x), axis=1)
+        off = np.linalg.norm(evaluate(trusted_processor(file.path), x) - model(x), axis=1)
         assert off.max() <= 1.01 * file.error.max
 
 
@@ -116,7 +116,7 @@ def test_any_function_of_light(tmp_path: Path) -> None:
     x = light(64.0)
     for name in ("a.clf", "a.resolve.cube"):
         lut = bake(tone, tmp_path / name, highest=64.0)
-        got = evaluate(file_processor(tmp_path / name), x)
+        got = evaluate(trusted_processor(tmp_path / name), x)
         np.testing.assert_allclose(got, lut(x), atol=5e-5)
         assert np.abs(got - tone(x)).mean() < 2e-3
     with pytest.raises(LutError, match="65504"):

@@ -1,7 +1,7 @@
 """White balances by name, temperature, tint and multipliers."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from lutforge.errors import ProfileError, SettingsError
 from lutforge.images.raw import read_raw
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.profile import PictureStyle
-from lutforge.model.white_balance import WhiteBalance, resolve, temperature_range
+from lutforge.model.white_balance import WhiteBalance, WhiteBalanceModel
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.settings import Kelvin, Multipliers, parse_selector
@@ -44,6 +44,10 @@ KNOWN = {name: WhiteBalance(balance.multipliers, balance.kelvin) for name, balan
 
 
 PROFILE = CameraProfile("Test", MATRIX, KNOWN, {"standard": PictureStyle()})
+
+
+def resolve(balance: str | Kelvin | Multipliers, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
+    return WhiteBalanceModel(known, matrix).multipliers(balance)
 
 
 def test_names_and_multipliers_are_taken_as_they_are_and_temperatures_meet_the_known_settings() -> None:
@@ -241,7 +245,7 @@ def test_one_setting_of_a_known_temperature_tells_others() -> None:
         resolve(Kelvin(5000.0), {"auto": KNOWN["auto"]}, MATRIX)
     alone = {"auto": KNOWN["auto"], "daylight": KNOWN["daylight"]}
     assert np.all(np.abs(resolve(Kelvin(3200.0), alone, MATRIX) / resolve(Kelvin(3200.0), KNOWN, MATRIX) - 1) < 0.1)
-    low, high = temperature_range(KNOWN)
+    low, high = WhiteBalanceModel(KNOWN, MATRIX).temperature_range
     for kelvin in (low, high):
         assert np.all(resolve(Kelvin(kelvin), KNOWN, MATRIX) > 0)
 

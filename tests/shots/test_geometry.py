@@ -60,7 +60,7 @@ def error(shot: Shot) -> float:
 )  # fmt: skip
 def test_samples_of_straightened_pictures_are_as_good(drawn: Distortion, tmp_path: Path) -> None:
     plain, bent = shot_of(tmp_path, None), shot_of(tmp_path, drawn)
-    assert plain.distorted is None
+    assert plain.before_straightening is None
     assert not plain.lens_note
     found = bent.placement.registration.distortion
     assert found is not None

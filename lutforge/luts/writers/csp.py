@@ -3,26 +3,21 @@
 ffmpeg's lut3d draws straight lines between the knots; OpenColorIO lays a spline through them, hence many.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.luts.op_sequence import OpSequence
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.shaper import node_levels
 from lutforge.luts.writers.text import plain, rows, rows_of_cube, write_text
-
-if TYPE_CHECKING:
-    from lutforge.luts.sequence import Lut  # which is written by these functions
 
 KNOTS = 16384
 """Most even steps of a curve that are written."""
 
 
-def write_csp(lut: Lut, path: Path) -> None:
+def write_csp(lut: OpSequence, path: Path) -> None:
     """Write a cube with a shaper, or none; red varies fastest.
 
     The prelut holds the knots of a curve with free knots. Of a curve with even steps it holds some steps, the nodes and

@@ -6,19 +6,14 @@ written although 0 to 1 is their default: a reader that knows the 3D form only, 
 file instead of rendering wrong colours.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from lutforge.luts.op_sequence import OpSequence
 from lutforge.luts.writers.photo_style import photo_style
 from lutforge.luts.writers.text import SHAPER_DIGITS, comment_lines, plain, rows, rows_of_cube, write_text
 
-if TYPE_CHECKING:
-    from lutforge.luts.sequence import Lut  # which is written by these functions
 
-
-def write_cube(lut: Lut, path: Path) -> None:
+def write_cube(lut: OpSequence, path: Path) -> None:
     """Write a cube as the plain 3D form, one with a shaper as Resolve's, a curve as the 1D form; red varies fastest."""
     curve, cube = lut.shaper_and_cube()
     table = rows(rows_of_cube(cube.values))

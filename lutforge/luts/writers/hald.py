@@ -1,23 +1,18 @@
 """Hald images (Eskil Steenberg): cubes of L² even nodes per axis as pictures of L³ × L³ pixels, red fastest."""
 
-from __future__ import annotations
-
 from math import isqrt
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lutforge.luts.op_sequence import OpSequence
 from lutforge.luts.writers.text import plain, rows_of_cube
-
-if TYPE_CHECKING:
-    from lutforge.luts.sequence import Lut  # which is written by these functions
 
 HALD_SIZES = tuple(level * level for level in range(2, 12))
 """Nodes per axis that a Hald image can have."""
 
 
-def write_hald(lut: Lut, path: Path) -> None:
+def write_hald(lut: OpSequence, path: Path) -> None:
     """Write a cube in 16 bits, outputs clamped to [0, 1]. Raises LutError, and ImageError where the disk is full."""
     import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 

@@ -5,20 +5,15 @@ nodes, red fastest, after three header lines and a blank one, as LUTCalc describ
 write (https://github.com/cameramanben/LUTCalc, js/lut-vlt.js); comments of LutForge come before the third line.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.luts.input_and_output import read_input_and_output
+from lutforge.luts.op_sequence import OpSequence
 from lutforge.luts.writers.photo_style import photo_style
 from lutforge.luts.writers.text import comment_lines, rows_of_cube, write_text
-
-if TYPE_CHECKING:
-    from lutforge.luts.sequence import Lut  # which is written by these functions
 
 TOP = 4095
 """The largest number of 12 bits."""
@@ -35,7 +30,7 @@ def _integer_rows(table: Array) -> str:
     return ("%d %d %d\n" * len(codes)) % tuple(codes.ravel().tolist())
 
 
-def write_3dl(lut: Lut, path: Path) -> None:
+def write_3dl(lut: OpSequence, path: Path) -> None:
     """Write a cube in 12 bits, blue fastest, outputs clamped to [0, 1]."""
     _, cube = lut.shaper_and_cube()
     mesh = np.rint(np.linspace(0, 1023, lut.size)).astype(int)
@@ -43,7 +38,7 @@ def write_3dl(lut: Lut, path: Path) -> None:
     write_text(path, "\n".join(header) + "\n" + _integer_rows(cube.values.reshape(-1, 3)))
 
 
-def write_vlt(lut: Lut, path: Path) -> None:
+def write_vlt(lut: OpSequence, path: Path) -> None:
     """Write a cube in 12 bits, outputs clamped to [0, 1].
 
     Some readers accept no comments but Panasonic's two; others are written only where they state the LUT's input.

@@ -1,20 +1,12 @@
 """The line of a LUT file that names the picture style of a Lumix body after which the body applies the LUT."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from lutforge.luts.sequence import Lut  # which is written by these functions
-
-PHOTO_STYLE = "photo style"
-"""The key, in a LUT's metadata, of the picture style that the LUT is made for, such as "STD"."""
+from lutforge.luts.op_sequence import OpSequence
 
 
-def photo_style(lut: Lut) -> list[str]:
+def photo_style(lut: OpSequence) -> list[str]:
     """The line that names a LUT's picture style, where it has one.
 
     It has no blank after "#", and is the second line of a file; without it bodies apply the LUT to V-Log.
     """
-    style = lut.metadata.get(PHOTO_STYLE)
+    style = lut.metadata.photo_style
     return [] if style is None else [f"#LUMIXPHOTOSTYLE {style}"]

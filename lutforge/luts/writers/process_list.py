@@ -3,12 +3,9 @@
 OpenColorIO reads and writes them: it is the reference implementation of both.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
@@ -17,14 +14,9 @@ from lutforge.arrays import Array
 from lutforge.errors import LutError, one_line
 from lutforge.luts.input_and_output import read_input_and_output
 from lutforge.luts.ocio_transforms import group_of
+from lutforge.luts.op_sequence import OpSequence
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.writers.text import write_text
-
-if TYPE_CHECKING:
-    from lutforge.luts.sequence import Lut  # which is written by these functions
-
-CLF_NAMESPACE = "CLF namespace"
-"""The key of a LUT's metadata that names the namespace of a .clf; without it that of SMPTE ST 2136-1 is written."""
 
 AMPAS_CLF_3 = "urn:AMPAS:CLF:v3.0"
 """The namespace of version 3.0 of the Academy's specification (S-2014-006), which more readers take than SMPTE's."""
@@ -32,12 +24,12 @@ AMPAS_CLF_3 = "urn:AMPAS:CLF:v3.0"
 PROCESS_LISTS = {".clf": "Academy/ASC Common LUT Format", ".ctf": "Color Transform Format"}
 
 
-def write_clf(lut: Lut, path: Path) -> None:
+def write_clf(lut: OpSequence, path: Path) -> None:
     """Write any LUT; the suffix says whether CLF or CTF. Raises LutError."""
     write_text(path, clf_text(lut, path.suffix.lower()), "utf-8")
 
 
-def clf_text(lut: Lut, suffix: str = ".clf") -> str:
+def clf_text(lut: OpSequence, suffix: str = ".clf") -> str:
     """The text of a process list. Raises LutError where OpenColorIO cannot write it."""
     group = group_of(lut.ops)
     metadata = group.getFormatMetadata()
@@ -55,13 +47,13 @@ def clf_text(lut: Lut, suffix: str = ".clf") -> str:
         text = str(group.write(PROCESS_LISTS[suffix], OCIO.Config.CreateRaw()))
     except OCIO.Exception as error:
         raise LutError(f"LUT: OpenColorIO cannot write it as {suffix}: {error}") from error
-    if suffix != ".clf" or CLF_NAMESPACE not in lut.metadata:
+    if suffix != ".clf" or lut.metadata.clf_namespace is None:
         return text
-    head = f'compCLFversion="3.0" xmlns="{lut.metadata[CLF_NAMESPACE]}"'
+    head = f'compCLFversion="3.0" xmlns="{lut.metadata.clf_namespace}"'
     return re.sub(r'compCLFversion="[^"]*" xmlns="[^"]*"', head, text, count=1)
 
 
-def _clf_identifier(lut: Lut) -> str:
+def _clf_identifier(lut: OpSequence) -> str:
     """An id that depends on the content alone, so that the same LUT is the same file."""
     digest = hashlib.sha256()
     for op in lut.ops:

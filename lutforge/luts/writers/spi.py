@@ -1,23 +1,18 @@
 """The .spi1d and .spi3d formats (Sony Imageworks): the shaper and the cube as two files, for OpenColorIO configs."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lutforge.luts.op_sequence import OpSequence
 from lutforge.luts.ops import Curve
 from lutforge.luts.writers.text import DIGITS, SHAPER_DIGITS, comment_lines, rows, write_text
-
-if TYPE_CHECKING:
-    from lutforge.luts.sequence import Lut  # which is written by these functions
 
 SPI_PAIR = (".spi1d", ".spi3d")
 """The suffixes of a shaper and a cube that belong together, in the order in which they are used."""
 
 
-def write_spi(lut: Lut, path: Path) -> None:
+def write_spi(lut: OpSequence, path: Path) -> None:
     """Write both files of a LUT: the shaper, which is straight where there is none, and the cube."""
     shaper, cube = lut.shaper_and_cube()
     curve = shaper or Curve(np.repeat([[0.0], [1.0]], 3, axis=1))

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from lutforge.arrays import Array, Codes, Pixels, Single
+from lutforge.arrays import Array, Codes, Single
 from lutforge.compiled import compiled
 
 
-def block_mean(image: Single | Codes, factor: int) -> Pixels:
+def block_mean(image: Single | Codes, factor: int) -> Single:
     """Means over blocks of factor × factor pixels of an image (h, w, …); a rest at the right and bottom is left out."""
     if factor == 1:
         return image.astype(np.float32)

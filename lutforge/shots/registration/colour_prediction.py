@@ -9,7 +9,7 @@ quadratic of them to predict its luma.
 
 import numpy as np
 
-from lutforge.arrays import Array, Index, Pixels, Single
+from lutforge.arrays import Array, Index, Single
 from lutforge.compiled import compiled
 from lutforge.shots.geometry import Registration
 from lutforge.shots.registration.reduced_copies import RawLevel, ReducedJpeg, cells_of_jpeg
@@ -20,10 +20,10 @@ LEAST_PIXELS = 200
 """Pixels below which nothing is explained: ten weights of three channels fit them by chance."""
 
 
-def explained(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> float:
+def explained(raw: RawLevel, jpeg: ReducedJpeg, registration: Registration) -> float:
     """Share of the variance of the JPEG's colours that a quadratic of the RAW's channels explains at a place."""
     # At a wrong place the layout may agree by chance or symmetry; the colours hardly do.
-    roots, use = _roots_at(raw, jpeg, place)
+    roots, use = _roots_at(raw, jpeg, registration)
     codes = jpeg.codes.reshape(-1, 3)[use].astype(np.float64)
     if len(codes) < LEAST_PIXELS:
         return 0.0
@@ -33,16 +33,16 @@ def explained(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> float:
     return 1 - float(np.square(residual).sum()) / max(total, 1e-9)
 
 
-def predicted_luma(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> Single:
+def predicted_luma(raw: RawLevel, jpeg: ReducedJpeg, registration: Registration) -> Single:
     """RAW (h, w) as the luma that the camera would render of it."""
-    roots, use = _roots_at(raw, jpeg, place)
+    roots, use = _roots_at(raw, jpeg, registration)
     weights = least_squares(quadratic_terms(roots), jpeg.luma.ravel()[use].astype(np.float64))
     return quadratic(raw.pixels, raw.gains, weights.astype(np.float32))
 
 
-def channel_roots(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> list[tuple[Single, Single]]:
+def channel_roots(raw: RawLevel, jpeg: ReducedJpeg, registration: Registration) -> list[tuple[Single, Single]]:
     """The root of each channel of the RAW (h, w), and its prediction (H, W) by a quadratic of the JPEG's codes."""
-    roots, use = _roots_at(raw, jpeg, place)
+    roots, use = _roots_at(raw, jpeg, registration)
     weights = least_squares(quadratic_terms(jpeg.codes.reshape(-1, 3)[use].astype(np.float64)), roots)
 
     squares = np.square(jpeg.codes)  # `quadratic` takes roots
@@ -55,9 +55,9 @@ def channel_roots(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> list
     return pairs
 
 
-def _roots_at(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[Array, Index]:
+def _roots_at(raw: RawLevel, jpeg: ReducedJpeg, registration: Registration) -> tuple[Array, Index]:
     """The roots (n, 3) of the RAW under about FITTED_PIXELS of the JPEG's pixels, and which these are (n,)."""
-    borders, covers = cells_of_jpeg(place, jpeg.weight.shape, raw.pixels.shape, raw.pixel_size)
+    borders, covers = cells_of_jpeg(registration, jpeg.weight.shape, raw.pixels.shape, raw.pixel_size)
     use = np.flatnonzero((jpeg.weight * covers).ravel() > 0.5)
     use = use[:: max(1, len(use) // FITTED_PIXELS)]
     means = np.zeros((len(use), 3))
@@ -78,7 +78,7 @@ def quadratic_terms(channels: Array) -> Array:
     return np.concatenate([ones, channels, channels * channels, channels * others], axis=1)
 
 
-def quadratic(raw: Pixels, gains: Single, weights: Single) -> Single:
+def quadratic(raw: Single, gains: Single, weights: Single) -> Single:
     """A quadratic (h, w) of the roots of RAW (h, w, 3) times gains (3,), with weights (10,) of `quadratic_terms`."""
     values = np.empty(raw.shape[:2], np.float32)
     _quadratic(np.ascontiguousarray(raw), np.tile(gains, raw.shape[1]), weights, values)
@@ -86,7 +86,7 @@ def quadratic(raw: Pixels, gains: Single, weights: Single) -> Single:
 
 
 @compiled(fastmath={"contract"})
-def _quadratic(raw: Pixels, gains: Single, weights: Single, values: Single) -> None:
+def _quadratic(raw: Single, gains: Single, weights: Single, values: Single) -> None:
     """Fill values (h, w). gains: (3 w,) of the values of a row."""
     start, in_r, in_g, in_b, rr, gg, bb, rg, gb, br = weights
     roots = np.empty(len(gains), np.float32)
@@ -100,7 +100,7 @@ def _quadratic(raw: Pixels, gains: Single, weights: Single, values: Single) -> N
 
 
 @compiled()
-def _means_of_roots(raw: Pixels, gains: Single, rows: Array, columns: Array, cells: Index, means: Array) -> None:
+def _means_of_roots(raw: Single, gains: Single, rows: Array, columns: Array, cells: Index, means: Array) -> None:
     """Add to means (n, 3) of the roots of RAW times gains over some cells, row by row, of a grid with these borders."""
     width = len(columns) - 1
     for index in range(len(cells)):

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lutforge.arrays import Array, Codes, Pixels, Single
+from lutforge.arrays import Array, Codes, Single
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots.cells import greatest
@@ -28,7 +28,7 @@ UNCLIPPED = (4, 252)
 class RawLevel:
     """RAW of one size: linear pixels (h, w, 3), a side in full-resolution pixels, and gains (3,) to a grey world."""
 
-    pixels: Pixels
+    pixels: Single
     gains: Single
     pixel_size: float
     _coarser: dict[int, "RawLevel"] = field(default_factory=dict)
@@ -62,9 +62,9 @@ class RawLevel:
         x, y = self.pixel_size * np.array(self.pixels.shape[1::-1]) / 2
         return Distortion(float(x), float(y), math.hypot(x, y))
 
-    def straightened(self, place: Registration, jpeg: "ReducedJpeg") -> tuple["RawLevel", Registration]:
-        """The copy with the distortion of a place removed, and where the JPEG lies on that."""
-        pixels, local = place.straightened(self.pixels, self.pixel_size, jpeg.weight.shape)
+    def straightened(self, registration: Registration, jpeg: "ReducedJpeg") -> tuple["RawLevel", Registration]:
+        """The copy with the distortion of a registration removed, and the registration of the JPEG on that."""
+        pixels, local = registration.straightened(self.pixels, self.pixel_size, jpeg.weight.shape)
         return RawLevel(pixels, self.gains, self.pixel_size), local
 
 
@@ -108,7 +108,7 @@ class ReducedJpeg:
 
     @property
     def halvings(self) -> int:
-        """How often it is halved to become about as small as for the coarse search."""
+        """The number of halvings that make it about as small as the coarse search needs."""
         return max(0, round(math.log2(max(self.luma.shape) / COARSE_SIDE)))
 
     @cached_property
@@ -146,17 +146,17 @@ def _inside_bars(brightest: Single) -> Single:
 
 
 def cells_of_jpeg(
-    place: Registration, shape: tuple[int, int], raw: tuple[int, ...], pixel_size: float
+    registration: Registration, shape: tuple[int, int], raw: tuple[int, ...], pixel_size: float
 ) -> tuple[tuple[Array, Array], Single]:
     """The borders of a JPEG's rows (h + 1,) and columns (w + 1,) in RAW pixels, and which pixels RAW covers, 0 or 1."""
-    borders = place.borders(shape, 1, pixel_size)
+    borders = registration.borders(shape, 1, pixel_size)
     covers = [(edges[:-1] >= 0) & (edges[1:] <= size) for edges, size in zip(borders, raw[:2], strict=True)]
     return borders, np.outer(*covers).astype(np.float32)
 
 
 def on_jpeg_pixels(
-    plane: Single, pixel_size: float, place: Registration, shape: tuple[int, int]
+    plane: Single, pixel_size: float, registration: Registration, shape: tuple[int, int]
 ) -> tuple[Single, Single]:
     """RAW values averaged over each JPEG pixel (h, w), and whether RAW covers it, 0 or 1."""
-    borders, covers = cells_of_jpeg(place, shape, plane.shape, pixel_size)
+    borders, covers = cells_of_jpeg(registration, shape, plane.shape, pixel_size)
     return cell_means(plane, *borders), covers

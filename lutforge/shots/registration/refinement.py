@@ -1,4 +1,4 @@
-"""Refinement of a place on one copy of the JPEG, or coarse to fine, by Gauss–Newton steps on the local structure."""
+"""Refinement of a registration on one copy of the JPEG, or coarse to fine, by Gauss–Newton steps on structure."""
 
 import math
 from collections.abc import Callable
@@ -9,7 +9,7 @@ import scipy
 
 from lutforge.arrays import Array, Index, Single
 from lutforge.compiled import REASSOCIATED, compiled
-from lutforge.shots.geometry import Distortion, Registration
+from lutforge.shots.geometry import Distortion, Registration, Unknowns
 from lutforge.shots.registration.colour_prediction import predicted_luma
 from lutforge.shots.registration.local_structure import DEVIATION, local_weight, structure
 from lutforge.shots.registration.reduced_copies import RawLevel, ReducedJpeg, on_jpeg_pixels
@@ -37,62 +37,67 @@ USUAL_DECENTRING = 0.02
 class Fit:
     """A registration after an iteration of its fit.
 
-    values: how far its parameters from k1 on are from those of a straight picture, or would move, where they were not
-    fitted; covariance: of the parameters, estimated from how much the parts of the picture disagree; residual: pixels
+    values: how far its parameters from k1 on are from those of a straight picture, or would be, were they fitted;
+    covariance: of the parameters, estimated from how much the parts of the picture disagree; residual: pixels
     by which these still deviate from their place, the mean weighted by structure.
     """
 
-    place: Registration
+    registration: Registration
     values: Array
     covariance: Array
     residual: float
 
-    def evidence(self, first: int) -> float:
-        """Wald's statistic of two values, of the parameters from `first` on; of chance alone it is 2 on average.
+    def evidence(self, unknowns: Unknowns) -> float:
+        """Wald's statistic of the last two of the unknowns; of chance alone it is 2 on average.
 
         Its covariance is that of the parts of the picture (White 1980, https://doi.org/10.2307/1912934).
         """
-        two = slice(first, first + 2)
+        two = slice(unknowns - 2, unknowns)
         return float(self.values[two] @ np.linalg.solve(self.covariance[two, two], self.values[two]))
 
 
-def refined(pyramid: RawLevel, jpeg: ReducedJpeg, start: Registration, count: int = 3) -> Fit:
-    """Refine a place on ever finer copies of the JPEG; count: as for `fit_on`."""
-    fit = fit_on(jpeg.coarsest, pyramid, start, count)
+def refined(finest_raw: RawLevel, jpeg: ReducedJpeg, start: Registration, unknowns: Unknowns = Unknowns.PLACE) -> Fit:
+    """Refine a registration on ever finer copies of the JPEG."""
+    fit = fit_on(jpeg.coarsest, finest_raw, start, unknowns)
     for times in range(jpeg.halvings - 1, -1, -1):
-        fit = fit_on(jpeg.halved(times), pyramid, fit.place, count)
+        fit = fit_on(jpeg.halved(times), finest_raw, fit.registration, unknowns)
     return fit
 
 
-def fit_on(level: ReducedJpeg, pyramid: RawLevel, start: Registration, count: int = 3) -> Fit:
-    """Move a place to where lumas fit best on one copy of the JPEG; in coordinates of the whole JPEG, as `start`.
+def fit_on(copy: ReducedJpeg, finest_raw: RawLevel, start: Registration, unknowns: Unknowns = Unknowns.PLACE) -> Fit:
+    """Move a registration to where lumas fit best on one copy of the JPEG.
 
-    count: how many parameters of `Registration.moved` are fitted: 3, 5 or 7; k1 and k2 are estimated anyway.
+    The registrations are in coordinates of the whole JPEG. k1 and k2 are estimated even where they are not among the
+    unknowns.
     """
-    scaled = start.reduced(level.factor)
-    planes = luma_planes(pyramid.for_scale(scaled.scale), level)
-    fit = _moved_to_fit(planes, scaled, count, max(count, 5))
-    return replace(fit, place=fit.place.reduced(1 / level.factor))
+    scaled = start.reduced(copy.factor)
+    planes = luma_planes(finest_raw.for_scale(scaled.scale), copy)
+    fit = _moved_to_fit(planes, scaled, unknowns, max(unknowns, Unknowns.DISTORTION))
+    return replace(fit, registration=fit.registration.reduced(1 / copy.factor))
 
 
 def fit_channel(raw: RawLevel, jpeg: ReducedJpeg, start: Registration, channel: tuple[Single, Single]) -> Fit:
     """Move scale and offset to where a plane of a straight RAW (h, w) fits one of the JPEG (H, W) best.
 
-    In the JPEG's coordinates.
+    The registrations are in the coordinates of the JPEG. channel: the two planes.
     """
     of_raw, of_jpeg = channel
     planes = Planes(
-        of_jpeg, jpeg.weight, raw.pixel_size, raw.no_distortion, lambda place: (of_raw, replace(place, distortion=None))
+        of_jpeg,
+        jpeg.weight,
+        raw.pixel_size,
+        raw.no_distortion,
+        lambda registration: (of_raw, replace(registration, distortion=None)),
     )
-    return _moved_to_fit(planes, start, 3, 3)
+    return _moved_to_fit(planes, start, Unknowns.PLACE, Unknowns.PLACE)
 
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """What a fit compares: a plane of the JPEG (h, w), its weights, and that of the RAW, straightened for a place.
+    """The planes that a fit compares: that of the JPEG (h, w), with its weights, and that of the RAW, straightened.
 
-    of_raw: a place → the RAW's plane (H, W) without the place's distortion, and the place on that. pixel_size: a side
-    of its pixels in full-resolution ones.
+    of_raw: a registration → the RAW's plane (H, W) without the distortion, and the registration on that. pixel_size: a
+    side of its pixels in full-resolution ones.
     """
 
     of_jpeg: Single
@@ -103,86 +108,145 @@ class Planes:
 
 
 def luma_planes(raw: RawLevel, jpeg: ReducedJpeg) -> Planes:
-    """The luma of a JPEG, and what is predicted of it from RAW at a place."""
+    """The luma of a JPEG, and its prediction from RAW for a registration."""
 
-    def of_raw(place: Registration) -> tuple[Single, Registration]:
-        straight, local = raw.straightened(place, jpeg)
+    def of_raw(registration: Registration) -> tuple[Single, Registration]:
+        straight, local = raw.straightened(registration, jpeg)
         return predicted_luma(straight, jpeg, local), local
 
     return Planes(jpeg.luma, jpeg.weight, raw.pixel_size, raw.no_distortion, of_raw)
 
 
-def _moved_to_fit(planes: Planes, start: Registration, count: int, tested: int) -> Fit:
-    """Move to the place near `start` where the structures of RAW and JPEG agree best; in the JPEG's coordinates.
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """The structure of the JPEG (h, w), onto which that of the RAW is moved.
+
+    weight: (h, w), of the pixels; neighbourhood: `local_weight` of it; gradient_weight: the weight where no pixel
+    around is masked, so that a gradient can be computed.
+    """
+
+    structure: Single
+    weight: Single
+    neighbourhood: Single
+    gradient_weight: Single
+
+    @classmethod
+    def of(cls, planes: Planes) -> "_Target":
+        neighbourhood = local_weight(planes.weight)
+        gradient_weight = scipy.ndimage.minimum_filter(planes.weight, 3)
+        return cls(
+            structure(planes.of_jpeg, planes.weight, neighbourhood), planes.weight, neighbourhood, gradient_weight
+        )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """The height and width of the picture."""
+        return (self.weight.shape[0], self.weight.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Comparison:
+    """The structure of the RAW for a registration, `moving` (h, w), compared with the target.
+
+    gradient_weight: as in `_Target`, where the RAW covers the JPEG; correlation: of the two; gain: the factor by which
+    the target is closest to the RAW; noise: the variance of their difference.
+    """
+
+    moving: Single
+    gradient_weight: Single
+    correlation: float
+    gain: float
+    noise: float
+
+
+def _compared(target: _Target, plane: Single, pixel_size: float, registration: Registration) -> _Comparison:
+    """Compare a plane of the RAW (H, W), straight and with pixels of this size, with the target."""
+    # The RAW's structure on the JPEG's pixels, where both have any.
+    sampled, cover = on_jpeg_pixels(plane, pixel_size, registration, target.shape)
+    is_covered = bool(cover.all())
+    mask = target.weight if is_covered else target.weight * cover
+    moving = structure(sampled, mask, target.neighbourhood if is_covered else local_weight(mask))
+    gradient_weight = target.gradient_weight if is_covered else scipy.ndimage.minimum_filter(mask, 3)
+
+    # How much the two agree, and by what factor the target is closest to it.
+    masked = target.structure * mask
+    target_energy = float(np.vdot(masked, target.structure))
+    product = float(np.vdot(masked, moving))
+    moving_energy = float(np.vdot(moving, moving))
+    correlation = product / (math.sqrt(moving_energy * target_energy) + 1e-12)
+    gain = product / (target_energy + 1e-12)
+
+    # The noise of a pixel counts for all pixels that are correlated with it, over DEVIATION.
+    noise = DEVIATION**2 * max(moving_energy - gain * product, 0.0) / (float(mask.sum()) + 1e-12)
+    return _Comparison(moving, gradient_weight, correlation, gain, noise)
+
+
+def _prior_spread(lens: Distortion) -> Array:
+    """The standard deviation of all parameters, a prior: lenses distort little, and about the middle.
+
+    Scale and offset are free.
+    """
+    decentring = USUAL_DECENTRING * lens.radius
+    return np.array([np.inf, np.inf, np.inf, USUAL_DISTORTION, USUAL_DISTORTION, decentring, decentring])
+
+
+def _deviation_from_prior(lens: Distortion, no_distortion: Distortion) -> Array:
+    """How far all parameters are from their prior, which is a picture without distortion."""
+    return np.array([0.0, 0.0, 0.0, lens.k1, lens.k2, lens.x - no_distortion.x, lens.y - no_distortion.y])
+
+
+def _moved_to_fit(planes: Planes, start: Registration, unknowns: Unknowns, tested: Unknowns) -> Fit:
+    """Move to the registration near `start` for which the structures agree best; in the JPEG's coordinates.
 
     Gauss–Newton steps minimize the squared difference of the structures (Lucas & Kanade 1981,
-    https://www.ijcai.org/Proceedings/81-2/Papers/017.pdf). count: how many parameters of `Registration.moved` are
-    fitted: 3, 5 or 7. The values and the covariance of the fit are of `tested` parameters, `count` or more: k1 and k2
-    as they would be, were they fitted.
+    https://www.ijcai.org/Proceedings/81-2/Papers/017.pdf). unknowns: the parameters that are fitted. The values and the
+    covariance of the fit are of the `tested` parameters, which include these: k1 and k2 as they would be, were they
+    fitted.
     """
     lens = start.distortion or planes.no_distortion
-    place = replace(start, distortion=lens)
-
-    # The JPEG's structure is the target. A gradient counts only where none of the pixels around is masked.
-    weight = planes.weight
-    around = local_weight(weight)
-    solid = scipy.ndimage.minimum_filter(weight, 3)
-    target = structure(planes.of_jpeg, weight, around)
+    registration = replace(start, distortion=lens)
+    target = _Target.of(planes)
+    spread = _prior_spread(lens)[:tested]
 
     # Displacements by a unit of each parameter, at the blocks of the picture, over which gradients are summed.
-    blocks = _Blocks.of(weight.shape[0], weight.shape[1])
-    shifts = place.shifts(blocks.centres, tested)
-
-    # Scale and offset are free; lenses distort little, and about the middle.
-    decentring = USUAL_DECENTRING * lens.radius
-    spread = np.array([np.inf, np.inf, np.inf, USUAL_DISTORTION, USUAL_DISTORTION, decentring, decentring])[:tested]
+    blocks = _Blocks.of(*target.shape)
+    shifts = registration.shifts(blocks.centres, tested)
 
     for index in range(MOST_ITERATIONS):
         # The RAW as a picture without distortion: the same for all steps, unless they change the distortion.
-        if index == 0 or count > 3:
-            plane, straight = planes.of_raw(place)
-            corner = place.offset_x - straight.offset_x, place.offset_y - straight.offset_y
-        local = Registration(place.scale, place.offset_x - corner[0], place.offset_y - corner[1], 0.0)
-
-        # Its structure on the JPEG's pixels, where both have any.
-        sampled, cover = on_jpeg_pixels(plane, planes.pixel_size, local, (weight.shape[0], weight.shape[1]))
-        inside = bool(cover.all())
-        mask = weight if inside else weight * cover
-        moving = structure(sampled, mask, around if inside else local_weight(mask))
-
-        # How much the two agree, and by what factor the target is closest to it.
-        masked = target * mask
-        target_energy = float(np.vdot(masked, target))
-        product = float(np.vdot(masked, moving))
-        moving_energy = float(np.vdot(moving, moving))
-        place = replace(place, correlation=product / (math.sqrt(moving_energy * target_energy) + 1e-12))
-        gain = product / (target_energy + 1e-12)
+        if index == 0 or unknowns > Unknowns.PLACE:
+            plane, straight = planes.of_raw(registration)
+            corner = registration.offset_x - straight.offset_x, registration.offset_y - straight.offset_y
+        offset_x, offset_y = registration.offset_x - corner[0], registration.offset_y - corner[1]
+        local = Registration(registration.scale, offset_x, offset_y, 0.0)
+        comparison = _compared(target, plane, planes.pixel_size, local)
+        registration = replace(registration, correlation=comparison.correlation)
 
         # Normal equations of the displacement of each block, and by the chain rule of the parameters, in each part.
-        counting = solid if inside else scipy.ndimage.minimum_filter(mask, 3)
-        sums = blocks.products(moving, np.float32(gain) * target, counting)
+        scaled_target = np.float32(comparison.gain) * target.structure
+        sums = blocks.products(comparison.moving, scaled_target, comparison.gradient_weight)
         normal, pull = blocks.normal_equations(sums, shifts)
 
-        # The prior weighs by the noise, whose pixels are correlated over DEVIATION.
-        noise = DEVIATION**2 * max(moving_energy - gain * product, 0.0) / (float(mask.sum()) + 1e-12)
-        prior = noise / spread**2
-        lens = place.distortion or lens
-        decentred = lens.x - planes.no_distortion.x, lens.y - planes.no_distortion.y
-        away = np.array([0.0, 0.0, 0.0, lens.k1, lens.k2, *decentred])[:tested]
+        # The prior weighs by the noise.
+        lens = registration.distortion or lens
+        prior = comparison.noise / spread**2
+        deviation = _deviation_from_prior(lens, planes.no_distortion)[:tested]
+        step, covariance = _solved(
+            normal[:, :unknowns, :unknowns], pull[:, :unknowns], prior[:unknowns], deviation[:unknowns]
+        )
 
-        step, covariance = _solved(normal[:, :count, :count], pull[:, :count], prior[:count], away[:count])
-        change = np.abs(shifts[..., :count] @ step).max()
+        change = np.abs(shifts[..., :unknowns] @ step).max()
         if not np.isfinite(change) or change > MOST_SHIFT:
             break
-        place = place.moved(step)
-        if change < CONVERGED or (index > 1 and place.correlation < HOPELESS):
+        registration = registration.moved(step)
+        if change < CONVERGED or (index > 1 and registration.correlation < HOPELESS):
             break
 
     residual = blocks.residual(sums)
-    if count > 3:
-        return Fit(place, away + step, covariance, residual)
-    values, covariance = _solved(normal, pull, prior, away)
-    return Fit(replace(place, distortion=start.distortion), values, covariance, residual)
+    if unknowns > Unknowns.PLACE:
+        return Fit(registration, deviation + step, covariance, residual)
+    values, covariance = _solved(normal, pull, prior, deviation)
+    return Fit(replace(registration, distortion=start.distortion), values, covariance, residual)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,17 +298,17 @@ class _Blocks:
         return math.sqrt(np.average(square, weights=strength))
 
 
-def _solved(normal: Array, pull: Array, prior: Array, away: Array) -> tuple[Array, Array]:
+def _solved(normal: Array, pull: Array, prior: Array, deviation: Array) -> tuple[Array, Array]:
     """A Gauss–Newton step (n,), and its covariance by the parts of the picture (White 1980, a sandwich).
 
-    normal: (parts, n, n) normal matrices; pull: (parts, n) right sides; prior, away: (n,) weight of a prior of the
-    parameters, and how far they are from it.
+    normal: (parts, n, n) normal matrices; pull: (parts, n) right sides; prior, deviation: (n,) weight of a prior of
+    the parameters, and how far they are from it.
     """
     # Parameters have different units: the matrix is scaled to a diagonal of ones before it is inverted.
     total = normal.sum(axis=0) + np.diag(prior)
     unit = 1 / np.sqrt(np.diag(total) + 1e-30)
     inverse = unit[:, None] * np.linalg.pinv(total * np.outer(unit, unit)) * unit
-    step = inverse @ (pull.sum(axis=0) - prior * away)
+    step = inverse @ (pull.sum(axis=0) - prior * deviation)
     scores = pull - normal @ step
     return step, inverse @ (scores.T @ scores) @ inverse * len(pull) / (len(pull) - len(step))
 

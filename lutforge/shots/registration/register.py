@@ -39,17 +39,17 @@ def register_rotated(
     the one that explains the JPEG's colours best. expected: of another shot of the camera; where this one clearly lies
     there, too, no other place is searched. Raises ShotError.
     """
-    pyramid = RawLevel.of(raw, jpeg)
+    finest_raw = RawLevel.of(raw, jpeg)
     if expected is not None:
         for turn in turns:
             turned = np.rot90(jpeg, turn)
-            registration = _at_expected(raw, pyramid, turned, expected)
+            registration = _at_expected(raw, finest_raw, turned, expected)
             if registration is not None:
                 return np.ascontiguousarray(turned), registration
 
-    best = _unambiguous(_candidates(raw, pyramid, jpeg, turns))
-    place = refined(pyramid, best.jpeg, best.fit.place).place
-    registration = with_lens_correction(pyramid, best.jpeg, best.fit, place)
+    best = _unambiguous(_candidates(raw, finest_raw, jpeg, turns))
+    without_lens = refined(finest_raw, best.jpeg, best.fit.registration).registration
+    registration = with_lens_correction(finest_raw, best.jpeg, best.fit, without_lens)
     if not registration.correlation >= MIN_CORRELATION:
         if registration.non_rigid:
             raise ShotError(NON_RIGID_MESSAGE.format(registration.non_rigid))
@@ -59,7 +59,7 @@ def register_rotated(
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A place of the reduced JPEG after so many quarter turns, fitted on a coarse copy.
+    """A registration of the reduced JPEG after some quarter turns, fitted on a coarse copy.
 
     searched: its scale before the fit; explained: the share of the JPEG's colours that the RAW explains there.
     """
@@ -72,7 +72,7 @@ class _Candidate:
 
     @property
     def correlation(self) -> float:
-        return self.fit.place.correlation
+        return self.fit.registration.correlation
 
     @property
     def is_clear(self) -> bool:
@@ -83,12 +83,12 @@ class _Candidate:
         return 1 - second.explained < AMBIGUOUS * (1 - self.explained)
 
 
-def _candidates(raw: RawImage, pyramid: RawLevel, jpeg: Codes, turns: Sequence[int]) -> list[_Candidate]:
+def _candidates(raw: RawImage, finest_raw: RawLevel, jpeg: Codes, turns: Sequence[int]) -> list[_Candidate]:
     """The places that the search proposes for each turn, until one is clear, best explained first."""
     candidates: list[_Candidate] = []
     for turn in turns:
         reduced = ReducedJpeg.of(raw, np.rot90(jpeg, turn))
-        of_turn = [_fitted(pyramid, reduced, reduced.coarsest, place, turn) for place in search(pyramid, reduced)]
+        of_turn = [_fitted(finest_raw, reduced, reduced.coarsest, start, turn) for start in search(finest_raw, reduced)]
         candidates += of_turn
         if not of_turn or not of_turn[0].is_clear:
             continue
@@ -96,9 +96,11 @@ def _candidates(raw: RawImage, pyramid: RawLevel, jpeg: Codes, turns: Sequence[i
         # A scene may look the same upside down; its scale is the same there.
         opposite = turn + 2
         if all(candidate.turn % 4 != opposite % 4 for candidate in candidates):
-            over = ReducedJpeg.of(raw, np.rot90(jpeg, opposite))
-            places = search_at_scale(pyramid, over, of_turn[0].searched)
-            candidates += [_fitted(pyramid, over, over.coarsest, place, opposite) for place in places]
+            upside_down_jpeg = ReducedJpeg.of(raw, np.rot90(jpeg, opposite))
+            starts = search_at_scale(finest_raw, upside_down_jpeg, of_turn[0].searched)
+            candidates += [
+                _fitted(finest_raw, upside_down_jpeg, upside_down_jpeg.coarsest, start, opposite) for start in starts
+            ]
         break
     return sorted(candidates, key=lambda candidate: candidate.explained, reverse=True)
 
@@ -126,29 +128,29 @@ def _no_match(measured: str) -> ShotError:
     )
 
 
-def _fitted(pyramid: RawLevel, jpeg: ReducedJpeg, level: ReducedJpeg, start: Registration, turn: int) -> _Candidate:
-    """A place moved to where it fits best on one copy of the JPEG, and how much of the colours is explained there."""
-    fit = fit_on(level, pyramid, start)
-    scaled = fit.place.reduced(level.factor)
-    raw, local = pyramid.for_scale(scaled.scale).straightened(scaled, level)
-    return _Candidate(jpeg, fit, turn, start.scale, explained(raw, level, local))
+def _fitted(finest_raw: RawLevel, jpeg: ReducedJpeg, copy: ReducedJpeg, start: Registration, turn: int) -> _Candidate:
+    """A registration fitted on one copy of the JPEG, and how much of the colours is explained there."""
+    fit = fit_on(copy, finest_raw, start)
+    scaled = fit.registration.reduced(copy.factor)
+    raw, local = finest_raw.for_scale(scaled.scale).straightened(scaled, copy)
+    return _Candidate(jpeg, fit, turn, start.scale, explained(raw, copy, local))
 
 
-def _at_expected(raw: RawImage, pyramid: RawLevel, jpeg: Codes, expected: Placement) -> Registration | None:
+def _at_expected(raw: RawImage, finest_raw: RawLevel, jpeg: Codes, expected: Placement) -> Registration | None:
     """Refine an expected place; None where sizes are others, or the JPEG does not clearly lie there, this side up."""
     height, width = raw.pixels.shape[:2]
     if (height, width, raw.pixel_size) != expected.raw or jpeg.shape[:2] != expected.jpeg:
         return None
     reduced, start = ReducedJpeg.of(raw, jpeg), expected.registration
-    level = reduced.coarsest
-    upright, over = (_fitted(pyramid, reduced, copy, start, 0) for copy in (level, level.upside_down))
-    if not upright.is_clear or upright.is_ambiguous_with(over):
+    coarsest = reduced.coarsest
+    upright, upside_down = (_fitted(finest_raw, reduced, copy, start, 0) for copy in (coarsest, coarsest.upside_down))
+    if not upright.is_clear or upright.is_ambiguous_with(upside_down):
         return None
 
     # Within reach of the finest copy, that alone is fitted.
     corners = np.array([[0, 0], jpeg.shape[1::-1]])
-    moved = (upright.fit.place.straight(corners) - start.straight(corners)) / start.scale
-    near = np.abs(moved).max() < level.factor / 2
-    fit = fit_on(reduced, pyramid, start) if near else refined(pyramid, reduced, upright.fit.place)
-    registration = with_lens_correction(pyramid, reduced, upright.fit, fit.place)
+    moved = (upright.fit.registration.straight(corners) - start.straight(corners)) / start.scale
+    near = np.abs(moved).max() < coarsest.factor / 2
+    fit = fit_on(reduced, finest_raw, start) if near else refined(finest_raw, reduced, upright.fit.registration)
+    registration = with_lens_correction(finest_raw, reduced, upright.fit, fit.registration)
     return registration if registration.correlation >= MIN_CORRELATION else None

@@ -103,7 +103,7 @@ def _best_places(raw: RawLevel, template: _Template, scales: Array) -> list[Regi
         correlation[overlap < OVERLAP * template.area - 0.5] = -1.0
         if not best or correlation.max() > best[0].correlation:
             best = _two_highest(correlation, scale, (rows, columns), template.mask.shape)
-    return [place.reduced(1 / template.factor) for place in best]
+    return [registration.reduced(1 / template.factor) for registration in best]
 
 
 def _transform_shape(raw: RawLevel, template: _Template, scales: Array) -> list[int]:

@@ -1,4 +1,4 @@
-"""The parts of a transform: gain and matrices before and after a body, and the responses, which become curves."""
+"""The decomposition of a transform: gain and matrices around a body, and responses, which become curves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -46,44 +46,45 @@ def curve_alone(transform: ColourFunction) -> tuple[Op, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
-    """A transform as matrix · output_curve(cube_values(gain · before · x)); a cube is to hold `cube_values`.
+class Decomposition:
+    """A transform as matrix_after · output_curve(cube_values(gain · matrix_before · x)).
 
-    before, matrix: (3, 3); gain: (3,). curve: the input curves (m, 3) along which `cube_values` is smooth; lattice: the
-    part between gain and matrix, where it is one lattice.
+    cube_values: the part that a cube is to hold, (n, 3) → (n, 3); matrix_before, matrix_after: (3, 3); gain: (3,).
+    input_curve: (m, 3), along which `cube_values` is smooth, where it is known; output_curve: (m, 3), or none; lattice:
+    the part between gain and matrix_after, where it is one lattice.
     """
 
     cube_values: Function
     gain: Array = field(default_factory=lambda: np.ones(3))
-    matrix: Array = field(default_factory=lambda: np.eye(3))
-    before: Array = field(default_factory=lambda: np.eye(3))
-    curve: Array | None = None
+    matrix_after: Array = field(default_factory=lambda: np.eye(3))
+    matrix_before: Array = field(default_factory=lambda: np.eye(3))
+    input_curve: Array | None = None
     output_curve: Array | None = None
     lattice: Lattice | None = None
 
     def body(self, x: Array) -> Array:
-        """The part between gain and matrix, of colours (n, 3) → (n, 3)."""
+        """The part between gain and matrix_after, of colours (n, 3) → (n, 3)."""
         values = self.cube_values(x)
         return values if self.output_curve is None else apply_curve(self.output_curve, values)
 
 
-def parts_of(transform: ColourFunction) -> Parts:
-    """Split a transform into its parts by its stages; of a function that is no Transform all is for the cube."""
+def decomposed(transform: ColourFunction) -> Decomposition:
+    """Decompose a transform by its stages; of a function that is no Transform all is for the cube."""
     if not isinstance(transform, Transform):
-        return Parts(checked(transform))
+        return Decomposition(checked(transform))
 
     stages = list(transform.stages)
-    before = np.eye(3)
+    matrix_before = np.eye(3)
     gain = np.ones(3)
-    matrix = np.eye(3)
+    matrix_after = np.eye(3)
     if stages and isinstance(stages[0], MatrixStage):
-        before = stages.pop(0)(before.T).T
+        matrix_before = stages.pop(0)(matrix_before.T).T
     if stages and isinstance(stages[0], Gain):
         gain = stages.pop(0)(gain)
     if stages and isinstance(stages[0], Clip):
         stages.pop(0)  # a curve or a cube clamps its inputs itself
     while stages and isinstance(stages[-1], MatrixStage | Gain):
-        matrix = matrix @ stages.pop()(np.eye(3)).T
+        matrix_after = matrix_after @ stages.pop()(np.eye(3)).T
 
     body = tuple(stages)
     last = body[-1] if body else None
@@ -92,16 +93,18 @@ def parts_of(transform: ColourFunction) -> Parts:
         case Encode(Response() as response):
             scaled, output_curve = output_curve_of(response)
             # A gamut map is smooth in linear values.
-            curve = _input_curve(body, np.repeat([[0.0], [1.0]], 3, axis=1))
+            input_curve = _input_curve(body, np.repeat([[0.0], [1.0]], 3, axis=1))
             cube_values = checked(lambda x: scaled(through_stages(body[:-1], x)))
-            return Parts(cube_values, gain, matrix, before, curve, output_curve)
+            return Decomposition(cube_values, gain, matrix_after, matrix_before, input_curve, output_curve)
         case Lattice(output_curve=np.ndarray() as output_curve):
+            input_curve = _input_curve(body, None)
             cube_values = checked(lambda x: last.cube_values(through_stages(body[:-1], x)))
-            return Parts(cube_values, gain, matrix, before, _input_curve(body, None), output_curve, lattice)
+            return Decomposition(cube_values, gain, matrix_after, matrix_before, input_curve, output_curve, lattice)
 
     # After a clip in the middle only an output curve magnifies what the axes of its input are made for.
-    curve = None if any(isinstance(stage, Clip) for stage in body) else _input_curve(body, None)
-    return Parts(checked(lambda x: through_stages(body, x)), gain, matrix, before, curve, lattice=lattice)
+    input_curve = None if any(isinstance(stage, Clip) for stage in body) else _input_curve(body, None)
+    cube_values = checked(lambda x: through_stages(body, x))
+    return Decomposition(cube_values, gain, matrix_after, matrix_before, input_curve, lattice=lattice)
 
 
 def output_curve_of(response: Response) -> tuple[Function, Array]:
