@@ -34,7 +34,7 @@ from lutforge.calibration.matrix_and_response import (
     neutral_rows,
     saturation,
 )
-from lutforge.calibration.options import BETA
+from lutforge.calibration.options import BETA, CURVES
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
 from lutforge.calibration.white_balance import LEAST_POSITIVE, LEAST_RAW, ROUNDED, estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
@@ -81,17 +81,17 @@ class LinearValues:
     gain: Array
 
 
-def own_raw(samples: SampleSet, beta: float = BETA) -> tuple[SampleSet, Array]:
+def own_raw(samples: SampleSet, beta: float = BETA, curves: int = CURVES) -> tuple[SampleSet, Array]:
     """Transform a reference camera's RAW to that of the camera that was sampled with it: the samples, and Tc (3, 3).
 
     Those stay that neither the JPEG nor the reference clips, with the multipliers of the camera. RAW is scaled so that
-    balanced RAW of 1 is what the JPEG's brightest code stands for. beta: saturation below which a colour surely counts.
-    Raises CalibrationError, in one line with what to shoot, where the samples do not determine f or Tz of a white
-    balance, or contradict every one.
+    balanced RAW of 1 is what the JPEG's brightest code stands for. beta: saturation below which a colour surely counts;
+    curves: number of EMoR curves of f⁻¹. Raises CalibrationError, in one line with what to shoot, where the samples do
+    not determine f or Tz of a white balance, or contradict every one.
     """
     inside = unclipped_pairs(samples)
     setting = inside.settings
-    values = linear_values(inside, setting, lambda style, of: _fit_style(style, of, beta))
+    values = linear_values(inside, setting, lambda style, of: _fit_style(style, of, beta, curves))
     even = replace(inside, raw=values.gain[:, None] * inside.raw)
     inverses = {str(name): _inverse(values.linear, even, setting == name, str(name)) for name in np.unique(setting)}
     transfer, matrix, balances = jointly_diagonal(inverses)
@@ -189,7 +189,7 @@ def linear_values(
     return LinearValues(linear, in_gamut, white, gain)
 
 
-def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> StyleFit:
+def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float, curves: int) -> StyleFit:
     """Fit f, every Tz and the shots' gains of a style together (`JointFit`).
 
     Were gains fitted after f, f would bend where the shots of some tones are all too bright, and leave a part of that
@@ -221,7 +221,7 @@ def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> St
     untold = np.vstack([np.unique(place)[:, None] == place[of_shot], light])
     changes = np.asarray(null_space(untold, rcond=RANK)[index])
     fit = JointFit(raw[near], encoded[near], weights, columns, changes[near], srgb_response())
-    robust_fit(fit, emor_basis())  # as there: EMoR's shape first, then what it cannot follow
+    robust_fit(fit, emor_basis(curves))  # as there: EMoR's shape first, then what it cannot follow
     robust_fit(fit, spline_basis(fit.response.inverse.mean(axis=1)))
     gain = np.exp(changes @ fit.logs)
     free = fit.coefficients[:, 2:].reshape(3, len(names) - 1, 3)

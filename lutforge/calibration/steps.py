@@ -144,7 +144,7 @@ GAIN_ROUNDS = 6
 
 def use_reference_raw(state: State) -> State:
     """Transform a reference camera's RAW to the camera's own (4.9), where the samples hold such RAW."""
-    return reference_raw_by(state, lambda samples: own_raw(samples, state.beta))
+    return reference_raw_by(state, lambda samples: own_raw(samples, state.beta, state.curves))
 
 
 def reference_raw_by(state: State, transform: Callable[[SampleSet], tuple[SampleSet, Array]]) -> State:

@@ -776,6 +776,26 @@ def test_moves_of_a_slider_between_press_and_release_are_one_change(profile: Cam
     assert look.ev.value == 0 and page.undo.disabled
 
 
+def test_what_does_not_reach_the_response_of_a_bracket_says_so(
+    bracket_folder: Path,
+) -> None:
+    page = opened_bracket(bracket_folder)
+    page.show("Samples")
+    page.show("Model")
+    model, samples = page.pages["Model"], page.pages["Samples"]
+    choices = (model.own_stages, model.preset, model.pairs, *model.options.values(), *model.numbers.values())
+    assert all(control.disabled for control in choices)
+    assert "does not reach" in model.takes.object
+    assert "fitted to all colours" in samples.counts.object
+
+    # Samples with RAW make them choices again
+    page.session.take_opened(Opened(Workspace(chart_samples())), "samples.npz")
+    page.show("Samples")
+    page.show("Model")
+    assert not any(control.disabled for control in choices)
+    assert "Fitted to" in model.takes.object and "fitted to all colours" not in samples.counts.object
+
+
 def test_opening_other_files_can_be_undone(profile: CameraProfile, bracket_folder: Path) -> None:
     page = Page(Folders([bracket_folder.parent]), ())
     session = page.session
