@@ -33,7 +33,7 @@ from lutforge.calibration.matrix_and_response import (
     matrix_of_rows,
     neutral_rows,
 )
-from lutforge.calibration.options import BETA
+from lutforge.calibration.options import BETA, CURVES
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
 from lutforge.calibration.setting_gains import ROUNDED
 from lutforge.calibration.white_balance import LEAST_POSITIVE, LEAST_RAW, estimated_multipliers, neutral_weight
@@ -86,17 +86,17 @@ class LinearValues:
     gain: Array
 
 
-def own_raw(samples: SampleSet, beta: float = BETA) -> tuple[SampleSet, Array]:
+def own_raw(samples: SampleSet, beta: float = BETA, curves: int = CURVES) -> tuple[SampleSet, Array]:
     """Transform a reference camera's RAW to that of the camera that was sampled with it: the samples, and Tc (3, 3).
 
     Those stay that neither the JPEG nor the reference clips, with the multipliers of the camera. RAW is scaled so that
-    balanced RAW of 1 is what the JPEG's brightest code stands for. beta: saturation below which a colour surely counts.
-    Raises CalibrationError, in one line with what to shoot, where the samples do not determine f or Tz of a white
-    balance, or contradict every one.
+    balanced RAW of 1 is what the JPEG's brightest code stands for. beta: saturation below which a colour surely counts;
+    curves: number of EMoR curves of f⁻¹. Raises CalibrationError, in one line with what to shoot, where the samples do
+    not determine f or Tz of a white balance, or contradict every one.
     """
     unclipped = unclipped_pairs(samples)
     setting = unclipped.settings
-    values = linear_values(unclipped, setting, lambda style, of_style: _fit_style(style, of_style, beta))
+    values = linear_values(unclipped, setting, lambda style, of_style: _fit_style(style, of_style, beta, curves))
 
     with_gains = replace(unclipped, raw=values.gain[:, None] * unclipped.raw)
     names = [str(name) for name in np.unique(setting)]
@@ -205,7 +205,7 @@ def linear_values(
     return LinearValues(linear, in_gamut, white, gain)
 
 
-def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> StyleFit:
+def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float, curves: int) -> StyleFit:
     """Fit f, every Tz and the shots' gains of a style together (`JointFit`).
 
     Were gains fitted after f, f would bend where the shots of some tones are all too bright, and leave a part of that
@@ -223,7 +223,7 @@ def _fit_style(samples: SampleSet, setting: NDArray[np.str_], beta: float) -> St
 
     # EMoR's shape first, then a spline for what EMoR cannot follow, as in `fit_matrix_and_response`.
     fit = JointFit(raw[counts], encoded[counts], weights, columns, changes[counts], srgb_response())
-    robust_fit(fit, emor_basis())
+    robust_fit(fit, emor_basis(curves))
     robust_fit(fit, spline_basis(fit.response.inverse.mean(axis=1)))
 
     gain = np.exp(changes @ fit.logs)

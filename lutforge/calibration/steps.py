@@ -33,7 +33,7 @@ GAIN_ROUNDS = 6
 
 def use_reference_raw(state: CalibrationState) -> CalibrationState:
     """Transform a reference camera's RAW to the camera's own (4.9), where the samples hold such RAW."""
-    return reference_raw_by(state, lambda samples: own_raw(samples, state.beta))
+    return reference_raw_by(state, lambda samples: own_raw(samples, state.beta, state.curves))
 
 
 def reference_raw_by(

@@ -15,6 +15,7 @@ from lutforge.boundary import reading, require_file
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.compiled import compiled
 from lutforge.errors import ImageError
+from lutforge.images.films import FILM_ADVICE, FILM_SUFFIXES
 from lutforge.images.orientation import ORIENTATION_OF_FLIP
 from lutforge.images.saturation import clip_levels
 
@@ -54,6 +55,13 @@ class RawImage:
     def orientation(self) -> int:
         """Orientation (1 … 8) of the pixels."""
         return ORIENTATION_OF_FLIP.get(self.flip, 1)
+
+
+_CONVERTER_ADVICE = (
+    "if it is whole, LibRaw does not know its camera or its compression yet: convert it with Adobe DNG Converter, with "
+    "the compatibility Camera Raw 11.2"
+)
+"""For compressions such as a GoPro's, JPEG XL in DNG, and Nikon's high efficiency."""
 
 
 def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
@@ -194,8 +202,8 @@ def _translated(path: Path) -> Iterator[None]:
             yield
     except ImageError as error:
         if isinstance(error.__cause__, rawpy.LibRawFileUnsupportedError):
-            advice = "; convert it to DNG with Adobe DNG Converter" if path.suffix.lower() == ".gpr" else ""
-            raise ImageError(f"{path}: not a RAW file that LibRaw can read{advice}") from error
+            advice = FILM_ADVICE if path.suffix.lower() in FILM_SUFFIXES else _CONVERTER_ADVICE
+            raise ImageError(f"{path}: not a RAW file that LibRaw can read; {advice}") from error
         raise
 
 

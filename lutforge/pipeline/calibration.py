@@ -39,7 +39,7 @@ def calibrate(
         samples: a SampleSet, or what `sample` takes: tables, RAW files, folders. RAW is linear before white balance,
             JPEG values are encoded, both in [0, 1].
         options: CalibrationOptions, such as the size of the lattices; or lutforge.thesis.options.ThesisOptions, for
-            the thesis's method as it was published.
+            the thesis's method.
         progress: called with the name of the present step, and the share that is done.
         given: a profile whose responses, matrix and white balances are used in place of fitted ones.
 

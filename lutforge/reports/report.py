@@ -6,6 +6,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
+from lutforge.arrays import Array
 from lutforge.calibration.brightness_transfer import transfer_functions
 from lutforge.calibration.lattice.fit import squares
 from lutforge.calibration.pairs_of_samples import pairs_of_samples
@@ -83,7 +84,7 @@ def build_report(
         sections[f"Style {name}"] = tuple(style_pictures(profile, name, style, data.get(name)))
     if samples is not None:
         sections["Samples"] = tuple(sample_blocks(samples, shots))
-        sections["Exposures"] = tuple(exposure_blocks(data))
+        sections["Exposures"] = tuple(exposure_blocks(data, profile.matrix))
     progress("done", 1.0)
     calibrated = "by the thesis's method" if isinstance(options, ThesisOptions) else "by LutForge's own method"
     return Report(
@@ -131,8 +132,11 @@ def sample_blocks(samples: SampleSet, shots: Sequence[ShotSamples]) -> Iterator[
     yield Table("Shots", ("shot", "setting", "exposure", "samples", "areas clipped", "areas rejected"), tuple(rows))
 
 
-def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
-    """The blocks on exposures: whether pairs of them show that each style's response is a fixed curve."""
+def exposure_blocks(data: Mapping[str, StyleData], matrix: Array) -> Iterator[Block]:
+    """The blocks on exposures: whether pairs of them show that each style's response is a fixed curve.
+
+    matrix: (3, 3), white-balanced RAW → linear sRGB, by which errors have the unit of the evaluation's.
+    """
     for name, style in data.items():
         try:
             pairs = pairs_of_samples(style.samples)
@@ -142,8 +146,7 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
             continue
         yield f"{name}: {verdict.words}."
         header = ("response fitted to", "red", "green", "blue")
-        # In the unit of the evaluation's table on exposures, which has the same error of whole models.
-        deltas = response_deltas(pairs)
+        deltas = response_deltas(pairs, (style.balanced @ matrix.T)[pairs.first_row])
         rows = tuple((source, *(f"{value:.4f}" for value in delta)) for source, delta in deltas.items())
         caption = (
             f"{name}: linearization error of the response over pairs of exposures, unsaturated colours (1 = full scale)"

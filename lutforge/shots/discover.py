@@ -7,6 +7,7 @@ from itertools import islice
 from pathlib import Path
 
 from lutforge.errors import ShotError
+from lutforge.images.films import FILM_ADVICE, FILM_SUFFIXES
 from lutforge.images.heif import HEIF_SUFFIXES, is_heif
 
 RAW_SUFFIXES = frozenset(
@@ -43,7 +44,9 @@ def discover(paths: Iterable[Path | str]) -> list[Path]:
             if len(files) > MAX_FILES:
                 raise ShotError(f"{path}: more than {MAX_FILES} RAW files; name a smaller folder")
             if not files:
-                raise ShotError(f"{path}: the folder holds no RAW files")
+                films = sorted(entry.name for entry in path.rglob("*") if entry.suffix.lower() in FILM_SUFFIXES)
+                instead = f", but films, such as {films[0]}: {FILM_ADVICE}" if films else ""
+                raise ShotError(f"{path}: the folder holds no RAW files{instead}")
         for file in files:
             if file.suffix.lower() not in (*JPEG_SUFFIXES, *HEIF_SUFFIXES) or raw_beside(file) is None:
                 by_place.setdefault(file.resolve(), file)

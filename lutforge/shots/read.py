@@ -12,6 +12,7 @@ from lutforge.arrays import Codes
 from lutforge.boundary import MAX_SAMPLES
 from lutforge.errors import ImageError, ShotError
 from lutforge.images.developed import Development
+from lutforge.images.films import FILM_SUFFIXES
 from lutforge.images.heif import is_heif, read_heif
 from lutforge.images.icc import is_srgb, profile_name, to_srgb
 from lutforge.images.jpeg import read_header
@@ -132,7 +133,7 @@ def read_shot(
     try:
         raw = read_raw(path, half_size=True)
     except ImageError as error:
-        if path.suffix.lower() in RAW_SUFFIXES or error.__cause__ is None:
+        if path.suffix.lower() in RAW_SUFFIXES | FILM_SUFFIXES or error.__cause__ is None:
             raise
         table = "a table of samples is a .csv or .npz file"
         raise ImageError(f"{path}: not a RAW file that LibRaw can read; {table}") from None
@@ -147,6 +148,7 @@ def read_shot(
     candidates = sorted([*candidates, (EMBEDDED, edited_notes(tags(path)))], key=lambda candidate: len(candidate[1]))
     candidates = [candidate for candidate in candidates if source in (None, candidate[0])]
 
+    advice = "" if jpeg_file else "; put the JPEG that the camera made beside it, under the same name"
     for index, (name, edited) in enumerate(candidates):
         try:
             jpeg = _registered(raw, name, expected())
@@ -167,7 +169,7 @@ def read_shot(
     if development is not None:
         height, width = raw.pixels.shape[:2]
         reasons.append(f"the picture in the RAW's place, {width} × {height}, must be the whole frame, uncropped")
-    raise ShotError(f"{path}: no camera JPEG to pair it with: {'; '.join(reasons)}")
+    raise ShotError(f"{path}: no camera JPEG to pair it with: {'; '.join(reasons)}{advice}")
 
 
 def read_pair(picture: Path, development: Development) -> Shot:

@@ -65,6 +65,7 @@ class Background:
             function, *arguments = call()
             done(function(*arguments, silent))
             return
+        self.page.forget_errors(title)
         before = self.queue.add(Work(title, done, call, short))
         self.page.say(f"{title} …" if before is None else f"{title}: comes after {before.title}")
         self._wait()
@@ -99,7 +100,7 @@ class Background:
             elif report.state == "done":
                 self.page.attempt(work.done, report.result)
             else:
-                self.page.say(f"{work.title}: {report.message}", wrong=True)
+                self.page.say(f"{work.title}: {report.message}", wrong=True, job=work.title)
         self._rest()
 
     def _rest(self) -> None:

@@ -23,6 +23,10 @@ from lutforge.thesis.options import ThesisOptions
 
 WAYS = {title: direction for direction, title in TITLES.items()}
 NO_PROFILE = "Compute a model, or open a profile."
+BRACKET_ALONE = (
+    "Pictures without RAW give a response alone. Fit response, under Shots, takes all colours of the pictures that are "
+    "ticked there; what is chosen here does not reach it."
+)
 
 
 def with_preset(now: Workspace, preset: type[CalibrationOptions] | type[ThesisOptions]) -> Workspace:
@@ -125,6 +129,11 @@ class ModelPage:
         workspace = self.session.workspace
         kind = self.kind.value
         if workspace is None:
+            return
+        for control in (self.own_stages, self.preset, self.pairs, *self.options.values(), *self.numbers.values()):
+            control.disabled = not workspace.has_raw
+        if not workspace.has_raw:
+            self.takes.object = ui.paragraphs(BRACKET_ALONE)
             return
         rows = int(workspace.fitting_rows(kind).sum())
         count = len(workspace.samples)

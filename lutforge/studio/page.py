@@ -70,7 +70,7 @@ class Page:
     def show(self, name: str) -> None:
         """Look at a step."""
         self.shown = self.session.step = name
-        self.session.page.forget_error()
+        self.session.page.forget_errors()
         is_new = name not in self.pages
         if is_new:  # imported here: the first paint does not wait for what only later steps draw
             module = import_module(f"lutforge.studio.{name.lower()}_page")

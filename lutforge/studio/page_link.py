@@ -28,13 +28,13 @@ class PageLink:
         self.refreshing = False
         self.status = StatusLine()
 
-    def say(self, message: str, wrong: bool = False) -> None:
-        """One line for the visitor, as text whatever it holds."""
-        self.status.say(message, wrong)
+    def say(self, message: str, wrong: bool = False, job: str = "") -> None:
+        """One line for the visitor, as text whatever it holds. job: the title of a job that failed."""
+        self.status.say(message, wrong, job)
 
-    def forget_error(self) -> None:
-        """Take away what was wrong, as the visitor does something else."""
-        self.status.forget_error()
+    def forget_errors(self, *jobs: str) -> None:
+        """Take away the errors of jobs by their titles, "" for those of what the visitor did; by default all."""
+        self.status.forget_errors(*jobs)
 
     def attempt(self, callback: Callable[..., None], *arguments: Any) -> None:
         """Call back, with errors as a line in the page."""
@@ -69,7 +69,7 @@ class PageLink:
         """A button with what it does, guarded."""
 
         def pressed(event: Any) -> None:
-            self.forget_error()
+            self.forget_errors()
             action()
 
         made = pmui.Button(label=label, size="small", **{"margin": (4, 4), "variant": "outlined", **options})
@@ -106,7 +106,7 @@ class PageLink:
             nonlocal due
             if self.refreshing:
                 return
-            self.forget_error()
+            self.forget_errors("")
             if take is not None:
                 self.attempt(take, event.new)
             if not due:

@@ -38,6 +38,10 @@ PLOTS = {
     "linearization": "Linearization",
 }
 OF_PAIRS = ("srgb_btf", "raw_btf", "linearization")
+BRACKET_FIT = (
+    "Limits and groups choose what is drawn of a bracket: its response is fitted to all colours of the pictures that "
+    "are ticked under Shots."
+)
 MOST_DRAWN = 4000
 COLOURS = ("exposure pair", "own colour")
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#5b5b5b", "#8c6d31")
@@ -131,7 +135,8 @@ class SamplesPage:
         outside = "; ".join(f"{COLUMNS[name].title}: {out.sum():,}" for name, out in workspace.filtered.items())
         self.counts.object = ui.paragraphs(
             f"{int((~workspace.outliers).sum()):,} of {len(workspace.samples):,} samples are inliers. Left out by each "
-            f"limit: {outside}. By hand, by groups and with shots: {int(workspace.removed.sum()):,}."
+            f"limit: {outside}. By hand, by groups and with shots: {int(workspace.removed.sum()):,}.",
+            *([] if workspace.has_raw else [BRACKET_FIT]),
         )
         for plot, choice in ((self.left, self.first.value), (self.right, self.second.value)):
             shown = points(workspace, choice, self.channel.value)

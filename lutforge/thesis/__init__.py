@@ -1,1 +1,1 @@
-"""The thesis as it was published, in a room of its own: its stages, its gamut map, its lattices, its tables."""
+"""The method of the thesis, in a room of its own: its stages, its gamut map, its lattices, its tables."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.calibration.calibrate import prepared
 from lutforge.calibration.curve_basis import gamma_response
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.raw_transfer import fit_raw_transfer, pair_samples
@@ -119,6 +120,13 @@ def test_the_thesis_trusts_unsaturated_colours_alike_and_the_exposures(samples: 
     recoloured = replace(spoilt, raw=np.where(low[:, None], spoilt.raw, 0.9 * spoilt.raw[:, ::-1]))
     scale = own_raw_of_thesis(recoloured, ThesisOptions())[1] / transfer
     np.testing.assert_allclose(scale, scale[0, 0], rtol=1e-6)
+
+
+def test_the_number_of_curves_is_also_that_of_a_camera_without_raw(samples: SampleSet) -> None:
+    standard = samples.select(samples.style == "standard")
+    found = prepared(standard, CalibrationOptions(curves=2)).samples
+    np.testing.assert_array_equal(found.raw, own_raw(standard, curves=2)[0].raw)
+    assert np.abs(found.raw - own_raw(standard)[0].raw).max() > 1e-4
 
 
 @pytest.mark.slow

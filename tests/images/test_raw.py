@@ -1,6 +1,7 @@
 """RAW files: scale, saturation, and which are refused."""
 
 import math
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +9,12 @@ import pytest
 import rawpy
 
 from lutforge.colour.srgb import SRGB_TO_XYZ
-from lutforge.errors import ImageError
+from lutforge.errors import ImageError, ShotError
 from lutforge.images.raw import read_raw
 from lutforge.images.saturation import saturation_spike
 from lutforge.images.tiff_writer import TiffWriter, byte_field, long_field, rational_field, short_field, text_field
+from lutforge.shots.discover import discover
+from lutforge.shots.read import read_shot
 from lutforge.simulate.dng import write_dng
 
 
@@ -137,6 +140,36 @@ def test_illegal_files(tmp_path: Path, content: bytes, why: str) -> None:
         read_raw(path)
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
+
+
+VC_5, JPEG_XL, UNKNOWN = 9, 52546, 12345
+"""Compressions in a DNG file: a GoPro's, that of DNG 1.7, and one that may come."""
+
+
+@pytest.mark.parametrize("compression", [VC_5, JPEG_XL, UNKNOWN])
+@pytest.mark.parametrize("suffix", [".gpr", ".GPR", ".dng"])
+def test_a_compression_that_libraw_does_not_know_names_the_converter(
+    tmp_path: Path, mosaic: np.ndarray, compression: int, suffix: str
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_dng(path, mosaic, black=64, white=4095, as_shot_neutral=(0.5, 1, 0.8), exposure_s=1 / 50, iso=400)
+    uncompressed = struct.pack("<HHII", 259, 3, 1, 1)
+    data = path.read_bytes()
+    assert data.count(uncompressed) == 1
+    path.write_bytes(data.replace(uncompressed, struct.pack("<HHII", 259, 3, 1, compression)))
+    for read in (read_raw, read_shot):
+        with pytest.raises(ImageError, match="convert it with Adobe DNG Converter"):
+            read(path)
+
+
+@pytest.mark.parametrize("name", ["a.braw", "A001.R3D", "a.crm", "a.mxf"])
+def test_films_are_told_how_to_get_frames(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"\0\0\0\x08wide" + bytes(5000))
+    with pytest.raises(ImageError, match="export frames of the film as TIFF or EXR"):
+        read_shot(tmp_path / name)
+    if name != "A001.R3D":  # which a folder is searched for
+        with pytest.raises(ShotError, match=f"films, such as {name}: export frames"):
+            discover([tmp_path])
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.9])

@@ -307,7 +307,7 @@ def test_exposures_say_whether_the_response_is_fixed() -> None:
     late = samples.shot == "standard daylight +0"
     samples = replace(samples, exposure_s=np.where(late, samples.exposure_s / 1.05, samples.exposure_s))
     data, _ = style_data(samples, samples.wb)
-    text, table, shutters, picture = exposure_blocks(data)
+    text, table, shutters, picture = exposure_blocks(data, np.eye(3))
     assert isinstance(text, str) and "standard: the response is a fixed property of this camera" in text
     assert isinstance(table, Table)
     removed, everything = (np.array(row[1:], dtype=float) for row in table.rows)
@@ -319,4 +319,17 @@ def test_exposures_say_whether_the_response_is_fixed() -> None:
     )
     assert isinstance(picture, Picture) and picture.name == "brightness_transfer_standard"
     single = data["standard"].select(data["standard"].shot == data["standard"].shot[0])
-    assert list(exposure_blocks({"standard": single})) == []
+    assert list(exposure_blocks({"standard": single}, np.eye(3))) == []
+
+
+def test_an_error_of_the_response_is_the_same_figure_everywhere_on_the_page() -> None:
+    chart = photograph_patches(nikon_d5100(), chart_140(), balances=("daylight",), stops=(-2, -1, 0))
+    chart = replace(chart, raw=0.4 * chart.raw)  # a camera that renders white well below saturation
+    report = build_report(calibrate(chart, CalibrationOptions(size=9)), chart)
+    tables = [block for blocks in report.sections.values() for block in blocks if isinstance(block, Table)]
+    (response,) = (table for table in tables if "linearization error of the response" in table.caption)
+    (whole,) = (table for table in tables if table.caption.startswith("Two exposures of one scene"))
+    of_methods = {row[1]: row[-3:] for row in whole.rows}
+    assert response.rows
+    for source, *channels in response.rows:
+        assert of_methods[f"f of exposures, {source}"] == tuple(channels)

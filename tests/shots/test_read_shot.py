@@ -17,6 +17,7 @@ from lutforge.shots.discover import discover
 from lutforge.shots.read import EMBEDDED, read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
+from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scenes import paint_wall, still_life
 from tests.conftest import CommandLine
@@ -98,6 +99,14 @@ def test_says_that_a_converters_dng_holds_the_converters_rendering(folder: Path,
     (tmp_path / "a.dng").write_bytes(data)
     assert any("Adobe DNG Converter" in note for note in read_shot(tmp_path / "a.dng").metadata.notes)
     assert not any("wrote this file" in note for note in read_shot(folder / "alone.dng").metadata.notes)
+
+
+def test_a_frame_without_a_jpeg_is_told_where_to_put_one(tmp_path: Path) -> None:
+    """Such as a frame of CinemaDNG."""
+    mosaic = np.full((80, 120), 900, dtype=np.uint16)
+    write_dng(tmp_path / "a.dng", mosaic, black=64, white=4095, as_shot_neutral=(0.5, 1, 0.8), exposure_s=0.02, iso=400)
+    with pytest.raises(ShotError, match="no embedded preview; put the JPEG that the camera made beside it"):
+        read_shot(tmp_path / "a.dng")
 
 
 def test_discover(folder: Path, tmp_path: Path) -> None:

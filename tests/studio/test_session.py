@@ -283,6 +283,36 @@ def test_work_whose_samples_are_gone_is_one_line(served: tuple[Page, Document]) 
     assert "no samples are open" in session.page.status.object
 
 
+def test_an_error_outlives_the_news_of_other_jobs(served: tuple[Page, Document]) -> None:
+    """It stays until its job runs again, or until the visitor presses a button or goes to another step."""
+    page = served[0]
+    session, results, fails = page.session, list[int](), [True]
+
+    def start(title: str) -> None:
+        if title == "a fit" and fails[0]:
+            session.work.start(title, results.append, wrong)
+        else:
+            session.work.start(title, results.append, doubled, 1)
+        polled(session, lambda: not session.work.queue.works)
+
+    def status() -> str:
+        return str(session.page.status.object)
+
+    start("a fit")
+    start("another job")
+    assert results == [2] and 'role="alert"' in status() and "a fit" in status() and "another job" in status()
+    page.pages["Shots"].chart.value = "classic"  # while it is read
+    assert 'role="alert"' in status()
+    fails[0] = False
+    start("a fit")
+    assert 'role="alert"' not in status()
+
+    fails[0] = True
+    start("a fit")
+    page.show("Samples")
+    assert 'role="alert"' not in status()
+
+
 def test_a_picture_is_opened_beside_a_fit(served: tuple[Page, Document], tmp_path: Path) -> None:
     session, results = served[0].session, list[int]()
     session.work.start("a fit", results.append, endless, tmp_path / "alive")
@@ -774,6 +804,26 @@ def test_moves_of_a_slider_between_press_and_release_are_one_change(profile: Cam
     assert look.ev.value == 1.5
     page.session.undo()
     assert look.ev.value == 0 and page.undo.disabled
+
+
+def test_what_does_not_reach_the_response_of_a_bracket_says_so(
+    bracket_folder: Path,
+) -> None:
+    page = opened_bracket(bracket_folder)
+    page.show("Samples")
+    page.show("Model")
+    model, samples = page.pages["Model"], page.pages["Samples"]
+    choices = (model.own_stages, model.preset, model.pairs, *model.options.values(), *model.numbers.values())
+    assert all(control.disabled for control in choices)
+    assert "does not reach" in model.takes.object
+    assert "fitted to all colours" in samples.counts.object
+
+    # Samples with RAW make them choices again
+    page.session.take_opened(Opened(Workspace(chart_samples())), "samples.npz")
+    page.show("Samples")
+    page.show("Model")
+    assert not any(control.disabled for control in choices)
+    assert "Fitted to" in model.takes.object and "fitted to all colours" not in samples.counts.object
 
 
 def test_opening_other_files_can_be_undone(profile: CameraProfile, bracket_folder: Path) -> None:
