@@ -87,7 +87,7 @@ def fit_one_exposure(encoded: Array, colours: Array, grey: Mask, nominal: Array)
             "that its greys are neither black nor burnt out"
         )
 
-    # A curve that is bent to the greys always comes nearer to them: it is taken where it halves what is left.
+    # A curve that is bent to the greys always comes nearer to them: it is taken where it halves the residual.
     srgb, bent = srgb_response(), _bent_to(encoded[grey], colours[grey] @ nominal.T)
     spreads = {curve: _spread(curve, encoded[grey], colours[grey] @ nominal.T) for curve in (srgb, bent)}
     response = bent if spreads[bent] < 0.5 * spreads[srgb] else srgb

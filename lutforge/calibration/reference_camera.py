@@ -1,4 +1,4 @@
-"""Cameras without RAW: a reference camera's RAW E' of the same scene stands in (thesis 4.2.4, equations 4.9, 4.10).
+"""Cameras without RAW: a reference camera's RAW E' of the same scene replaces it (thesis 4.2.4, equations 4.9, 4.10).
 
 I = f(h(Ts Tw Tc E')). One Tc, the same for all white balances, takes the reference's RAW to what the camera's own would
 have been; of that the camera is calibrated like any other. Three steps of least squares find it, of colours that the
@@ -6,7 +6,7 @@ gamut map h leaves alone:
 
 - f of each style and Tz_i = Ts Tw_i Tc of each white balance together, as f⁻¹(I) = Tz_i E' is linear in both;
 - with f known, Tz_i⁻¹ of f⁻¹(I) to E' (4.10), in this direction because f⁻¹(I) is known to a code, while E' holds what
-  one sensor tells apart and the other does not, which would shrink the saturation of every Tz_i fitted to it;
+  one sensor distinguishes and the other does not, which would shrink the saturation of every Tz_i fitted to it;
 - Tz_i⁻¹ = Tc⁻¹ Tw_i⁻¹ Ts⁻¹ with diagonal Tw_i, which two white balances and more determine (`joint_diagonalization`).
   What they leave open, all of Tc for a single one, makes no difference: Ts and h hold it.
 

@@ -22,7 +22,7 @@ PAIR_WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
 ROUNDING = 0.4 / 255
 """Standard deviation of a JPEG value: rounding, and a little noise."""
 SAME_SCALE = 0.02
-"""Standard deviation of a channel's f⁻¹ at middle grey beside the others', and, to begin with, of log f⁻¹."""
+"""Standard deviation of a channel's f⁻¹ at middle grey from the others', and, in the first round, of log f⁻¹."""
 LEAST_NOISE = 1e-3
 """Least standard deviation of the logarithm of a ratio, where the curves are flat."""
 COMMON_POWER = 1e8

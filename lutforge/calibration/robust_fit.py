@@ -1,4 +1,4 @@
-"""The one robust fit behind response, matrix, white balances and gains.
+"""The one robust fit of responses, matrices, white balances and gains.
 
 Of every colour the curve t(f⁻¹(I)) is linear in a basis (`curve_basis`; t is the identity or the logarithm), and the
 linear values that it stands for are linear in all that is not known besides: rows of a matrix, gains of shots and
@@ -6,8 +6,8 @@ settings, errors of shutters. So each round minimizes, over samples n and channe
 
     Σ p_nc (offset(I_nc) + basis(I_nc) θ_c − known_nc − by_channel_nc m_c − shared_nc s)² + the priors of θ and s
 
-under the inequalities that make f⁻¹ rise. For an exposure pair the curve at I stands minus the curve at I'. What enters
-as columns says what is fitted; rounds weigh the samples anew by their residuals (IRLS).
+under the inequalities that make f⁻¹ rise. For an exposure pair the curve at I stands minus the curve at I'. The
+columns state what is fitted; rounds weigh the samples anew by their residuals (IRLS).
 """
 
 from dataclasses import dataclass

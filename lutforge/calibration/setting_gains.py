@@ -23,9 +23,9 @@ SETTLED = 0.02
 ROUNDED = 0.2
 """Colours without a JPEG value above this are not compared, because rounding rules there."""
 LEAST_WEIGHT = 0.1
-"""Colours of less weight say nothing of a setting."""
+"""Colours of less weight are not compared."""
 LEAST_OF_SHOT = 3
-"""Shots with fewer colours say nothing of a setting."""
+"""Shots with fewer colours are not compared."""
 
 
 def gains_of(white_balances: Mapping[str, WhiteBalance]) -> dict[str, float]:

@@ -215,7 +215,7 @@ def _minority(group: Mask) -> Mask:
 
 
 def _is_large(minority: Mask) -> bool:
-    """True where a minority is more than a third of the shots (s,): then nothing says which of them are right."""
+    """True where a minority is more than a third of the shots (s,): then it is not known which of them are right."""
     return bool(3 * np.count_nonzero(minority) > len(minority))
 
 

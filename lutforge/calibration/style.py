@@ -76,8 +76,8 @@ class StyleData:
     def base(self) -> MatrixAndResponse:
         """The matrix that suits all colours, and the response. Raises CalibrationError.
 
-        A black-and-white style has no matrix of its own: the fitted one takes all colours to one brightness, behind
-        which no gamut map could tell them apart.
+        A black-and-white style has no matrix of its own: the fitted one maps all colours to one brightness, after
+        which no gamut map could distinguish them.
         """
         if self.given is not None:
             return self.given
@@ -137,7 +137,7 @@ class StyleData:
 
 @dataclass(frozen=True, eq=False)
 class ClippedColours:
-    """Samples whose JPEG says only that a channel is at its end or beyond. balanced, encoded: (m, 3); shot: (m,)."""
+    """Samples whose JPEG shows only that a channel is at its end or beyond. balanced, encoded: (m, 3); shot: (m,)."""
 
     balanced: Array
     encoded: Array

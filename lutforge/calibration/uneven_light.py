@@ -15,7 +15,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 LEAST_PATCHES = 16
-"""Fewer patches do not determine a field beside a matrix."""
+"""Fewer patches do not determine a field and a matrix."""
 LEAST_FALL = 0.06
 """Share by which light falls over a chart where that is corrected; it moves a middle grey by four codes."""
 PLANE, QUADRATIC = 2, 5
@@ -27,7 +27,7 @@ PREDICTED_BETTER = 0.75
 FIELD_SPREAD = 1.0
 """Standard deviation of the coefficients of a field, in stops."""
 PATCH_NOISE = 0.05
-"""Deviation of patches from a matrix, in stops, beside which that prior counts."""
+"""Deviation of patches from a matrix, in stops, with which that prior is compared."""
 FIELD_WEIGHTS = RobustWeights(cauchy, multiple=2.5, least=0.03)
 FIELD_ROUNDS = 12
 

@@ -1,7 +1,7 @@
 """The vignetting that a camera corrects in its JPEGs only, fitted to samples whose places in the picture are known.
 
 A fixed rendering takes each scene colour to one JPEG colour I, so that y = log₂ Σ Tw E is a smooth function λ of I. The
-JPEG of a corner is brighter than the RAW says: y = λ(I) − vignetting(place) + ε, a partially linear model
+JPEG of a corner is brighter than the RAW implies: y = λ(I) − vignetting(place) + ε, a partially linear model
 (`partially_linear_model`), so that the gamut map need not be known. The vignetting of each lens setting is monotone in
 the squared distance from a centre that is free within some per cent; it is fitted together with λ by damped
 Gauss–Newton steps and robust weights.
@@ -113,8 +113,8 @@ def at_the_centre(samples: SampleSet, vignettings: Sequence[Vignetting]) -> Samp
 def fit_vignettings(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[Vignetting, ...]:
     """The vignettings of the lens settings where they are significant.
 
-    multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples. Samples without a place say
-    nothing.
+    multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples. Samples without a place are
+    not used.
     """
     located = usable & np.all(np.isfinite(samples.position), axis=1)
     model = partially_linear_model(samples, multipliers, located)

@@ -75,7 +75,7 @@ def neutral_weight(raw: Array, srgb: Array) -> Array:
 
 
 def estimated_multipliers(raw: Array, srgb: Array) -> tuple[Array, str]:
-    """Read multipliers (3,) from near-neutral colours (n, 3), or from all, and say which. Raises CalibrationError."""
+    """Read multipliers (3,) from near-neutral colours (n, 3), or from all, and name which. Raises CalibrationError."""
     weight = neutral_weight(raw, srgb)
     if weight.sum() < ENOUGH_NEUTRAL:
         return multipliers_from_colours(raw, srgb), "colours, none of them neutral"
