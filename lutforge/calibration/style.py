@@ -23,7 +23,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile import ByDirection, CameraModel
 from lutforge.model.response import smooth_response
-from lutforge.samples.clipping import unclipped_colours
+from lutforge.samples.clipping import HALF_CODE, SATURATED, unclipped_colours
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import joined_alike, leave_groups_out
 from lutforge.threads import each, one_blas_thread
@@ -32,12 +32,6 @@ LEAST_SAMPLES = 10
 """Unclipped samples of different colours that a style needs at least."""
 REFIT_CENTRES = 2_500
 """The most centres of a model that is fitted again to a part of the samples."""
-
-
-WHOLE_RAW = 0.999
-"""RAW values below this, as shares of white, are not clipped."""
-HALF_CODE = 0.5 / 255
-"""JPEG values within this of an end are mixtures of clipped pixels and others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +181,7 @@ def style_data(
     usable = unclipped(samples, multipliers) & enough
 
     # Clipped in the JPEG alone, and in whole channels: a value between the last code and the end is a mixture.
-    is_whole_raw = np.all(((samples.raw > 0.0) & (samples.raw < WHOLE_RAW) & (balanced < 1.0)), axis=1)
+    is_whole_raw = np.all(((samples.raw > 0.0) & (samples.raw < SATURATED) & (balanced < 1.0)), axis=1)
     is_at_end = (samples.srgb <= 0.0) | (samples.srgb >= 1.0)
     is_inside = (samples.srgb >= HALF_CODE) & (samples.srgb <= 1.0 - HALF_CODE)
     is_clipped = enough & ~usable & is_whole_raw & np.all(is_at_end | is_inside, axis=1)
