@@ -19,19 +19,12 @@ from lutforge.cli.console import (
     quiet_codecs,
     say,
 )
+from lutforge.cli.program_names import KIT_PROGRAMS, LUT_PROGRAMS
 from lutforge.errors import SettingsError, in_common
 from lutforge.reports.tables import Table
 
 if TYPE_CHECKING:
     from lutforge.pipeline.grading import Grading
-
-
-PROGRAM_NAMES = (
-    "resolve, nuke, ocio, oiio, baselight, flame, blender, photoshop, lightroom, premiere, aftereffects, finalcut, "
-    "ffmpeg, mpv, mlt, kdenlive, shotcut, obs, darktable, rawtherapee, art, captureone, gmic, gimp, imagemagick, "
-    "graphicsmagick, pillow, three, parse-cube-lut"
-)
-"""The choices of `--for`: the programs of `lutforge.luts.lut_programs`, repeated since importing it takes a second."""
 
 
 def bake(
@@ -56,9 +49,9 @@ def bake(
     reader: Annotated[
         str | None,
         option(
-            f"The program that will read it, which without -o names the files: {PROGRAM_NAMES}.",
+            f"The program that will read it, which without -o names the files: {', '.join(LUT_PROGRAMS)}.",
             "--for",
-            autocompletion=lambda: PROGRAM_NAMES.split(", "),
+            autocompletion=lambda: list(LUT_PROGRAMS),
         ),
     ] = None,
     size: Annotated[int | None, option("Nodes per axis of the cube.")] = None,
@@ -99,7 +92,7 @@ def kit(
     program: Annotated[
         str,
         option(
-            "darktable, rawtherapee, art, lightroom, captureone, resolve, nuke, blender, ffmpeg, gimp, obs or lumix.",
+            f"The program that will show the look: {', '.join(KIT_PROGRAMS)}.",
             "--for",
         ),
     ] = "rawtherapee",
