@@ -42,7 +42,7 @@ class ExportPage:
         self.kind = ui.select("Transform of the LUT", ["refinish", "render", "linearize"])
         self.space = ui.select("Scene of render and linearize", ["raw", *SPACES])
         self.suffix = ui.select("LUT file", list(OFFERED_SUFFIXES))
-        self.kept = (self.name, self.program, self.kind, self.space, self.suffix)
+        self.remembered = (self.name, self.program, self.kind, self.space, self.suffix)
         self._cards: dict[tuple[Written, bool], pmui.Paper] = {}
         self._offered: object = None
         self.asked: list[Path] = []
@@ -121,7 +121,7 @@ class ExportPage:
         session = self.session
         words = words.replace(f"{session.folders.roots[0]}/", "")  # as one types it there
         session.written.pop(kind, None)
-        session.written[kind] = Written(kind, path, lines[:20], words, (session.profile, session.look))
+        session.written[kind] = Written(kind, path, lines[:20], words, session.profile, session.look)
         session.page.say(f"{kind}: written, {path.name}")
         session.page.on_change()
 

@@ -5,6 +5,7 @@ The browser grades the picture: Python sends LUTs, and no pixels while sliders m
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache, partial
 from hashlib import blake2b
 from pathlib import Path
@@ -143,9 +144,9 @@ class LookPage:
         for name, widget in self.moved.items():
             session.page.watch(self._change, widget, take=partial(self._take, name))
         session.end_moves_of(*self.moved.values())
-        if not session.look_controls:
-            session.look_controls = self._controls()
-        self.kept = (self.listed, self.path)
+        if not session.state.look_controls:
+            self._store_controls()
+        self.remembered = (self.listed, self.path)
         self.words = ui.text()
         self.main = self.view = LookView()
         self.view.on_help = session.page.guarded(self._suppose)
@@ -173,11 +174,11 @@ class LookPage:
         with self.session.page.setting():
             for control in (self.wanted, self.source):
                 control.offer(self.session.profile)
-            for name, value in self.session.look_controls.items():
+            for name, value in self.session.state.look_controls.items():
                 ui.set_possible(self.moved[name], value)
             for control in (self.wanted, self.source):
                 control.follow()
-            self.session.look_controls = self._controls()
+            self._store_controls()
         self._grade()
 
     def _keep_view(self) -> None:
@@ -204,24 +205,28 @@ class LookPage:
             self.path.param.update(value="", value_input="")
         self._open_named()
 
-    def _controls(self) -> dict[str, Any]:
-        """The values of the controls, by their labels."""
-        return {name: widget.value for name, widget in self.moved.items()}
+    def _store_controls(self) -> None:
+        """Let the session hold the values of the controls, by their labels."""
+        values = {name: widget.value for name, widget in self.moved.items()}
+        self.session.state = replace(self.session.state, look_controls=values)
 
     def _take(self, name: str, value: Any) -> None:
         """Let a change be undone. Moving a temperature, or writing multipliers, chooses that way to set them."""
         session = self.session
         widget = self.moved[name]
-        before, was = session.state, session.look_controls.get(name)
+        before = session.state
         for control in (self.wanted, self.source):
             meant = {control.kelvin: BY_TEMPERATURE, control.multipliers: BY_MULTIPLIERS if value else ""}.get(widget)
             if meant:
                 with session.page.setting():
                     control.balance.value = meant
-        session.look_controls = self._controls()
-        session.look_chosen = session.look_chosen or widget not in self.source.widgets
-        old, new = as_text(widget, was), as_text(widget, value)
-        session.note(before, f"{name} {new} → {old}", f"{name} {old} → {new}", name if widget in self._sliders else "")
+        self._store_controls()
+        if widget not in self.source.widgets:
+            session.state = replace(session.state, look_chosen=True)
+        old, new = as_text(widget, before.look_controls.get(name)), as_text(widget, value)
+        session.record_change(
+            before, f"{name} {new} → {old}", f"{name} {old} → {new}", name if widget in self._sliders else ""
+        )
 
     @property
     def _sliders(self) -> tuple[Any, ...]:
@@ -237,8 +242,8 @@ class LookPage:
         with self.session.page.setting():
             self.source.style.value = self.source.style.value or style
             self.source.balance.value = self.source.balance.value or balance
-        self.session.look_controls = self._controls()
-        self.session.note(before, f"Taken as {style}/{balance}")
+        self._store_controls()
+        self.session.record_change(before, f"Taken as {style}/{balance}")
         self._change()
 
     def _open_named(self) -> None:
@@ -274,13 +279,13 @@ class LookPage:
                 self.source.style.value = given.style
                 self.source.balance.value = LABEL_AS_SHOT
                 news = f"{path.name}: taken as {given}, as its metadata say"
-                if not self.session.look_chosen:
+                if not self.session.state.look_chosen:
                     self.wanted.set(given)
             else:
                 self.source.style.value = photograph.style
                 self.source.balance.value = ""
                 self.source.tint.value = 0
-            self.session.look_controls = self._controls()
+            self._store_controls()
         self.session.page.say("; ".join([news, *photograph.notes]))
         self._change()
 
@@ -288,7 +293,7 @@ class LookPage:
         with self.session.page.setting():
             for control in (self.wanted, self.source):
                 control.follow()
-        self.session.look_controls = self._controls()
+        self._store_controls()
         self._grade()
 
     def _tell(self) -> None:
@@ -329,7 +334,7 @@ class LookPage:
         if (inspected := None if given is None else (profile, given)) != self._known:
             self._known = inspected
             self.view.cover(None if given is None else Lut(lattice_ops(confidence(profile.styles[given.style]))))
-        self.session.chosen = look
+        self.session.state = replace(self.session.state, chosen=look)
         self._tell()
 
     def _baked(self, profile: CameraProfile, steps: Sequence[Transform], luts: Sequence[Lut]) -> None:

@@ -88,7 +88,11 @@ class ModelPage:
             label="View", options=list(self.views), value=FitView.title, size="small", margin=(2, 8)
         )
         session.page.watch(self._show, self.shown)
-        self.kept = (self.kind, self.shown, *(control for view in self.views.values() for control in view.controls))
+        self.remembered = (
+            self.kind,
+            self.shown,
+            *(control for view in self.views.values() for control in view.controls),
+        )
         self.body = pn.Column(**ui.FILL)
         self.main = pn.Column(self.shown, self.body, **ui.FILL)
 

@@ -16,7 +16,7 @@ from lutforge.studio.theme import BESIDE, TEMPLATE, THEME
 from lutforge.studio.ui import HERE
 from lutforge.studio.workspace import WorkspaceError
 
-State = Literal["to do", "done", "stale"]
+StepProgress = Literal["to do", "done", "stale"]
 PAGE_NAMES = ("Shots", "Samples", "Model", "Look", "Export")
 ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sync_problem"}
 
@@ -81,7 +81,7 @@ class Page:
         if self.steps.active != PAGE_NAMES.index(name):
             self.steps.active = PAGE_NAMES.index(name)
         self._refresh()
-        if is_new and self.session.keep(name, shown.kept):  # once lists have their options
+        if is_new and self.session.remember_controls(name, shown.remembered):  # once lists have their options
             self._refresh(name)
 
     def _refresh(self, *stale: str) -> None:
@@ -94,9 +94,11 @@ class Page:
                 self.pages[self.shown].refresh()
 
     def _tell(self) -> None:
-        """The steps' states, and what to do in this one."""
-        states = states_of(self.session)
-        self.steps.items = [{"label": f"{step}: {states[step]}", "icon": ICONS[states[step]]} for step in PAGE_NAMES]
+        """Show how far each step is, and what to do in this one."""
+        progress = progress_of(self.session)
+        self.steps.items = [
+            {"label": f"{step}: {progress[step]}", "icon": ICONS[progress[step]]} for step in PAGE_NAMES
+        ]
         self.offer.visible = self.offer.visible and self.session.is_empty
         form = "<span data-ready><b>{}.</b> {}</span>" if self.is_ready else "<b>{}.</b> {}"
         self.next.object = ui.html(form, self.shown, NEXT[self.shown])
@@ -198,13 +200,13 @@ NEXT = {
 """Advice for each step."""
 
 
-def states_of(session: Session) -> dict[str, State]:
-    """Each step's state."""
+def progress_of(session: Session) -> dict[str, StepProgress]:
+    """How far each step is."""
     workspace = session.workspace
     profile = session.profile
     stale = session.is_stale
     old = any(map(session.is_old, session.written.values()))
-    seen = session.look_chosen and not session.is_unseen and profile is not None
+    seen = session.state.look_chosen and not session.is_unseen and profile is not None
     return {
         "Shots": "to do" if workspace is None and profile is None else "done",
         "Samples": "to do" if workspace is None else "done",

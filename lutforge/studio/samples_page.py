@@ -71,7 +71,7 @@ class SamplesPage:
             lambda: session.select(find_rows(session.require_workspace().samples, self.words.value)), self.words
         )
         self.group = ui.entry("Outlier group", placeholder="name")
-        self.kept = (*views, self.words, self.group)
+        self.remembered = (*views, self.words, self.group)
         self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.FULL_WIDTH)
         self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
         limits = []
@@ -196,18 +196,18 @@ class SamplesPage:
         if not rows.any():
             raise WorkspaceError("no samples selected: draw a lasso in a plot, or name rows")
         done = {1: "marked as outliers", -1: "kept by hand", 0: "no longer marked"}[mark]
-        self.session.change(workspace.mark(rows, mark), f"{int(rows.sum()):,} samples {done}")
+        self.session.change_workspace(workspace.mark(rows, mark), f"{int(rows.sum()):,} samples {done}")
 
     def _save_group(self, delete: bool = False) -> None:
         """Save the selected samples, or else all outliers, as the named group; or delete that group."""
         workspace = self.session.require_workspace()
         name = ui.written(self.group)
         if delete:
-            self.session.change(workspace.without_group(name), f"outlier group {name} deleted")
+            self.session.change_workspace(workspace.without_group(name), f"outlier group {name} deleted")
             return
         rows = self.session.selected if self.session.selected.any() else workspace.outliers
         news = f"outlier group {name}: {int(rows.sum()):,} samples, in effect"
-        self.session.change(workspace.with_group(name, rows), news)
+        self.session.change_workspace(workspace.with_group(name, rows), news)
 
 
 def describe(workspace: Workspace, rows: Rows) -> ui.Html:

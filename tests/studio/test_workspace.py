@@ -309,7 +309,7 @@ def test_plots_say_why_they_are_empty() -> None:
 
 def test_a_point_of_a_pair_selects_both_samples(workspace: Workspace) -> None:
     session = Session(Folders(()))
-    session.begin(workspace)
+    session.start_over(workspace)
     plot, shown = BrushedPlot(session), points(workspace, "srgb_btf", 1)
     plot.show(workspace, shown, COLOURS[0], inliers=False)
     plot._select(Tap(plot.figure, x=shown.x[10] + 1e-6, y=shown.y[10]))
