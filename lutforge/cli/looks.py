@@ -67,15 +67,15 @@ def bake(
     ] = None,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
-    from lutforge.pipeline.baking import bake_files
+    from lutforge.pipeline.baking import BakeOptions, bake_files
     from lutforge.pipeline.transforms import TransformRequest
 
     request = TransformRequest(kind, source, target, ev, space, model, other, transfer)
+    options = BakeOptions(
+        program=reader, size=size, tolerance=tolerance, interpolation=interpolation, clf_version=clf_version
+    )
     with progress_bar("baking") as progress:
-        files, notes = bake_files(
-            profile, request, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
-            colours=colours, clf_version=clf_version, progress=progress,
-        )  # fmt: skip
+        files, notes = bake_files(profile, request, output or (), options, colours=colours, progress=progress)
     for file in files:
         say(*str(file).splitlines())
     note(*notes)
