@@ -26,7 +26,7 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
 from lutforge.studio.model_page import held_out_error
 from lutforge.studio.session import Session, Written
-from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
+from lutforge.studio.workspace import MATRIX, SUFFIX, FitTask, WorkspaceError, save_workspace
 from lutforge.thesis.options import PRESET, ThesisOptions
 
 OFFERED_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vlt", ".png")
@@ -232,7 +232,7 @@ def calibration_command(task: FitTask, table: Path, profile: Path) -> str:
     usual = type(options)()
     of_lattices = {field.name for field in fields(LatticeOptions)}
     of_model = [field.name for field in fields(options) if field.name not in of_lattices]
-    if task.kind == "matrix" or task.stages is not None:
+    if task.kind == MATRIX or task.stages is not None:
         return ""
     if any(getattr(options, name) != getattr(usual, name) for name in of_model):
         return ""

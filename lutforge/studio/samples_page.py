@@ -135,7 +135,7 @@ class SamplesPage:
         outside = "; ".join(f"{COLUMNS[name].title}: {out.sum():,}" for name, out in workspace.filtered.items())
         self.counts.object = ui.paragraphs(
             f"{int((~workspace.outliers).sum()):,} of {len(workspace.samples):,} samples are inliers. Left out by each "
-            f"limit: {outside}. By hand, by groups and with shots: {int(workspace.removed.sum()):,}.",
+            f"limit: {outside}. By hand, by groups and with shots: {int(workspace.excluded.sum()):,}.",
             *([] if workspace.has_raw else [BRACKET_FIT]),
         )
         for plot, choice in ((self.left, self.first.value), (self.right, self.second.value)):
@@ -291,7 +291,7 @@ def points(workspace: Workspace, plot: str, channel: int) -> Points:
     curves = list[Array]()
     if pairs is not None:
         number[pairs.second_row] = number[pairs.first_row] = pairs.shot_pair
-        pairs = pairs.without(workspace.unticked)
+        pairs = pairs.without(workspace.unticked_pairs)
         shown["srgb_btf"] = pairs.first, pairs.second, "sRGB, shorter exposure", "sRGB, longer exposure"
         shown["raw_btf"] = pairs.raw_first, pairs.raw_second, "RAW, shorter exposure", "RAW, longer exposure"
         if plot in OF_PAIRS:

@@ -25,9 +25,12 @@ from lutforge.studio.history import Change, History, exchanged
 from lutforge.studio.opening import Folders, Opened, open_paths
 from lutforge.studio.page_link import PageLink
 from lutforge.studio.workspace import (
+    MATRIX,
     MODEL_TITLES,
+    NO_MODEL,
     FitTask,
     FittedModel,
+    ModelKind,
     Workspace,
     WorkspaceError,
     fit_model,
@@ -190,7 +193,7 @@ class Session:
     def is_stale(self) -> bool:
         """Whether samples or options have changed since the model in use was fitted."""
         workspace = self.workspace
-        return workspace is not None and bool(workspace.model) and workspace.is_stale(workspace.model)
+        return workspace is not None and workspace.model != NO_MODEL and workspace.is_stale(workspace.model)
 
     @property
     def look(self) -> ChosenLook:
@@ -335,7 +338,7 @@ class Session:
             paths[-1].write_bytes(data)
         return tuple(paths)
 
-    def fit(self, kind: str) -> None:
+    def fit(self, kind: ModelKind) -> None:
         """Fit a model, and before it the one that it stands on where that is stale when its turn has come."""
         if not self.require_workspace().has_raw:
             raise WorkspaceError("without RAW there is a response alone: press Fit response under Shots")
@@ -348,7 +351,7 @@ class Session:
         workspace = self.workspace
         if workspace is not None:
             model = FittedModel(fitted.profile, predict(fitted.profile, workspace.samples))
-            workspace = workspace.with_model("matrix", model)
+            workspace = workspace.with_model(MATRIX, model)
         opened = replace(before.opened, profile=fitted.profile, profile_source=None)
         self.state = replace(before, workspace=workspace, opened=opened, response=(request, fitted))
         self.record_change(before, "fitting the response", step="Shots")
@@ -397,7 +400,7 @@ class Session:
 class ModelFit:
     """A fit of one kind of model, from the moment when its turn has come until the session has its result."""
 
-    def __init__(self, session: Session, kind: str) -> None:
+    def __init__(self, session: Session, kind: ModelKind) -> None:
         self.session = session
         self.kind = kind
 
@@ -408,8 +411,8 @@ class ModelFit:
         """
         workspace = self.session.require_workspace()
         task = workspace.task(self.kind)
-        if task.stages is not None and workspace.is_stale("matrix"):
-            task = workspace.task("matrix")
+        if task.stages is not None and workspace.is_stale(MATRIX):
+            task = workspace.task(MATRIX)
         self.task = task
         self.samples = workspace.samples
         return fit_model, task, workspace.samples

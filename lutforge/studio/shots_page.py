@@ -144,7 +144,9 @@ class ShotsPage:
                 self._draw(dict(self._cards_of_bracket(bracket)))
             else:
                 self._draw({} if workspace is None else dict(self._cards(workspace, profile)))
-        left_out = set(session.state.pictures_out) if bracket is not None else workspace.out if workspace else set()
+        left_out = (
+            set(session.state.pictures_out) if bracket is not None else workspace.left_out_shots if workspace else set()
+        )
         for name, paper in self.papers.items():
             with session.page.setting():
                 paper[0].value = name not in left_out
@@ -176,9 +178,9 @@ class ShotsPage:
         out = frozenset(name for name, paper in self.papers.items() if not paper[0].value)
         if self.session.opened.bracket is not None:
             self.session.state = replace(self.session.state, pictures_out=tuple(out))
-        if self.session.workspace is not None and out != self.session.workspace.out:
+        if self.session.workspace is not None and out != self.session.workspace.left_out_shots:
             news = f"{len(out)} shots left out" if out else "all shots take part"
-            self.session.commit_workspace(replace(self.session.workspace, out=out), news)
+            self.session.commit_workspace(replace(self.session.workspace, left_out_shots=out), news)
             self.session.page.say(news)
 
     def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, ui.Html]]:

@@ -224,9 +224,9 @@ def test_pairs_are_ticked_one_by_one_and_all_at_once(tmp_path: Path) -> None:
     pairs, session = page.pages["Model"].pairs, page.session
     first, *others = pairs.value
     pairs.value = others
-    assert session.require_workspace().unticked == {first}
+    assert session.require_workspace().unticked_pairs == {first}
     pairs.value = []
-    assert len(session.require_workspace().unticked) == 1 + len(others)
+    assert len(session.require_workspace().unticked_pairs) == 1 + len(others)
     session.undo()
     assert pairs.value == others
 
@@ -335,7 +335,7 @@ def test_what_is_clicked_while_a_job_ends_is_done(served: tuple[Page, Document])
     for due in (news, click):
         due.callback()
     assert page.session.workspace is not None
-    assert page.session.workspace.out == {name} and not paper[0].value
+    assert page.session.workspace.left_out_shots == {name} and not paper[0].value
 
 
 def test_undo_and_redo_go_back_and_forth(tmp_path: Path) -> None:
@@ -368,7 +368,7 @@ def test_a_shot_keeps_its_box_while_its_card_is_drawn_anew(tmp_path: Path) -> No
     assert all(first is second for first, second in zip(shots.grid, papers, strict=True))
     assert all(paper[0] is box for paper, box in zip(shots.grid, boxes, strict=True))
     boxes[0].value = False
-    assert session.workspace is not None and session.workspace.out == {next(iter(shots.papers))}
+    assert session.workspace is not None and session.workspace.left_out_shots == {next(iter(shots.papers))}
 
 
 def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path) -> None:
@@ -539,7 +539,7 @@ def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp
     page.show("Look")
     page.pages["Look"].ev.value = 1.0
     assert progress_of(session)["Export"] == "stale"
-    session.change_workspace(replace(session.require_workspace(), out=frozenset({str(samples.shot[0])})))
+    session.change_workspace(replace(session.require_workspace(), left_out_shots=frozenset({str(samples.shot[0])})))
     assert list(progress_of(session).values()) == ["done", "done", "stale", "stale", "stale"]
     session.undo()
     assert progress_of(session)["Model"] == "done"
@@ -723,7 +723,7 @@ def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_
     page.show("Samples")
     assert page.undo.label == "Undo marked"
     session.undo()
-    assert not session.require_workspace().hand.any() and session.profile is profile
+    assert not session.require_workspace().hand_marks.any() and session.profile is profile
 
 
 def test_multipliers_that_are_written_are_the_white_balance(profile: CameraProfile, tmp_path: Path) -> None:
@@ -816,7 +816,7 @@ def test_what_does_not_reach_the_response_of_a_bracket_says_so(
     page.show("Samples")
     page.show("Model")
     model, samples = page.pages["Model"], page.pages["Samples"]
-    choices = (model.own_stages, model.preset, model.pairs, *model.options.values(), *model.numbers.values())
+    choices = (model.builds_on_stages, model.preset, model.pairs, *model.options.values(), *model.numbers.values())
     assert all(control.disabled for control in choices)
     assert "does not reach" in model.takes.object
     assert "fitted to all colours" in samples.counts.object
