@@ -236,9 +236,22 @@ def apply(
     from lutforge.pipeline.grading import Grading
 
     grading = Grading(
-        (grade, *images), output, source, target, ev, look, transfer, suffix, workers, resume,
-        scheduler, space, exposure, view, display,
-    )  # fmt: skip
+        words=(grade, *images),
+        output=output,
+        source=source,
+        target=target,
+        ev=ev,
+        look=look,
+        transfer=transfer,
+        suffix=suffix,
+        workers=workers,
+        resume=resume,
+        scheduler=scheduler,
+        space=space,
+        exposure=exposure,
+        view=view,
+        display=display,
+    )
     failed = False
     if print_commands:
         for command in grading.commands():
