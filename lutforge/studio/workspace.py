@@ -43,6 +43,12 @@ NO_MODEL: Final = ""
 """The model in use before the first fit."""
 MODEL_TITLES: dict[ModelKind, str] = {MATRIX: "Response, matrix and white balance", LATTICE: "Lattice"}
 """In the order of the calibration."""
+HandMark = Literal[1, -1, 0]
+"""A mark that is set by hand."""
+OUTLIER_BY_HAND: Final = 1
+KEPT_BY_HAND: Final = -1
+"""The sample takes part whatever the limits say."""
+UNMARKED: Final = 0
 MOST_GROUPS = 100
 SUFFIX = ".workspace"
 DOCUMENT = "workspace.json"
@@ -110,8 +116,7 @@ class Workspace:
     samples: as loaded; their RAW is NaN where the camera has none.
     pairs: of exposures; None where the samples have none.
     limits: (low, high) by the name of a column; what lies outside is an outlier of the stages.
-    hand_marks: (n,) 1 for rows that were marked as outliers by hand, −1 for rows that are kept by hand whatever the
-        limits say, 0 for all others.
+    hand_marks: (n,) each a `HandMark`.
     groups: masks (n,) of outliers, by name; they take part in no fit.
     inactive_groups: the names of the groups that have no effect.
     models: by kind, as fitted.
@@ -164,6 +169,11 @@ class Workspace:
         styles = self.fitted.profile.styles.values()
         return next((style.models[0].response for style in styles if style.models), None)
 
+    @property
+    def response_pairs(self) -> ExposurePairs | None:
+        """The exposure pairs from which a response is fitted; None where the samples have none."""
+        return None if self.pairs is None else self.pairs.without(self.unticked_pairs)
+
     @cached_property
     def residual(self) -> Array:
         """(n,) RGB distance between the JPEG and what the model in use renders; 0 before the first fit."""
@@ -192,8 +202,12 @@ class Workspace:
     @cached_property
     def excluded(self) -> Mask:
         """(n,): rows that take part in no fit: marked by hand, in an active group, or of a shot that is out."""
-        rows = np.logical_or.reduce([self.hand_marks > 0, *(self.groups[name] for name in self.active_groups)])
-        return np.asarray((rows & (self.hand_marks >= 0)) | np.isin(self.samples.shot, list(self.left_out_shots)))
+        rows = np.logical_or.reduce(
+            [self.hand_marks == OUTLIER_BY_HAND, *(self.groups[name] for name in self.active_groups)]
+        )
+        return np.asarray(
+            (rows & (self.hand_marks != KEPT_BY_HAND)) | np.isin(self.samples.shot, list(self.left_out_shots))
+        )
 
     @cached_property
     def outliers(self) -> Mask:
@@ -202,10 +216,10 @@ class Workspace:
         They are removed, outside the limits, or in none of the exposure pairs that are ticked, where some are not.
         """
         rows = np.logical_or.reduce(list(self.filtered.values()))
-        if self.pairs is not None and self.unticked_pairs:
-            ticked = self.pairs.without(self.unticked_pairs)
+        ticked = self.response_pairs
+        if ticked is not None and self.unticked_pairs:
             rows |= ~np.isin(np.arange(len(rows)), [ticked.first_row, ticked.second_row])
-        return np.asarray((rows & (self.hand_marks >= 0)) | self.excluded)
+        return np.asarray((rows & (self.hand_marks != KEPT_BY_HAND)) | self.excluded)
 
     def fitting_rows(self, kind: ModelKind) -> Mask:
         """(n,): the samples that a fit of this kind of model takes.
@@ -221,7 +235,7 @@ class Workspace:
             counts = name != "residual" or self.model == LATTICE
             if counts and limits != COLUMNS[name].usual and not COLUMNS[name].of_stages:
                 rows = rows | self.filtered[name]
-        return np.asarray(~rows | ((self.hand_marks < 0) & ~self.excluded))
+        return np.asarray(~rows | ((self.hand_marks == KEPT_BY_HAND) & ~self.excluded))
 
     def task(self, kind: ModelKind) -> FitTask:
         """The inputs that a fit of this kind takes now."""
@@ -247,8 +261,8 @@ class Workspace:
             return self.fitting_rows(self.model or LATTICE)
         return self.fitted.task.rows
 
-    def mark(self, rows: Mask, mark: int) -> "Workspace":
-        """Mark rows by hand: 1 as outliers, −1 to be kept, 0 not at all."""
+    def mark(self, rows: Mask, mark: HandMark) -> "Workspace":
+        """Mark rows by hand."""
         return replace(self, hand_marks=np.where(rows, np.int8(mark), self.hand_marks))
 
     def with_group(self, name: str, rows: Mask) -> "Workspace":

@@ -58,11 +58,11 @@ from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
 from lutforge.studio.jobs import Job
 from lutforge.studio.kept_sessions import KeptSessions
-from lutforge.studio.look_page import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl
 from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in
 from lutforge.studio.page import PAGE_NAMES, Page, progress_of
 from lutforge.studio.server import ContentSecurityPolicy, refused
 from lutforge.studio.session import Session
+from lutforge.studio.setting_control import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl
 from lutforge.studio.thumbnails import addresses
 from lutforge.studio.ui import written
 from lutforge.studio.workspace import MODEL_TITLES, FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
@@ -475,7 +475,7 @@ def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, 
     page.session.open((tmp_path / "camera.npz",))
     page.session.state = replace(page.session.state, chosen=ChosenLook("standard/tungsten", "vivid/daylight"))
     page.show("Export")
-    page.pages["Export"]._bake()
+    page.pages["Export"]._bake_lut()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.npz", "camera_refinish.clf"]
 
 
@@ -515,7 +515,7 @@ def test_a_kit_is_written_again_over_what_was_written(profile: CameraProfile, tm
     session.state = replace(session.state, chosen=None)
     view.program.value = "rawtherapee"
     for _ in range(2):
-        view._kit()
+        view._write_kit()
     written = session.written["kit for rawtherapee"]
     assert "read README.md first" in written.lines[0] and "--to standard/daylight" in written.command
 
@@ -664,7 +664,7 @@ def test_a_response_is_exported_as_by_the_command_line(bracket_folder: Path, mon
     root = bracket_folder.parent
     for suffix in (".cube", ".clf", ".csp"):
         view.suffix.value = suffix
-        view._bake()
+        view._bake_lut()
         assert suffix != ".cube" or "LUT_1D_SIZE" in (root / "drone_linearize.cube").read_text()
         commands.append(session.written["LUT, linearize"].command)
     view.actions["Write config"]()
@@ -890,7 +890,7 @@ def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: Camera
     export = page.pages["Export"]
     export.program.value = "rawtherapee"
     with pytest.raises(WorkspaceError, match="never on screen"):
-        export._kit()
+        export._write_kit()
     page.show("Look")
     look.view._handle_msg("help")
     assert look.view.notice == "" and session.look == ChosenLook("standard/daylight", "vivid/daylight")

@@ -22,8 +22,10 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.saturation import saturation
 from lutforge.pipeline.calibration import calibrate, calibrate_base
 from lutforge.pipeline.evaluation import predict
+from lutforge.studio.brushed_plot import BrushedPlot
 from lutforge.studio.opening import Folders
-from lutforge.studio.samples_page import COLOURS, PLOTS, BrushedPlot, colours, find_rows, points, tristimulus
+from lutforge.studio.sample_plots import COLOURS, PLOTS, colours, points, tristimulus
+from lutforge.studio.samples_page import find_rows
 from lutforge.studio.session import Session
 from lutforge.studio.shots_page import card_of, facts_of
 from lutforge.studio.workspace import (
