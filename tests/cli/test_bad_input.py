@@ -15,7 +15,8 @@ import PIL.Image
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.cli.looks import bake, kit
+from lutforge.cli.bake import bake
+from lutforge.cli.kit import kit
 from lutforge.cli.main import main
 from lutforge.cli.program_names import KIT_PROGRAMS, LUT_PROGRAMS
 from lutforge.kits.all_kits import KITS
