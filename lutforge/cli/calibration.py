@@ -27,7 +27,8 @@ def calibrate(
     from_space: Annotated[str, option("The colour space of the first folder of --pairs.", "--from-space")] = "srgb",
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
-    from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output, named_or_new
+    from lutforge.pipeline.file_kinds import PROFILE_SUFFIXES
+    from lutforge.pipeline.outputs import check_output, named_or_new
     from lutforge.pipeline.pairing import raw_substitute, sample_pairs
     from lutforge.pipeline.sampling import gather_samples
     from lutforge.thesis.options import options_of_preset

@@ -15,7 +15,8 @@ def import_nus(
     style: Annotated[str, option("The picture style that the folders are of.")] = "standard",
 ) -> None:
     """Read the thesis authors' model folders (response, matrix, white balances, gamut map) into a profile."""
-    from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output, named_or_new
+    from lutforge.pipeline.file_kinds import PROFILE_SUFFIXES
+    from lutforge.pipeline.outputs import check_output, named_or_new
 
     output = check_output(named_or_new(output, "camera.npz"), PROFILE_SUFFIXES)
     profile = lf.import_published(folders, camera, style.lower())

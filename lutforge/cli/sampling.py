@@ -33,7 +33,8 @@ def sample(
     developed_space: DevelopedSpace = None,
 ) -> None:
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
-    from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output, named_or_new
+    from lutforge.pipeline.file_kinds import TABLE_SUFFIXES
+    from lutforge.pipeline.outputs import check_output, named_or_new
     from lutforge.pipeline.pairing import raw_substitute
     from lutforge.pipeline.sampling import sample_by_reference, sample_shots
 

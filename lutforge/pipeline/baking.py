@@ -32,13 +32,11 @@ from lutforge.luts.writers.process_list import AMPAS_CLF_3, PROCESS_LISTS
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import Pictures
 from lutforge.model.transform import Purpose, PurposeKind, Transform
+from lutforge.pipeline.file_kinds import CAMERA_PROFILE_SUFFIXES, ICC_SUFFIXES
 from lutforge.pipeline.outputs import Paths, check_output, one_of, several
 from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.progress import Progress, silent, with_compilation
 from lutforge.settings import StyleName
-
-ICC_PROFILES = (".icc", ".icm")
-CAMERA_PROFILES = (*ICC_PROFILES, ".dcp")
 
 BALANCED = "input: camera RAW behind its white balance, which the RAW developer sets: one profile for all of a style"
 """The note on a camera profile: its input."""
@@ -127,9 +125,9 @@ def bake_files(
         raise LutError(
             "no output: name a file with -o, for example -o look.cube or -o look.clf; or a program with --for"
         )
-    profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
+    profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILE_SUFFIXES]
     luts = [path for path in paths if path not in profiles]
-    if colours and not (paths and all(path.suffix.lower() in ICC_PROFILES for path in paths)):
+    if colours and not (paths and all(path.suffix.lower() in ICC_SUFFIXES for path in paths)):
         raise SettingsError("--colours goes with an ICC profile: -o look.icc")
 
     camera = as_profile(profile)

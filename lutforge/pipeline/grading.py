@@ -12,7 +12,8 @@ from lutforge.errors import ImageError, SettingsError
 from lutforge.grading.batch import BatchResult, apply_batch, plan_jobs
 from lutforge.grading.grade import ConfigRecipe, LutRecipe, Recipe, ViewRecipe
 from lutforge.grading.inputs import Failure, find_inputs, is_picture
-from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, check_output, one_of, several
+from lutforge.pipeline.file_kinds import is_config, is_lut_picture, is_profile
+from lutforge.pipeline.outputs import Paths, check_output, one_of, several
 from lutforge.progress import Progress, silent
 
 
@@ -42,7 +43,7 @@ class Grading:
     display: str | None = None
 
     def __post_init__(self) -> None:
-        if self.words and is_picture(self.words[0]) and not _is_lut(self.words[0]):
+        if self.words and is_picture(self.words[0]) and not is_lut_picture(self.words[0]):
             raise ImageError(f"{self.words[0]}: a picture; name the LUT, profile or config first, then the pictures")
         if not self.images:
             raise SettingsError("no image named: give the images after the profiles")
@@ -54,7 +55,7 @@ class Grading:
         if self.space is None:
             if self.exposure is not None:
                 raise SettingsError("--exposure goes with --space: it scales linear light")
-        elif not _is_profile(self.words[0]):
+        elif not is_profile(self.words[0]):
             raise SettingsError("--space goes with profiles (.npz)")
         elif self.look is not None or self.transfer is not None:
             raise SettingsError("--as goes without --space: light of a scene is of no camera")
@@ -66,7 +67,7 @@ class Grading:
         if self.view is None:
             if self.display is not None:
                 raise SettingsError(f"--display {self.display}: goes with --view, the view that the display shows")
-        elif not _is_config(self.words[0]):
+        elif not is_config(self.words[0]):
             raise SettingsError("--view goes with a config (.ocio, .ocioz)")
         elif self.target is not None:
             raise SettingsError("--view goes without --to: the view says what comes out")
@@ -74,15 +75,15 @@ class Grading:
     @property
     def images(self) -> tuple[Path, ...]:
         """The images and folders: all paths but the first one and profiles."""
-        return tuple(path for path in self.words[1:] if not _is_profile(path))
+        return tuple(path for path in self.words[1:] if not is_profile(path))
 
     @cached_property
     def recipe(self) -> Recipe:
         """The recipe of the profiles, LUT or config, checked. Raises LutForgeError where an option does not fit it."""
         recipe: Recipe
         path = self.words[0]
-        more_profiles = tuple(filter(_is_profile, self.words[1:]))
-        if _is_profile(path):
+        more_profiles = tuple(filter(is_profile, self.words[1:]))
+        if is_profile(path):
             from lutforge.grading.profile_recipe import ProfileRecipe
             from lutforge.grading.scene_recipe import SceneRecipe
 
@@ -93,7 +94,7 @@ class Grading:
                 recipe = ProfileRecipe(*settings, self.look, self.transfer)
         elif self.look is not None or self.transfer is not None or more_profiles:
             raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
-        elif _is_config(path):
+        elif is_config(path):
             if self.ev:
                 raise SettingsError("--ev goes with a profile; a config converts from one colour space to another")
             if self.view is not None:
@@ -122,7 +123,7 @@ class Grading:
     @cached_property
     def inputs(self) -> tuple[list[Path], list[str]]:
         """The images to grade, and notes. Raises ImageError or SettingsError."""
-        return find_inputs(self.images, self.folder, raw=_is_profile(self.words[0]))
+        return find_inputs(self.images, self.folder, raw=is_profile(self.words[0]))
 
     def commands(self) -> Iterator[str | Failure]:
         """The oiiotool lines that grade as `run` does, for a POSIX shell, or the reason why there is none."""
@@ -142,23 +143,6 @@ class Grading:
             resume=self.resume, scheduler=self.scheduler,
         )  # fmt: skip
         return replace(result, notes=(*notes, *result.notes))
-
-
-def _is_lut(path: Path) -> bool:
-    """True of a picture that is a LUT by its size and content, such as a Hald image."""
-    from lutforge.luts.picture import SUFFIXES, is_picture_of_lut
-
-    return path.suffix.lower() in SUFFIXES and is_picture_of_lut(path)
-
-
-def _is_profile(path: Path) -> bool:
-    """True of a profile, and of a sample table: the profile's reader then reports that it is none."""
-    return path.suffix.lower() in TABLE_SUFFIXES
-
-
-def _is_config(path: Path) -> bool:
-    """True of an OpenColorIO config."""
-    return path.suffix.lower() in (".ocio", ".ocioz")
 
 
 def apply(

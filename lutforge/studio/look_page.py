@@ -15,8 +15,9 @@ from lutforge.luts.shaper import lattice_ops
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import confidence
 from lutforge.model.transform import Transform
+from lutforge.pipeline.file_kinds import PHOTOGRAPH_SUFFIXES
 from lutforge.pipeline.looks import ChosenLook, add_baked, bake_steps, look_lut, slow_steps, usual_setting
-from lutforge.pipeline.photographs import IMAGE_SUFFIXES, Photograph, open_photograph
+from lutforge.pipeline.photographs import Photograph, open_photograph
 from lutforge.settings import Selector
 from lutforge.studio import ui
 from lutforge.studio.look_view import LookView
@@ -74,7 +75,7 @@ class LookPage:
 
     def refresh(self) -> None:
         """Offer the photographs of the folders and the settings of the session's profile, and grade with them."""
-        names = self.session.folders.files(IMAGE_SUFFIXES)
+        names = self.session.folders.files(PHOTOGRAPH_SUFFIXES)
         self.listed.options = {**ui.NOTHING, **{name: name for name in names}}
         self.view.strip = addresses(self.session.folders, names)
         self._mark_present()
@@ -165,7 +166,7 @@ class LookPage:
         if not self.drop.value or not self.drop.filename:
             return
         paths = self.session.keep_dropped("photographs", self.drop.filename, self.drop.value)
-        known = [path for path in paths if path.suffix.lower() in IMAGE_SUFFIXES]
+        known = [path for path in paths if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
         if not known:
             raise WorkspaceError(f"{paths[0].name}: not a photograph that Look can show")
         with self.session.page.setting():

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from lutforge.errors import CalibrationError, LutForgeError, ShotError
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.pipeline.inspection import PICTURE_SUFFIXES
-from lutforge.pipeline.outputs import TABLE_SUFFIXES
+from lutforge.pipeline.file_kinds import PICTURE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.pipeline.response import Bracket, bracket_samples
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress
