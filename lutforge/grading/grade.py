@@ -267,8 +267,8 @@ class ViewRecipe(RecipeFromConfig):
         view = self._named(f"view of {display}", self.view, views)
         guarded(try_view, str(self.path), self.source, display, view)
 
-        shown = config.getDisplayViewColorSpaceName(display, view)
-        space = config.getColorSpace(display if shown == OCIO.OCIO_VIEW_USE_DISPLAY_NAME else shown)
+        name = config.getDisplayViewColorSpaceName(display, view)
+        space = config.getColorSpace(display if name == OCIO.OCIO_VIEW_USE_DISPLAY_NAME else name)
         takes_linear = _is_linear(config, source)
         gives_linear = takes_linear if space.isData() else _is_linear(config, space)
         words = ("--iscolorspace", self.source, "--ociodisplay", display, view)

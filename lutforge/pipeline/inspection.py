@@ -217,7 +217,7 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
 
     from lutforge.ocio.check import check_config, file_names, load_config
 
-    OCIO.ClearAllCaches()  # without this a file that was deleted since the last call would still be found
+    OCIO.ClearAllCaches()  # without this a file that was deleted since the last call would still be faults
     config = load_config(path)
     version = config.getMajorVersion(), config.getMinorVersion()
     lines = [f"{path}: OpenColorIO config, profile version {version[0]}.{version[1]}"]
@@ -237,13 +237,13 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
             lines.append(f"  {title:<9} {len(names)}: {one_line(', '.join(names), 240)}")
 
     files = file_names(config)
-    found = check_config(config) if with_transforms else []
-    problems = [str(problem) for problem in found]
+    faults = check_config(config) if with_transforms else []
+    problems = [str(problem) for problem in faults]
     if files:
-        missing = [str(problem) for problem in found if problem.is_missing_file]
-        lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all found'}")
+        missing = [str(problem) for problem in faults if problem.is_missing_file]
+        lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all faults'}")
         # OpenColorIO's errors on the same files are left out.
-        other_problems = [str(problem) for problem in found if not problem.is_missing_file]
+        other_problems = [str(problem) for problem in faults if not problem.is_missing_file]
         problems = [*missing, *(text for text in other_problems if "could not be located" not in text)]
     lines += [f"  problem   {one_line(text, 300)}" for text in problems[:20]]
     if len(problems) > 20:

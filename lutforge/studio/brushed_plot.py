@@ -82,23 +82,23 @@ class BrushedPlot:
 
     def _select(self, event: SelectionGeometry | Tap) -> None:
         """Select what a lasso or a box holds, by the even-odd rule, or the point nearest to a click, within reach."""
-        shown = self.points
-        if shown is None or len(shown) == 0:
+        dots = self.points
+        if dots is None or len(dots) == 0:
             return
-        where = np.zeros(len(shown), dtype=np.bool_)
+        where = np.zeros(len(dots), dtype=np.bool_)
         if isinstance(event, Tap):
-            distance = np.hypot(shown.x - event.x, shown.y - event.y)
+            distance = np.hypot(dots.x - event.x, dots.y - event.y)
             nearest = int(np.argmin(distance))
-            where[nearest] = distance[nearest] <= 0.03 * max(float(np.ptp(shown.x)), float(np.ptp(shown.y)), 1e-6)
+            where[nearest] = distance[nearest] <= 0.03 * max(float(np.ptp(dots.x)), float(np.ptp(dots.y)), 1e-6)
         elif event.final and event.geometry["type"] == "rect":
             shape = event.geometry
             (left, right), (low, high) = (sorted((shape[f"{axis}0"], shape[f"{axis}1"])) for axis in "xy")
-            where = (shown.x >= left) & (shown.x <= right) & (shown.y >= low) & (shown.y <= high)
+            where = (dots.x >= left) & (dots.x <= right) & (dots.y >= low) & (dots.y <= high)
         elif event.final and len(event.geometry["x"]) > 2:
             corners = np.column_stack([event.geometry["x"], event.geometry["y"]])
-            where = np.asarray(Path(corners).contains_points(np.column_stack([shown.x, shown.y])))
+            where = np.asarray(Path(corners).contains_points(np.column_stack([dots.x, dots.y])))
         else:
             return
         rows = np.zeros(len(self.session.selected), dtype=np.bool_)
-        rows[shown.row[where]] = rows[shown.partner[where]] = True
+        rows[dots.row[where]] = rows[dots.partner[where]] = True
         self.session.select(rows)

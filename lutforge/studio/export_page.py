@@ -89,9 +89,9 @@ class ExportPage:
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
         """A card of what was written: what there is to know of it, and its command."""
         title = f"{made.kind}: {self.session.folders.name(made.path)}{' (stale)' if stale else ''}"
-        shown = ui.text(ui.html("<h2>{}</h2>{}", title, ui.paragraphs(*made.lines)))
+        summary = ui.text(ui.html("<h2>{}</h2>{}", title, ui.paragraphs(*made.lines)))
         command = ui.html("<code>{}</code>", made.command) if made.command else ui.Html("")
-        return pmui.Paper(shown, ui.text(command), variant="outlined", sizing_mode="stretch_width", margin=8)
+        return pmui.Paper(summary, ui.text(command), variant="outlined", sizing_mode="stretch_width", margin=8)
 
     def _paths(self, *suffixes: str) -> list[Path]:
         """Return where files, and folders (a suffix without a dot), go, under one name.
@@ -166,9 +166,9 @@ class ExportPage:
         profile.save(path)
         workspace.samples.select(task.rows).save(table)
         error = held_out_error(profile)
-        known = "no shot could be left out" if error is None else f"mean error on shots left out {error:.4f}"
+        error_in_words = "no shot could be left out" if error is None else f"mean error on shots left out {error:.4f}"
         words = calibration_command(task, table, path)
-        lines = [f"profile of {profile.camera}, {int(task.rows.sum()):,} samples; {known}"]
+        lines = [f"profile of {profile.camera}, {int(task.rows.sum()):,} samples; {error_in_words}"]
         if not words:
             lines.append("no command has its stages or options: Save workspace keeps them")
         self._announce("profile", path, tuple(lines), words)
@@ -249,8 +249,8 @@ class ExportPage:
 def command(words: Iterable[object], options: Mapping[str, object], output: Path) -> str:
     """A command as one types it. An option without a value is left out; True is an option that takes none."""
     named = {f"--{name.replace('_', '-')}": value for name, value in options.items() if value}
-    given = [(name,) if value is True else (name, value) for name, value in named.items()]
-    return shlex.join(map(str, ("lutforge", *words, *(word for pair in given for word in pair), "-o", output)))
+    named_words = [(name,) if value is True else (name, value) for name, value in named.items()]
+    return shlex.join(map(str, ("lutforge", *words, *(word for pair in named_words for word in pair), "-o", output)))
 
 
 def calibration_command(task: FitTask, table: Path, profile: Path) -> str:

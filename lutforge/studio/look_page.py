@@ -166,13 +166,13 @@ class LookPage:
         if not self.drop.value or not self.drop.filename:
             return
         paths = self.session.keep_dropped("photographs", self.drop.filename, self.drop.value)
-        known = [path for path in paths if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
-        if not known:
+        pictures = [path for path in paths if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+        if not pictures:
             raise WorkspaceError(f"{paths[0].name}: not a photograph that Look can show")
         with self.session.page.setting():
             self.listed.value = ""
             self.path.param.update(value="", value_input="")
-        self._open(known[-1])
+        self._open(pictures[-1])
 
     def _open(self, path: Path) -> None:
         profile = self.session.require_profile()
@@ -180,18 +180,18 @@ class LookPage:
 
     def _show(self, photograph: Photograph) -> None:
         path = photograph.path
-        given = photograph.selector
+        taken_as = photograph.selector
         self.session.photograph = photograph
         self.view.show(photograph.picture, path.name)
         self._mark_present()
         news = f"{path.name} does not tell how it was taken: choose that under “Taken as”"
         with self.session.page.setting():
-            if given is not None:
-                self.source.style.value = given.style
+            if taken_as is not None:
+                self.source.style.value = taken_as.style
                 self.source.balance.value = LABEL_AS_SHOT
-                news = f"{path.name}: taken as {given}, as its metadata say"
+                news = f"{path.name}: taken as {taken_as}, as its metadata say"
                 if not self.session.state.look_chosen:
-                    self.wanted.set(given)
+                    self.wanted.set(taken_as)
             else:
                 self.source.style.value = photograph.style
                 self.source.balance.value = ""

@@ -232,10 +232,10 @@ def residuals(workspace: Workspace) -> Table:
     cells = []
     for name, model in workspace.models.items():
         distance = np.linalg.norm(model.predicted.rendered[rows] - srgb[rows], axis=1)
-        known = distance[np.isfinite(distance)]
-        if len(known):
+        finite = distance[np.isfinite(distance)]
+        if len(finite):
             error = held_out_error(model.profile)
-            numbers = (known.mean(), *np.percentile(known, [50, 95, 100]))
+            numbers = (finite.mean(), *np.percentile(finite, [50, 95, 100]))
             left_out = "–" if error is None else f"{error:.4f}"
             stale = " (stale)" if workspace.is_stale(name) else ""
             cells.append((MODEL_TITLES[name] + stale, *(f"{value:.4f}" for value in numbers), left_out))
@@ -245,8 +245,8 @@ def residuals(workspace: Workspace) -> Table:
 
 def held_out_error(profile: CameraProfile) -> float | None:
     """The mean error of a profile on shots left out, over its styles; None where it was not measured."""
-    known = [style.errors["render_mean"] for style in profile.styles.values() if "render_mean" in style.errors]
-    return float(np.mean(known)) if known else None
+    measured = [style.errors["render_mean"] for style in profile.styles.values() if "render_mean" in style.errors]
+    return float(np.mean(measured)) if measured else None
 
 
 class GamutView(View):

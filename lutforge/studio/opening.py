@@ -111,7 +111,7 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
 
 
 def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
-    """A workspace; or samples, shots and folders together; or profiles, with samples beside them."""
+    """Open a workspace; or samples, shots and folders together; or profiles, with or without samples."""
     if len(paths) == 1 and paths[0].suffix.lower() == SUFFIX:
         progress("reading", 0.0)
         workspace = open_workspace(paths[0])

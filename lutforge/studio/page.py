@@ -22,16 +22,19 @@ ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sy
 
 
 class Page:
-    """Steps are made when they are first looked at, and drawn again when the session has changed since."""
+    """The page of a visitor, with its five steps.
+
+    A step is made when it is first looked at, and drawn again when the session has changed since.
+    """
 
     def __init__(self, folders: Folders, inputs: tuple[Path, ...], session: Session | None = None) -> None:
         """Make the page of a visitor.
 
         session: one that goes on, whose own page is closed.
         """
-        goes_on = session is not None
+        is_continued = session is not None
         self.session = Session(folders) if session is None else session
-        if goes_on:
+        if is_continued:
             self.session.attach()
         self.pages: dict[str, Any] = {}
         self.shown = self.session.step
@@ -64,7 +67,7 @@ class Page:
         for watcher in _watchers_of_busy() - watchers:  # by which Panel would keep each page for ever
             pn.state.param.unwatch(watcher)
         self.show(self.shown)
-        if inputs and not goes_on:
+        if inputs and not is_continued:
             self.session.page.guarded(self.session.open)(inputs)
 
     def show(self, name: str) -> None:

@@ -97,11 +97,11 @@ class ShotsPage:
         names: Any = self.drop.filename
         if not self.drop.value or not names:
             return
-        kept = self.session.keep_dropped("shots", names, self.drop.value)
+        dropped = self.session.keep_dropped("shots", names, self.drop.value)
         with self.session.page.setting():
             self.listed.value = ""
             self.path.param.update(value="", value_input="")
-        self.session.open((kept[0].parent,))
+        self.session.open((dropped[0].parent,))
 
     def _enable(self) -> None:
         self.light.disabled = self.corners.disabled = not self.chart.value
