@@ -54,7 +54,7 @@ def apply(
     from lutforge.pipeline.grading import Grading
 
     grading = Grading(
-        words=(grade, *images),
+        paths=(grade, *images),
         output=output,
         source=source,
         target=target,
