@@ -11,7 +11,7 @@ import pytest
 import lutforge as lf
 from lutforge.calibration.curve_basis import srgb_response
 from lutforge.calibration.one_exposure import fit_one_exposure
-from lutforge.cli.profiles import response as response_command
+from lutforge.cli.response import response as response_command
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.spectra import chart_reflectances, reflectances, surface_reflectances
 from lutforge.colour.srgb import srgb_decode

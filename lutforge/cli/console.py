@@ -127,3 +127,6 @@ def option(help: str, *names: str, **settings: Any) -> Any:
 
 
 Profile = Annotated[Path, argument("The profile (.npz).")]
+ProfileOutput = Annotated[
+    Path | None, option("The profile to write (.npz).", "-o", "--output", show_default="camera.npz, if it is new")
+]

@@ -16,9 +16,22 @@ PURPOSE = "Calibrate a camera from its RAW and JPEG files, and bake its renderin
 
 COMMANDS = {
     "demo": "demo",
-    **dict.fromkeys(("inspect", "sample", "calibrate", "response", "evaluate"), "profiles"),
-    **dict.fromkeys(("bake", "kit", "config", "apply"), "looks"),
-    **dict.fromkeys(("transfer", "check", "report", "compare", "studio", "import-nus", "export-nus"), "profiles"),
+    "inspect": "inspection",
+    "sample": "sampling",
+    "calibrate": "calibration",
+    "response": "response",
+    "evaluate": "reports",
+    "bake": "bake",
+    "kit": "kit",
+    "config": "config",
+    "apply": "apply",
+    "transfer": "calibration",
+    "check": "inspection",
+    "report": "reports",
+    "compare": "reports",
+    "studio": "studio",
+    "import-nus": "published_models",
+    "export-nus": "published_models",
 }
 """The commands in the order of the help, and the module of `lutforge.cli` that defines each."""
 

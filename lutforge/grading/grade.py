@@ -4,7 +4,7 @@ import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,19 +28,24 @@ if TYPE_CHECKING:
     from lutforge.model.vignetting import Vignetting
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Grade:
     """The grade of one image.
 
-    processor: colours in the image's own encoding → graded colours; codes: the same for 8-bit codes in and out, None
-    for RAW files. history: one line for the output's metadata. attributes: further metadata to set in the output, by
-    OpenImageIO's names; those with None, whose name is a regular expression, are erased. notes: for the user.
-
-    raw: the source is a RAW file, and its linear camera RGB is graded after a correction of vignetting, by the one of
-    `vignettings` that is of its lens setting. takes_linear, gives_linear: the input, or the output, is known to be
-    scene-linear, and not an encoded picture. for_srgb: the input is known to be sRGB. oiiotool: the arguments by which
-    oiiotool does the same, where it can; lut: the LUT of `processor`, where it is in no file. unchanged: the pixels
-    stay as they are. marks_clipped: a channel "clipped" is added, 1 where a channel of the source is at 0 or 1.
+    processor: colours in the image's own encoding → graded colours.
+    history: one line for the output's metadata.
+    attributes: further metadata to set in the output, by OpenImageIO's names; those with None, whose name is a regular
+        expression, are erased.
+    raw: the source is a RAW file, and its linear camera RGB is graded after a correction of vignetting.
+    vignettings: those of the camera, of which the one of the RAW file's lens setting is corrected.
+    notes: for the user.
+    takes_linear, gives_linear: the input, or the output, is known to be scene-linear, and not an encoded picture.
+    oiiotool: the arguments by which oiiotool does the same, where it can.
+    lut: the LUT of `processor`, where it is in no file.
+    unchanged: the pixels stay as they are.
+    codes: as `processor`, for 8-bit codes in and out; None for RAW files.
+    for_srgb: the input is known to be sRGB.
+    marks_clipped: a channel "clipped" is added, 1 where a channel of the source is at 0 or 1.
     """
 
     processor: OCIO.CPUProcessor
@@ -126,29 +131,34 @@ class LutRecipe(Recipe):
             problems = report.problems
         stated = None if lut is None else read_input_and_output(lut.comments)
         takes_linear, gives_linear = (False, False) if stated is None else stated.are_linear
-        grade = Grade(
-            None,
-            f"graded with {self.path.name}",
+
+        lut_in_memory: Lut | None = None
+        oiiotool: tuple[str, ...] = ()
+        if lut is None or is_read_by_ocio(self.path, lut):
+            of_file = validated_processor(self.path)
+            processor = of_file.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+            codes = of_codes(of_file)
+            oiiotool = ("--ociofiletransform", str(self.path.absolute()))
+        else:
+            lut_in_memory = lut
+            is_large = lut.size > MAX_SIZE
+            processor = LutProcessor(lut) if is_large else lut.processor()
+            codes = None if is_large else lut.processor(codes=True)
+        return Grade(
+            processor=processor,
+            codes=codes,
+            history=f"graded with {self.path.name}",
             notes=tuple(f"{self.path}: {problem}" for problem in problems),
             takes_linear=takes_linear,
             gives_linear=gives_linear,
             for_srgb=stated is not None and stated.input == ENCODED,
-        )
-        if lut is not None and not is_read_by_ocio(self.path, lut):
-            if lut.size > MAX_SIZE:
-                return replace(grade, processor=Evaluation(lut), lut=lut)
-            return replace(grade, processor=lut.processor(), codes=lut.processor(codes=True), lut=lut)
-        processor = validated_processor(self.path)
-        return replace(
-            grade,
-            processor=processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
-            codes=of_codes(processor),
-            oiiotool=("--ociofiletransform", str(self.path.absolute())),
+            oiiotool=oiiotool,
+            lut=lut_in_memory,
         )
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class LutProcessor:
     """A processor of float32 pixels, for a LUT with more nodes than OpenColorIO accepts."""
 
     lut: Lut
@@ -159,7 +169,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
-class OfConfig(Recipe):
+class RecipeFromConfig(Recipe):
     """Grade by a conversion of an OpenColorIO config, from one of its colour spaces."""
 
     path: Path
@@ -205,8 +215,8 @@ class OfConfig(Recipe):
         """The grade of a processor. linear: its input, and its output, are linear; words: of oiiotool for the same."""
         takes_linear, gives_linear = linear
         return Grade(
-            processor.getDefaultCPUProcessor(),
-            history,
+            processor=processor.getDefaultCPUProcessor(),
+            history=history,
             takes_linear=takes_linear,
             gives_linear=gives_linear,
             oiiotool=("--colorconfig", str(self.path.absolute()), *words),
@@ -215,7 +225,7 @@ class OfConfig(Recipe):
 
 
 @dataclass(frozen=True)
-class ConfigRecipe(OfConfig):
+class ConfigRecipe(RecipeFromConfig):
     """Grade from one colour space of an OpenColorIO config to another."""
 
     target: str | None
@@ -235,7 +245,7 @@ class ConfigRecipe(OfConfig):
 
 
 @dataclass(frozen=True)
-class ViewRecipe(OfConfig):
+class ViewRecipe(RecipeFromConfig):
     """Grade from a colour space of an OpenColorIO config to what a display shows through a view.
 
     display: without one, the config's first.
@@ -257,8 +267,8 @@ class ViewRecipe(OfConfig):
         view = self._named(f"view of {display}", self.view, views)
         guarded(try_view, str(self.path), self.source, display, view)
 
-        shown = config.getDisplayViewColorSpaceName(display, view)
-        space = config.getColorSpace(display if shown == OCIO.OCIO_VIEW_USE_DISPLAY_NAME else shown)
+        name = config.getDisplayViewColorSpaceName(display, view)
+        space = config.getColorSpace(display if name == OCIO.OCIO_VIEW_USE_DISPLAY_NAME else name)
         takes_linear = _is_linear(config, source)
         gives_linear = takes_linear if space.isData() else _is_linear(config, space)
         words = ("--iscolorspace", self.source, "--ociodisplay", display, view)

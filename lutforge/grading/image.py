@@ -54,6 +54,24 @@ class GradedImage:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class _Picture:
+    """A picture that is open for its grade, with what its file states of its colours.
+
+    image: its pixels; converted: whether they were converted to sRGB. packets: XMP, IPTC and others, empty for RAW
+    files. jpeg: the header of a JPEG that becomes a JPEG, else None. attributes: metadata to set in the output, by
+    OpenImageIO's names. space: the name of the colour space where it is not sRGB and the grade sets no other, else "".
+    """
+
+    source: Path
+    image: ImageReader | Image
+    converted: bool
+    packets: Packets
+    jpeg: JpegHeader | None
+    attributes: Mapping[str, object]
+    space: str
+
+
 def apply_image(
     grade: Grade,
     source: str | Path,
@@ -66,62 +84,53 @@ def apply_image(
     workers: threads, by default one per core. Raises ImageError.
     """
     source, target = Path(source), Path(target)
-    if target.exists() and source.exists() and target.samefile(source):
-        raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
+    _check_target(source, target)
     if grade.unchanged and target.suffix.lower() == source.suffix.lower():
         return _copied(grade, source, target)
 
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
         image, profile = stack.enter_context(_opened(source, target, grade))
-        spec = image.spec
         if profile:
-            converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
-            grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
-
-        # The colours, as the header and the packets state them.
-        check_colours(source, spec)
-        packets = Packets() if grade.raw else read_packets(source)
-        if image.format == "openexr":  # where XMP is an attribute, which `image_writer` sets
-            packets = replace(packets, xmp=spec.get_string_attribute("xmp").encode())
-        if grade.for_srgb and packets.encoding:
-            raise ImageError(
-                f"{source}: says that its colours are in {packets.encoding}, and this grade is for sRGB; "
-                "convert it to sRGB first"
-            )
-        jpeg = read_header(source.read_bytes()) if image.format == format_of(target) == "jpeg" else None
-        attributes = _output_attributes(grade, source, image, jpeg)
-        space = foreign_space(grade, spec, attributes)
-        if grade.for_srgb and space:
-            raise ImageError(
-                f"{source}: the picture is in {space}, and this grade is for sRGB; convert it to sRGB first"
-            )
-
-        output = _described(grade, target, image, attributes)
+            grade = _with_conversion(grade, profile)
+        picture = _read_picture(grade, source, target, image, converted=bool(profile))
+        output = _described(grade, target, picture)
         threads = None if count == 1 else stack.enter_context(ThreadPoolExecutor(count))
+        broken = _write_graded(grade, picture, target, output, threads, region_samples)
+        notes = _notes(grade, picture, target, output, broken)
+        return GradedImage(source, target, image.spec.width, image.spec.height, notes)
 
-        # A JPEG of at most 64 Mpixel is graded as a whole, in 8-bit codes; a larger one would take more than 256 MB.
-        is_small = spec.width * spec.height <= 64_000_000
-        if jpeg is not None and jpeg.plain and is_small and grade.codes is not None and not profile:
-            broken = 0
-            grade_whole(source, jpeg, grade, target, threads)
-        else:
-            start = None if jpeg is None else jpeg_metadata(jpeg, grade)
-            xmp, iptc = (b"", b"") if start is not None else (without_further_pictures(packets.xmp), packets.iptc)
-            if packets.lossless and format_of(target) == "webp":
-                output.attribute("compression", "lossless")
-            writer = stack.enter_context(image_writer(target, output, start, xmp, iptc))
-            broken = _grade_regions(grade, image, writer, threads, region_samples, count > 1)
-        parts = image.parts
 
-    notes = (
-        *grade.notes,
-        *notes_on(grade, image.format, spec, output, space, broken),
-        *((f"the first of {parts} images in the file was used",) if parts != 1 else ()),
-        *(() if jpeg is None else jpeg.notes),
-        *notes_on_packets(packets, spec, image.format, format_of(target), jpeg is not None),
-    )
-    return GradedImage(source, target, spec.width, spec.height, notes)
+def _check_target(source: Path, target: Path) -> None:
+    """Raise ImageError where the output is the input."""
+    if target.exists() and source.exists() and target.samefile(source):
+        raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
+
+
+def _with_conversion(grade: Grade, profile: bytes) -> Grade:
+    """The grade of a picture that was converted to sRGB from the space of an ICC profile, which it loses."""
+    converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
+    return replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
+
+
+def _read_picture(grade: Grade, source: Path, target: Path, image: ImageReader | Image, converted: bool) -> _Picture:
+    """Read what the header and the packets of a picture state. Raises ImageError where its colours cannot be graded."""
+    check_colours(source, image.spec)
+    packets = Packets() if grade.raw else read_packets(source)
+    if image.format == "openexr":  # where XMP is an attribute, which `image_writer` sets
+        packets = replace(packets, xmp=image.spec.get_string_attribute("xmp").encode())
+    if grade.for_srgb and packets.encoding:
+        raise ImageError(
+            f"{source}: says that its colours are in {packets.encoding}, and this grade is for sRGB; "
+            "convert it to sRGB first"
+        )
+
+    jpeg = read_header(source.read_bytes()) if image.format == format_of(target) == "jpeg" else None
+    attributes = _output_attributes(grade, source, image, jpeg)
+    space = foreign_space(grade, image.spec, attributes)
+    if grade.for_srgb and space:
+        raise ImageError(f"{source}: the picture is in {space}, and this grade is for sRGB; convert it to sRGB first")
+    return _Picture(source, image, converted, packets, jpeg, attributes, space)
 
 
 def _output_attributes(
@@ -136,20 +145,58 @@ def _output_attributes(
     return attributes
 
 
-def _described(
-    grade: Grade, target: Path, image: ImageReader | Image, attributes: Mapping[str, object]
-) -> oiio.ImageSpec:
+def _described(grade: Grade, target: Path, picture: _Picture) -> oiio.ImageSpec:
     """The description of the output, in half floats and with the channel "clipped" where the grade adds it."""
-    spec = oiio.ImageSpec(image.spec)
+    spec = oiio.ImageSpec(picture.image.spec)
     if grade.marks_clipped:
         names = (*spec.channelnames, "clipped")
         spec.nchannels = len(names)
         spec.channelnames = names
         spec.channelformats = ()
-    output = describe_output(target, spec, image.format, grade.history, attributes)
+    output = describe_output(target, spec, picture.image.format, grade.history, picture.attributes)
     if grade.marks_clipped:
         output.set_format(oiio.HALF)
+    if picture.packets.lossless and format_of(target) == "webp":
+        output.attribute("compression", "lossless")
     return output
+
+
+def _write_graded(
+    grade: Grade,
+    picture: _Picture,
+    target: Path,
+    output: oiio.ImageSpec,
+    threads: Executor | None,
+    region_samples: int,
+) -> int:
+    """Grade a picture and write it, and count the pixels that are no finite numbers."""
+    jpeg = picture.jpeg
+    spec = picture.image.spec
+    # A JPEG of at most 64 Mpixel is graded as a whole, in 8-bit codes; a larger one would take more than 256 MB.
+    is_small = spec.width * spec.height <= 64_000_000
+    if jpeg is not None and jpeg.plain and is_small and grade.codes is not None and not picture.converted:
+        grade_whole(picture.source, jpeg, grade, target, threads)
+        return 0
+
+    packets = picture.packets
+    start = None if jpeg is None else jpeg_metadata(jpeg, grade)  # which holds the XMP and IPTC of a JPEG
+    xmp, iptc = (b"", b"") if start is not None else (without_further_pictures(packets.xmp), packets.iptc)
+    with image_writer(target, output, start, xmp, iptc) as writer:
+        return _grade_regions(grade, picture.image, writer, threads, region_samples)
+
+
+def _notes(grade: Grade, picture: _Picture, target: Path, output: oiio.ImageSpec, broken: int) -> tuple[str, ...]:
+    """The notes for the user on a graded picture. broken: how many pixels are no finite numbers."""
+    image = picture.image
+    jpeg = picture.jpeg
+    of_parts = () if image.parts == 1 else (f"the first of {image.parts} images in the file was used",)
+    return (
+        *grade.notes,
+        *notes_on(grade, image.format, image.spec, output, picture.space, broken),
+        *of_parts,
+        *(() if jpeg is None else jpeg.notes),
+        *notes_on_packets(picture.packets, image.spec, image.format, format_of(target), jpeg is not None),
+    )
 
 
 def _copied(grade: Grade, source: Path, target: Path) -> GradedImage:
@@ -174,7 +221,7 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageRea
         from lutforge.model.vignetting import vignetting_of
         from lutforge.shots.metadata import lens_of, raw_attributes
 
-        with _in_memory():
+        with _limit_of_whole_images():
             image = read_raw(source)
             vignetting = vignetting_of(grade.vignettings, lens_of(source, image), image.focal_mm, image.aperture)
             if vignetting is not None:
@@ -191,7 +238,7 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageRea
     if source.suffix.lower() in RAW_SUFFIXES:
         raise ImageError(f"{source}: a RAW file; what renders it is a camera's profile (.npz)")
     if is_heif(source):
-        with _in_memory():
+        with _limit_of_whole_images():
             yield _in_srgb(read_image(source), grade)
         return
     with ImageReader(source) as reader:
@@ -200,7 +247,7 @@ def _opened(source: Path, target: Path, grade: Grade) -> Iterator[tuple[ImageRea
         if not turned and not (grade.for_srgb and foreign_profile(reader.spec)):
             yield reader, b""
             return
-        with _in_memory():
+        with _limit_of_whole_images():
             pixels = reader.read(reader.whole)
             spec = reader.spec
             if turned:
@@ -222,7 +269,7 @@ def _in_srgb(image: Image, grade: Grade) -> tuple[Image, bytes]:
 
 
 @cache
-def _in_memory() -> Semaphore:
+def _limit_of_whole_images() -> Semaphore:
     """The limit of images that are in memory as a whole: a decoded RAW file takes up to about 2 GB."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8_000_000_000
     return Semaphore(max(1, memory // 4_000_000_000))
@@ -234,11 +281,10 @@ def _grade_regions(
     writer: ImageWriter,
     threads: Executor | None,
     region_samples: int,
-    overlap: bool,
 ) -> int:
     """Read, grade and write an image region by region, and count the pixels that are no finite numbers.
 
-    overlap: while a region is graded, the next one is read and the last one written.
+    With threads, the next region is read and the last one written while a region is graded.
     """
     premultiplied = is_premultiplied(image.spec)
     broken = 0
@@ -254,7 +300,7 @@ def _grade_regions(
         return pixels if clips is None else np.dstack([pixels, clips.astype(np.float32)])
 
     regions = image.regions(max(1, region_samples // image.spec.nchannels), not writer.tiled)
-    if not overlap or len(regions) == 1:
+    if threads is None or len(regions) == 1:
         for region in regions:
             writer.write(region, work(image.read(region)))
         return broken

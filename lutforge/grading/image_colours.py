@@ -66,11 +66,11 @@ def _last_words(names: Sequence[str]) -> Iterator[str]:
     return (name.rpartition(".")[2].lower() for name in names)
 
 
-def colour_space(source: Path, spec: oiio.ImageSpec, format: str, jpeg: JpegHeader | None) -> Mapping[str, object]:
+def colour_space(source: Path, spec: oiio.ImageSpec, file_format: str, jpeg: JpegHeader | None) -> Mapping[str, object]:
     """The metadata of Adobe RGB, where the source states this space only in a tag that OpenImageIO does not keep."""
     if jpeg is not None:
         return ADOBE_RGB_METADATA if jpeg.is_adobe_rgb and spec.getattribute("ICCProfile") is None else {}
-    if format != "jpeg" or spec.getattribute("ICCProfile") is not None:
+    if file_format != "jpeg" or spec.getattribute("ICCProfile") is not None:
         return {}
     from lutforge.shots.maker_settings import in_adobe_rgb  # imported here: few pictures need it
     from lutforge.shots.tags import tags
@@ -91,15 +91,16 @@ def foreign_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str,
 
 
 def notes_on_packets(
-    packets: Packets, source: oiio.ImageSpec, format: str, written: str, segments_stay: bool
+    packets: Packets, source: oiio.ImageSpec, file_format: str, written: str, segments_stay: bool
 ) -> Iterator[str]:
     """Yield notes on parts of the source file that the graded file does not have.
 
-    format, written: of source and graded file; segments_stay: both are JPEG, and all segments of metadata are copied.
+    file_format, written: the formats of source and graded file; segments_stay: both are JPEG, and all segments of
+    metadata are copied.
     """
     if packets.encoding:
         yield f"the picture says that its colours are in {packets.encoding}, and was graded as it is"
-    if packets.animated and format == "png":
+    if packets.animated and file_format == "png":
         yield "an animation: its first frame was graded, the others were left out"
     if declares_film(packets.xmp):
         yield "the film of the motion photo was left out"
@@ -109,7 +110,7 @@ def notes_on_packets(
     lost += ["GPS"] if any(name.startswith("GPS:") for name in names) and written not in _HOLDS_EXIF else []
     kinds = set(holds_packets(written))
     # OpenEXR gets IPTC as attributes, which OpenImageIO reads from JPEG and TIFF only, PNG from PNG as a text.
-    if (written == "openexr" and format in ("jpeg", "tiff")) or written == format == "png":
+    if (written == "openexr" and file_format in ("jpeg", "tiff")) or written == file_format == "png":
         kinds.add("IPTC")
     for kind, packet in (("XMP", packets.xmp), ("IPTC", packets.iptc)):
         if not packet or segments_stay:
@@ -135,15 +136,15 @@ _HOLDS_ICC = frozenset({"jpeg", "tiff", "png", "webp", "jpeg2000", "jpegxl"})
 
 
 def notes_on(
-    grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec, space: str, broken: int
+    grade: Grade, file_format: str, source: oiio.ImageSpec, output: oiio.ImageSpec, space: str, broken: int
 ) -> Iterator[str]:
     """Yield notes for the user on the colours of a graded image.
 
-    format: of the source, as `Image.format`; space: of `foreign_space`; broken: the number of pixels that are no finite
-    numbers.
+    file_format: of the source, as `Image.format`; space: as in `foreign_space`; broken: the number of pixels that are
+    no finite numbers.
     """
     # Formats that usually hold scene-linear values, and 8 bits, which hardly ever do.
-    if grade.for_srgb and not grade.raw and format in ("openexr", "hdr"):
+    if grade.for_srgb and not grade.raw and file_format in ("openexr", "hdr"):
         yield "such a file holds scene-linear light, as a rule, and this grade takes encoded sRGB: encode it first"
     if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
         yield "scene-linear light is what this grade takes, and 8-bit pictures are encoded: linearize them first"

@@ -41,11 +41,11 @@ def choose_camera(
 
 
 def source_selector(
-    path: Path, settings: ShotMetadata, camera: CameraProfile, stated: Selector = AS_IT_IS, needed: bool = True
+    path: Path, settings: ShotMetadata, camera: CameraProfile, stated: Selector = AS_IT_IS, needs_balance: bool = True
 ) -> tuple[Selector, tuple[str, ...]]:
     """The settings of a picture, as the user states them, completed by its metadata; and notes.
 
-    needed: False where the white balance stays as it is; then any white balance will do where the file states none.
+    needs_balance: False where the white balance stays as it is; then any will do where the file states none.
     """
     style = stated.style if stated.style != AS_SHOT else settings.style
     if style not in camera.styles:
@@ -70,7 +70,7 @@ def source_selector(
         r, g, b = middle.multipliers
         text = f"the file does not state its white balance; that of the middle shot, {r:.3f},{g:g},{b:.3f}, is used"
         return Selector(style, "auto"), (text,)
-    if not needed:
+    if not needs_balance:
         name = next(iter(camera.white_balances))
         of_shot = ", the white balance of the middle shot" if name == "auto" else ""
         text = (

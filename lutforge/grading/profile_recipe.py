@@ -30,7 +30,7 @@ STALE = (
 
 
 @dataclass(frozen=True)
-class RecipeOfProfiles(Recipe):
+class RecipeFromProfiles(Recipe):
     """The common part of recipes with camera profiles.
 
     profiles: of one camera or several; the profile of the camera that a picture names applies to it. source: STYLE/WB
@@ -46,8 +46,8 @@ class RecipeOfProfiles(Recipe):
     def check(self) -> None:
         """Raise SettingsError or ProfileError where the profiles, or the settings of all pictures, are wrong."""
         for camera in self.cameras.values():
-            if self.stated.style != AS_SHOT and self.stated.white_balance not in NAMED_BY_FILE:
-                camera.selector(self.stated)
+            if self.stated_setting.style != AS_SHOT and self.stated_setting.white_balance not in NAMED_BY_FILE:
+                camera.selector(self.stated_setting)
 
     @cached_property
     def cameras(self) -> dict[str, CameraProfile]:
@@ -60,12 +60,12 @@ class RecipeOfProfiles(Recipe):
         return cameras
 
     @cached_property
-    def stated(self) -> Selector:
+    def stated_setting(self) -> Selector:
         """The pictures' own settings, as the user states them."""
         return parse_selector(self.source) if self.source else AS_IT_IS
 
     @cached_property
-    def goal(self) -> Selector:
+    def target_setting(self) -> Selector:
         """The settings that pictures are graded to."""
         return parse_selector(self.target) if self.target else AS_IT_IS
 
@@ -76,7 +76,7 @@ class RecipeOfProfiles(Recipe):
 
 
 @dataclass(frozen=True)
-class ProfileRecipe(RecipeOfProfiles):
+class ProfileRecipe(RecipeFromProfiles):
     """Grade each picture from the settings that it was made with to other settings.
 
     look: the profile of the camera whose look the pictures get. transfer: RAW → RAW from another camera to it.
@@ -88,11 +88,11 @@ class ProfileRecipe(RecipeOfProfiles):
     def check(self) -> None:
         """Raise SettingsError or ProfileError where the profiles, the transfer or the target settings are wrong."""
         super().check()
-        for camera in [self._look] if self._look else self.cameras.values():
-            style = self.goal.style if self.goal.style != AS_SHOT else next(iter(camera.styles))
+        for camera in [self.look_profile] if self.look_profile else self.cameras.values():
+            style = self.target_setting.style if self.target_setting.style != AS_SHOT else next(iter(camera.styles))
             first = next(iter(camera.white_balances))
-            camera.selector(Selector(style, self.goal.white_balance if self.shift is None else first))
-        _ = self._transfer
+            camera.selector(Selector(style, self.target_setting.white_balance if self.shift is None else first))
+        _ = self.raw_transfer
 
     def grade(self, source: Path) -> Grade:
         """Return the grade of one picture by its own settings."""
@@ -100,14 +100,14 @@ class ProfileRecipe(RecipeOfProfiles):
         camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
         if source.suffix.lower() in RAW_SUFFIXES:
             return self._developed(source, settings, camera)
-        needed = self._look not in (None, camera) or self.shift != Shift()
-        made_with, doubts = source_selector(source, settings, camera, self.stated, needed)
+        needs_balance = self.look_profile not in (None, camera) or self.shift != Shift()
+        made_with, setting_notes = source_selector(source, settings, camera, self.stated_setting, needs_balance)
         change = self.change(camera, made_with)
         if change.is_none:  # the picture is copied, or saved in another format
             identity = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform())
             return Grade(
-                identity.getDefaultCPUProcessor(),
-                change.history(str(made_with)),
+                processor=identity.getDefaultCPUProcessor(),
+                history=change.history(str(made_with)),
                 notes=("it was made with these settings: nothing to change",),
                 unchanged=True,
                 codes=of_codes(identity),
@@ -116,10 +116,10 @@ class ProfileRecipe(RecipeOfProfiles):
         grades = self.baked_grades
         lut = grades.refinish(change)
         return Grade(
-            grades.processor(lut),
-            change.history(str(made_with)),
+            processor=grades.processor(lut),
+            history=change.history(str(made_with)),
             attributes=_attributes(change.look, change.target, made_with),
-            notes=(*settings.notes, *notes, *doubts),
+            notes=(*settings.notes, *notes, *setting_notes),
             lut=lut,
             codes=grades.processor(lut, codes=True),
             for_srgb=made_with.colour_space == "srgb",
@@ -133,14 +133,14 @@ class ProfileRecipe(RecipeOfProfiles):
             )
         names = (settings.style, str(replace(StyleName.parse(settings.style), colour_space="srgb")))
         style = next((name for name in names if name in camera.styles), next(iter(camera.styles)))
-        stated = Selector(style, self.stated.white_balance)
+        stated = Selector(style, self.stated_setting.white_balance)
         made_with, notes = source_selector(source, replace(settings, style=style), camera, stated)
-        if self.goal.style == AS_SHOT and style not in names:
+        if self.target_setting.style == AS_SHOT and style not in names:
             notes = (*notes, f'the file does not state a style of this profile; "{style}" is used')
         change = self.change(camera, made_with)
         return Grade(
-            self.baked_grades.develop(change),
-            change.history("RAW"),
+            processor=self.baked_grades.develop(change),
+            history=change.history("RAW"),
             attributes=_attributes(change.look, change.target),
             raw=True,
             vignettings=camera.vignettings,
@@ -150,12 +150,13 @@ class ProfileRecipe(RecipeOfProfiles):
     @cached_property
     def shift(self) -> Shift | None:
         """The step from a picture's own white balance ("as-shot", "as-shot+500K"); None for another white balance."""
-        balance = str(self.goal.white_balance)
+        balance = str(self.target_setting.white_balance)
         name, shift = split_shift(balance) or (balance, Shift())
         return shift if name in NAMED_BY_FILE else None
 
     @cached_property
-    def _look(self) -> CameraProfile | None:
+    def look_profile(self) -> CameraProfile | None:
+        """The profile of the camera whose look is wanted; None where each picture gets that of its own camera."""
         if self.look is None:
             return None
         look = load_profile(self.look)
@@ -163,16 +164,17 @@ class ProfileRecipe(RecipeOfProfiles):
         return self.cameras[look.camera.lower()] if is_a_source else look
 
     @cached_property
-    def _transfer(self) -> RawTransfer | None:
+    def raw_transfer(self) -> RawTransfer | None:
+        """The transfer to the RAW of that camera; None where none was measured. Raises SettingsError."""
         if self.transfer is None:
             return None
-        if self._look is None:
+        if self.look_profile is None:
             raise SettingsError("--transfer goes with --as: it leads to the RAW of the camera whose look is wanted")
         transfer = load_transfer(self.transfer)
-        if transfer.source.lower() not in self.cameras or transfer.target != self._look.camera:
+        if transfer.source.lower() not in self.cameras or transfer.target != self.look_profile.camera:
             raise SettingsError(
                 f"{self.transfer}: leads from {transfer.source} to {transfer.target}, not from "
-                f"{', '.join(camera.camera for camera in self.cameras.values())} to {self._look.camera}"
+                f"{', '.join(camera.camera for camera in self.cameras.values())} to {self.look_profile.camera}"
             )
         return transfer
 
@@ -182,15 +184,15 @@ class ProfileRecipe(RecipeOfProfiles):
         A target "as-shot" keeps the picture's white balance; for another camera it is the one under which the same
         illuminant is neutral.
         """
-        look = self._look or camera
-        transfer = self._transfer
+        look = self.look_profile or camera
+        transfer = self.raw_transfer
         if look is camera or (transfer is not None and transfer.source != camera.camera):
             transfer = None
 
-        style = source.style if self.goal.style == AS_SHOT else self.goal.style
+        style = source.style if self.target_setting.style == AS_SHOT else self.target_setting.style
         balance = source.white_balance
         if self.shift is None:
-            balance = self.goal.white_balance
+            balance = self.target_setting.white_balance
         elif look is not camera:
             same_illuminant = same_light(camera, source, look)
             if same_illuminant is not None:

@@ -10,7 +10,7 @@ from lutforge.colour.rgb_spaces import CHROMATICITIES, INTEROP_IDS, from_linear_
 from lutforge.errors import ImageError, SettingsError
 from lutforge.grading.grade import Grade
 from lutforge.grading.picture_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
-from lutforge.grading.profile_recipe import STALE, RecipeOfProfiles
+from lutforge.grading.profile_recipe import STALE, RecipeFromProfiles
 from lutforge.luts.ops import Matrix
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
@@ -27,7 +27,7 @@ With this unit half floats hold a sunlit scene and a room lit by lamps without l
 
 
 @dataclass(frozen=True)
-class SceneRecipe(RecipeOfProfiles):
+class SceneRecipe(RecipeFromProfiles):
     """Linearize each picture from the settings that it was made with to linear values of a colour space.
 
     target: "as-shot/WB", whose white balance is that of the illuminant that becomes neutral; by default a picture's
@@ -43,8 +43,8 @@ class SceneRecipe(RecipeOfProfiles):
         if not rgb_space(self.space).is_linear:
             raise SettingsError(f"--space {self.space}: encoded; pictures become linear light, such as acescg")
         require_exposure(self.ev)
-        if self.goal.style != AS_SHOT:
-            advice = f"write --to {AS_SHOT}/{self.goal.white_balance}"
+        if self.target_setting.style != AS_SHOT:
+            advice = f"write --to {AS_SHOT}/{self.target_setting.white_balance}"
             raise SettingsError(f"--to {self.target}: light has no style, only a white balance; {advice}")
         super().check()
         for camera in self.cameras.values():
@@ -56,13 +56,13 @@ class SceneRecipe(RecipeOfProfiles):
             raise SettingsError(f"{source}: a RAW file; --space takes finished pictures")
         settings = read_picture_settings(source)
         camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
-        made_with, doubts = source_selector(source, settings, camera, self.stated)
+        made_with, setting_notes = source_selector(source, settings, camera, self.stated_setting)
         scale = 2.0**self.ev
         if self.by_exposure:
             if not math.isfinite(settings.exposure):
                 raise ImageError(f"{source}: the file does not state its exposure; leave out --exposure exif")
             scale *= UNIT_EXPOSURE / settings.exposure
-            doubts += settings.exposure_notes
+            setting_notes += settings.exposure_notes
 
         # The LUT to linear values: the step to balanced RAW, baked once for each style, and a matrix.
         neutral = self._neutral(camera, made_with)
@@ -74,14 +74,14 @@ class SceneRecipe(RecipeOfProfiles):
         lut = Lut((*self.baked_grades.baked(to_balanced).ops, Matrix(scale * from_raw @ to_raw)))
         details = f", {self.ev:+g} EV" * bool(self.ev) + ", by exposure" * self.by_exposure
         return Grade(
-            self.baked_grades.processor(lut),
-            f"{camera.camera}: {made_with} -> {self.space}, neutral {neutral.white_balance}{details}",
+            processor=self.baked_grades.processor(lut),
+            history=f"{camera.camera}: {made_with} -> {self.space}, neutral {neutral.white_balance}{details}",
             attributes={
                 **dict.fromkeys((*STALE, "ICCProfile", "Exif:ColorSpace", "oiio:ColorSpace", "oiio:Gamma")),
                 "colorInteropID": INTEROP_IDS.get(space.name),
                 "chromaticities": tuple(np.ravel(CHROMATICITIES[space.primaries]).tolist()),
             },
-            notes=(*settings.notes, *notes, *doubts),
+            notes=(*settings.notes, *notes, *setting_notes),
             gives_linear=True,
             lut=lut,
             for_srgb=made_with.colour_space == "srgb",
@@ -90,8 +90,8 @@ class SceneRecipe(RecipeOfProfiles):
 
     def _neutral(self, camera: CameraProfile, source: Selector) -> Selector:
         """The setting whose illuminant becomes neutral. source: the settings of the picture."""
-        if self.goal.white_balance not in NAMED_BY_FILE:
-            return camera.selector(Selector(source.style, self.goal.white_balance))
+        if self.target_setting.white_balance not in NAMED_BY_FILE:
+            return camera.selector(Selector(source.style, self.target_setting.white_balance))
         if self.target is not None or not self.by_exposure:
             return source
         balances = camera.white_balances

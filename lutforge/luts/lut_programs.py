@@ -30,16 +30,17 @@ GARBAGE = "reads it without a word and renders wrong colours"
 class Program:
     """A program that reads LUT files: which it reads, and what it does with others.
 
-    reads: suffixes, the best first; shaper: it reads a .cube with a shaper; max_size: most nodes per axis; size: nodes
-    per axis of a plain cube for it; interpolation: its own; use: what the user does with the file; command: the command
-    line, for programs that have one. develops: it develops RAW files itself, and applies a LUT to developed colours,
-    never to camera RAW.
+    name: the word by which `--for` names it; reads: suffixes, the best first; shaper: it reads a .cube with a shaper;
+    max_size: most nodes per axis; size: nodes per axis of a plain cube for it; interpolation: its own; use: what the
+    user does with the file; command: the command line, for programs that have one. develops: it develops RAW files
+    itself, and applies a LUT to developed colours, never to camera RAW.
 
     title: its name for people, "" for OpenColorIO and programs that read files through it. does: its verdict by kind
     of file; otherwise: its verdict on every other kind; tried: the version that these were measured with, empty where
     they come from its makers and users.
     """
 
+    name: str
     reads: tuple[str, ...]
     shaper: bool = False
     max_size: int = 129
@@ -80,8 +81,9 @@ READS_HALDS = {LutKind.HALD: READS}
 READ_BY_ADOBE = dict.fromkeys((LutKind.CUBE, *WITH_DOMAIN, LutKind.CUBE_OF_CURVE, *FLAME_3DL), READS)
 AVFILTER = (".cube", ".csp", ".3dl")
 _MLT = "the filter {}, and right behind it {} as it comes, without which HD film changes its colours"
-PROGRAMS: dict[str, Program] = {
-    "resolve": Program(
+_ALL_PROGRAMS = (
+    Program(
+        "resolve",
         shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Update Lists",
         title="DaVinci Resolve",
         does={
@@ -89,51 +91,62 @@ PROGRAMS: dict[str, Program] = {
             **dict.fromkeys(WITH_SHAPER, "reads it, shaper included"),
         },
     ),
-    "nuke": Program(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
-    "ocio": Program(shaper=True, reads=OCIO_READS),
-    "oiio": Program(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
-    "baselight": Program(
+    Program("nuke", shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
+    Program("ocio", shaper=True, reads=OCIO_READS),
+    Program("oiio", shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
+    Program(
+        "baselight",
         reads=(".clf", ".cube"), title="Baselight", does=dict.fromkeys((LutKind.CUBE, LutKind.CLF), READS)
     ),
-    "flame": Program(
+    Program(
+        "flame",
         reads=(".clf", ".ctf", ".3dl", ".csp", ".cube"), title="Flame",
         does=dict.fromkeys((LutKind.CLF, LutKind.CTF, *FLAME_3DL, *CSP, LutKind.CUBE), READS),
     ),
-    "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
-    "photoshop": Program(
+    Program("blender", shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
+    Program(
+        "photoshop",
         reads=(".cube", ".3dl", ".csp"), title="Photoshop", does=READ_BY_ADOBE | dict.fromkeys(CSP, READS)
     ),
-    "lightroom": Program(
+    Program(
+        "lightroom",
         reads=(".cube", ".dcp"), size=33, use="in a profile made with Camera Raw", develops=True, title="Lightroom",
         does={LutKind.CUBE: "reads it in a profile made with Camera Raw"},
     ),
-    "premiere": Program(reads=(".cube", ".3dl"), title="Premiere", does=READ_BY_ADOBE),
-    "aftereffects": Program(
+    Program("premiere", reads=(".cube", ".3dl"), title="Premiere", does=READ_BY_ADOBE),
+    Program(
+        "aftereffects",
         reads=(".cube", ".3dl", ".csp"), max_size=64, size=64, title="After Effects",
         does=READ_BY_ADOBE | dict.fromkeys(CSP, READS),
     ),
-    "finalcut": Program(reads=(".cube",), title="Final Cut", does={LutKind.CUBE: READS}),
-    "ffmpeg": Program(
+    Program("finalcut", reads=(".cube",), title="Final Cut", does={LutKind.CUBE: READS}),
+    Program(
+        "ffmpeg",
         reads=AVFILTER, interpolation="tetrahedral", command=command_lines.ffmpeg,
         title="ffmpeg", tried="5.1", does=_avfilter(REFUSES),
     ),
-    "mpv": Program(
+    Program(
+        "mpv",
         reads=AVFILTER, interpolation="tetrahedral", command=command_lines.mpv,
         title="mpv", tried="0.35", does=_avfilter(REFUSES),
     ),
-    "mlt": Program(
+    Program(
+        "mlt",
         reads=AVFILTER, interpolation="tetrahedral", command=command_lines.melt,
         title="MLT", tried="7.12", does=_avfilter(LEAVES), otherwise=LEAVES,
     ),
-    "kdenlive": Program(
+    Program(
+        "kdenlive",
         reads=AVFILTER, interpolation="tetrahedral", use=_MLT.format("Apply LUT", "Lift/gamma/gain"),
         title="Kdenlive", tried="MLT 7.12", does=_avfilter(LEAVES), otherwise=LEAVES,
     ),
-    "shotcut": Program(
+    Program(
+        "shotcut",
         reads=AVFILTER, interpolation="tetrahedral", use=_MLT.format("LUT (3D)", "Color Grading"),
         title="Shotcut", tried="MLT 7.12", does=_avfilter(LEAVES), otherwise=LEAVES,
     ),
-    "obs": Program(
+    Program(
+        "obs",
         reads=(".cube",), title="OBS",
         does={
             LutKind.CUBE: READS, LutKind.CUBE_OF_CURVE: READS,
@@ -141,7 +154,8 @@ PROGRAMS: dict[str, Program] = {
             **dict.fromkeys(WITH_SHAPER, "loads the 1D part only: wrong colours"),
         },
     ),
-    "darktable": Program(
+    Program(
+        "darktable",
         reads=(".icc", ".cube", ".3dl", ".png"), interpolation="tetrahedral", use="module input color profile",
         develops=True, title="darktable", tried="4.2",
         does={
@@ -151,16 +165,19 @@ PROGRAMS: dict[str, Program] = {
         },
         otherwise=LEAVES,
     ),
-    "rawtherapee": Program(
+    Program(
+        "rawtherapee",
         reads=(*HALD_SUFFIXES, ".dcp", ".icc"), use="Film Simulation, its folder in the preferences", develops=True,
         title="RawTherapee", tried="5.9", does=READS_HALDS,
     ),
-    "art": Program(
+    Program(
+        "art",
         reads=(*HALD_SUFFIXES, ".clf", ".dcp", ".icc"), develops=True, title="ART",
         does={**READS_HALDS, LutKind.CLF: READS},
     ),
-    "captureone": Program(reads=(".icc",), develops=True, title="Capture One"),
-    "gmic": Program(
+    Program("captureone", reads=(".icc",), develops=True, title="Capture One"),
+    Program(
+        "gmic",
         reads=(".cube", ".png"), command=command_lines.gmic, title="G'MIC", tried="2.9",
         does={
             LutKind.CUBE: "reads it half a node too bright: enlarge it to 256³ first",
@@ -170,22 +187,26 @@ PROGRAMS: dict[str, Program] = {
             **dict.fromkeys(WITH_SHAPER, GARBAGE),
         },
     ),
-    "gimp": Program(reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
-    "imagemagick": Program(
+    Program("gimp", reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
+    Program(
+        "imagemagick",
         reads=HALD_SUFFIXES, use="convert IN FILE -hald-clut OUT", title="ImageMagick", tried="6.9", does=READS_HALDS
     ),
-    "graphicsmagick": Program(
+    Program(
+        "graphicsmagick",
         reads=HALD_SUFFIXES, use="gm convert IN -hald-clut FILE OUT", title="GraphicsMagick", tried="1.3",
         does=READS_HALDS, otherwise="says that it cannot read it, and writes the picture as it is",
     ),
-    "pillow": Program(
+    Program(
+        "pillow",
         reads=(".cube",), use="pillow_lut.load_cube_file", title="pillow-lut", tried="1.1",
         does={
             **dict.fromkeys((LutKind.CUBE, LutKind.CUBE_WITH_RANGE), READS),
             **dict.fromkeys(WITH_DOMAIN, f"ignores the domain: {GARBAGE}"),
         },
     ),
-    "three": Program(
+    Program(
+        "three",
         reads=(".cube",), use="LUTCubeLoader", title="three.js", tried="r187",
         does={
             **dict.fromkeys((LutKind.CUBE, LutKind.CUBE_WITH_RANGE), READS),
@@ -193,7 +214,8 @@ PROGRAMS: dict[str, Program] = {
             **dict.fromkeys(WITH_SHAPER, GARBAGE),
         },
     ),
-    "parse-cube-lut": Program(
+    Program(
+        "parse-cube-lut",
         reads=(".cube",), title="parse-cube-lut", tried="1.0",
         does={
             **dict.fromkeys((LutKind.CUBE, LutKind.CUBE_OF_CURVE), READS),
@@ -202,7 +224,8 @@ PROGRAMS: dict[str, Program] = {
             **dict.fromkeys(WITH_SHAPER, GARBAGE),
         },
     ),
-}  # fmt: skip
+)  # fmt: skip
+PROGRAMS = {program.name: program for program in _ALL_PROGRAMS}
 """The programs that `--for` names."""
 
 

@@ -9,7 +9,7 @@ from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.formats import format_of
 from lutforge.luts.forms import MAX_SIZE, Form
-from lutforge.luts.lut_programs import program_named
+from lutforge.luts.lut_programs import Program
 
 TOLERANCE_SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
 """Nodes per axis that are tried in turn where a tolerance is given."""
@@ -38,19 +38,20 @@ class Target:
 
 
 def target_of(
-    path: Path, program: str | None = None, size: int | None = None, interpolation: Interpolation | None = None,
+    path: Path, reader: Program | None = None, size: int | None = None, interpolation: Interpolation | None = None,
     scenes: bool = False,
 ) -> Target:  # fmt: skip
-    """The target of a file, found before any work. scenes: the input reaches beyond 1.
+    """The target of a file, found before any work.
+
+    reader: the program that will read it, None for any; scenes: the input reaches beyond 1.
 
     A .cube is plain, except for a program that reads a shaper, or under a name that ends in .resolve.cube or
     .shaper.cube. Raises LutError where the format or the program cannot hold such a LUT.
     """
-    reader = None if program is None else program_named(program)
     file_format = format_of(path)
     suffix = path.suffix.lower()
     if reader is not None and suffix not in reader.reads:
-        raise LutError(f"{path}: {program} does not read {suffix} files; write {' or '.join(reader.reads)}")
+        raise LutError(f"{path}: {reader.name} does not read {suffix} files; write {' or '.join(reader.reads)}")
 
     form = file_format.forms[0]
     named_shaper = path.name.lower().endswith((".resolve.cube", ".shaper.cube"))
@@ -77,17 +78,16 @@ def target_of(
     return Target(form, size, method, default, tolerance_sizes, curve)
 
 
-def files_for(program: str, title: str) -> dict[Path, str | None]:
-    """Return the files to write for a program, each with the name of the program that will read it.
+def files_for(program: Program, title: str) -> dict[Path, Program | None]:
+    """Return the files to write for a program, each with the program that will read it.
 
     A program that reads a shaper also gets a plain cube as a fallback, for no program in particular (None). The name of
     a .cube with a shaper says so, since programs that read no shaper render wrong colours from it.
     """
     latin = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
     stem = "_".join(re.findall(r"[\w+.-]+", latin))[:100]
-    reader = program_named(program)
-    shaped = ".shaper" if reader.shaper and reader.reads[0] == ".cube" else ""
-    first = f"{stem or 'lut'}{shaped}{reader.reads[0]}"
-    if reader.shaper or reader.reads[0] == ".clf":
+    shaped = ".shaper" if program.shaper and program.reads[0] == ".cube" else ""
+    first = f"{stem or 'lut'}{shaped}{program.reads[0]}"
+    if program.shaper or program.reads[0] == ".clf":
         return {Path(first): program, Path(f"{stem or 'lut'}.plain.cube"): None}
     return {Path(first): program}

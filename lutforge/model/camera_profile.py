@@ -26,6 +26,7 @@ from lutforge.model.transform import (
     Gain,
     MatrixStage,
     Purpose,
+    PurposeKind,
     Stage,
     Transform,
     through_stages,
@@ -101,7 +102,7 @@ class CameraProfile(ProfileData):
         stages = self._render(to, model).stages
         if isinstance(self.provenance, ReferenceRaw):
             stages = (MatrixStage(self.provenance.transfer), *stages)
-        return Transform(stages, _purpose("render", f"{self.camera} RAW to {to}", target=(self, to)))
+        return Transform(stages, _purpose(PurposeKind.RENDER, f"{self.camera} RAW to {to}", target=(self, to)))
 
     def render_balanced(self, to: str | Selector, model: ModelName | None = None) -> Transform:
         """White-balanced RAW → the camera's JPEG, encoded [0, 1]: the same for all white balances of a style."""
@@ -142,7 +143,7 @@ class CameraProfile(ProfileData):
         if space != "raw" and not rgb_space(space).is_linear:
             stages = (*stages, Encode(rgb_space(space)))
         title = f"{self.camera} {source} to {space}"
-        return Transform(stages, _purpose("linearize", title, (self, source), space=space))
+        return Transform(stages, _purpose(PurposeKind.LINEARIZE, title, source=(self, source), space=space))
 
     def linearize_to_own_raw(self, source: str | Selector, model: ModelName | None = None) -> Transform:
         """JPEG → the RAW, before white balance, that the camera has or would have: Tc of a reference camera's."""
@@ -254,8 +255,8 @@ def match(
     exposed = raw_to_balanced(source_camera, from_setting, target_camera, to_setting, ev, transfer)
     target_name = "" if target_camera is source_camera else f"{target_camera.camera} "
     title = f"{source_camera.camera} {source} to {target_name}{target}"
-    kind = "match" if target_name else "refinish"
-    purpose = _purpose(kind, title, (source_camera, source), (target_camera, target), ev=ev)
+    kind = PurposeKind.MATCH if target_name else PurposeKind.REFINISH
+    purpose = _purpose(kind, title, source=(source_camera, source), target=(target_camera, target), ev=ev)
     if ev == 0 and source_camera is target_camera and _are_equal(source_camera, from_setting, to_setting):
         return Transform((), purpose)
 
@@ -282,7 +283,7 @@ def _are_equal(profile: CameraProfile, first: Selector, second: Selector) -> boo
 
 
 def _purpose(
-    kind: str,
+    kind: PurposeKind,
     title: str,
     source: tuple[CameraProfile, str | Selector] | None = None,
     target: tuple[CameraProfile, str | Selector] | None = None,
@@ -308,7 +309,16 @@ def _purpose(
         raw = profile_of_raw.raw_space
     from_setting, to_setting = ("" if jpeg is None else str(jpeg[1]) for jpeg in (source, target))
     title += f", {ev:+g} EV" if ev else ""
-    return Purpose(kind, title, space, raw, from_setting, to_setting, tuple(dict.fromkeys(notes)), tuple(comments))
+    return Purpose(
+        kind=kind,
+        title=title,
+        space=space,
+        light=raw,
+        source=from_setting,
+        target=to_setting,
+        notes=tuple(dict.fromkeys(notes)),
+        comments=tuple(comments),
+    )
 
 
 def _held_out_errors(style: PictureStyle, direction: str) -> list[str]:
@@ -399,4 +409,4 @@ def through_camera(
     from_raw = from_linear_srgb(space) @ profile.raw_to_linear_srgb(selector)
     stages = (*decode, MatrixStage(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages)
     title = f"{profile.camera} {space} to {to}"
-    return Transform(stages, _purpose("render", title, target=(profile, to), space=space, ev=ev))
+    return Transform(stages, _purpose(PurposeKind.RENDER, title, target=(profile, to), space=space, ev=ev))

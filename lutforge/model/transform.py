@@ -5,6 +5,7 @@ The stages are a closed set: what bakes a transform, or places it in a config, t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -87,17 +88,40 @@ def through_stages(stages: Sequence[Stage], x: Array) -> Array:
     return x
 
 
+class PurposeKind(StrEnum):
+    """The kinds of transforms: those that a profile offers, and any other function."""
+
+    RENDER = "render"
+    """RAW or a scene → JPEG."""
+    LINEARIZE = "linearize"
+    """JPEG → RAW or a scene."""
+    REFINISH = "refinish"
+    """JPEG → JPEG of the same camera."""
+    MATCH = "match"
+    """JPEG → JPEG of another camera."""
+    OTHER = ""
+
+    @property
+    def is_between_jpegs(self) -> bool:
+        """True where JPEG values come in and come out."""
+        return self in (PurposeKind.REFINISH, PurposeKind.MATCH)
+
+    @property
+    def has_scene(self) -> bool:
+        """True where RAW or a scene comes in or comes out."""
+        return self in (PurposeKind.RENDER, PurposeKind.LINEARIZE)
+
+
 @dataclass(frozen=True)
 class Purpose:
-    """What a transform of a profile is for.
+    """The purpose of a transform of a profile.
 
-    kind: "render", "linearize", "refinish" or "match"; "" of any other function. title: camera and settings in words.
-    space: of the side that is not a JPEG, "raw" or a name of `lutforge.colour.rgb_spaces`; light: the same, but what
-    stands in the place of RAW by its name. source, target: STYLE/WB of the JPEG that comes in, and of the one that
-    comes out. notes: for the user; comments: held-out errors, for files.
+    title: camera and settings in words. space: of the side that is not a JPEG, "raw" or a name of
+    `lutforge.colour.rgb_spaces`; light: the same, but what replaces RAW by its name. source, target: STYLE/WB of the
+    JPEG that comes in, and of the one that comes out. notes: for the user; comments: held-out errors, for files.
     """
 
-    kind: str = ""
+    kind: PurposeKind = PurposeKind.OTHER
     title: str = ""
     space: str = "raw"
     light: str = "raw"
@@ -105,6 +129,26 @@ class Purpose:
     target: str = ""
     notes: tuple[str, ...] = ()
     comments: tuple[str, ...] = ()
+
+    @property
+    def is_of_profile(self) -> bool:
+        """True for a transform of a profile, False for any other function."""
+        return self.kind is not PurposeKind.OTHER
+
+    @property
+    def takes_raw(self) -> bool:
+        """True where camera RAW comes in."""
+        return self.kind is PurposeKind.RENDER and self.space == "raw"
+
+    @property
+    def takes_footage(self) -> bool:
+        """True where values of a colour space come in, linear or encoded, and no JPEG."""
+        return self.kind is PurposeKind.RENDER and self.space != "raw"
+
+    @property
+    def gives_encoded(self) -> bool:
+        """True where the output is encoded, so that ΔE00 has a meaning."""
+        return self.kind is not PurposeKind.LINEARIZE
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +159,7 @@ class Transform:
     purpose: Purpose = Purpose()
 
     def __repr__(self) -> str:
-        title = f"{self.purpose.kind} {self.purpose.title}: " if self.purpose.kind else ""
+        title = f"{self.purpose.kind} {self.purpose.title}: " if self.purpose.is_of_profile else ""
         return f"<Transform {title}{' → '.join(type(stage).__name__ for stage in self.stages) or 'identity'}>"
 
     def __call__(self, x: ArrayLike) -> Array:

@@ -15,7 +15,8 @@ from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile import CameraModel, PictureStyle
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.chart_patches import SPACE, measured_patches, near_neutral
-from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+from lutforge.pipeline.file_kinds import PROFILE_SUFFIXES
+from lutforge.pipeline.outputs import check_output
 from lutforge.pipeline.response import open_bracket
 from lutforge.progress import Progress, silent
 from lutforge.samples.chart import ChartKind

@@ -12,7 +12,8 @@ from lutforge.errors import ImageError, SettingsError
 from lutforge.grading.batch import BatchResult, apply_batch, plan_jobs
 from lutforge.grading.grade import ConfigRecipe, LutRecipe, Recipe, ViewRecipe
 from lutforge.grading.inputs import Failure, find_inputs, is_picture
-from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, check_output, one_of, several
+from lutforge.pipeline.file_kinds import is_config, is_lut_picture, is_profile
+from lutforge.pipeline.outputs import Paths, check_output, one_of, several
 from lutforge.progress import Progress, silent
 
 
@@ -20,12 +21,15 @@ from lutforge.progress import Progress, silent
 class Grading:
     """The arguments of `apply`, and those that only the command has.
 
-    words: paths of one LUT file, one config, or profiles of different cameras; then of files and folders. transfer: RAW
-    → RAW from another camera to that of `look`. resume: skip images that an earlier run graded. scheduler: the address
-    of a Dask cluster.
+    paths: one LUT file, one config, or profiles of different cameras; then files and folders of images.
+    transfer: RAW → RAW from another camera to that of `look`.
+    resume: skip images that an earlier run graded.
+    scheduler: the address of a Dask cluster.
+
+    All others are as in `apply`.
     """
 
-    words: tuple[Path, ...]
+    paths: tuple[Path, ...]
     output: Path | None = None
     source: str | None = None
     target: str | None = None
@@ -42,8 +46,8 @@ class Grading:
     display: str | None = None
 
     def __post_init__(self) -> None:
-        if self.words and is_picture(self.words[0]) and not _is_lut(self.words[0]):
-            raise ImageError(f"{self.words[0]}: a picture; name the LUT, profile or config first, then the pictures")
+        if self.paths and is_picture(self.paths[0]) and not is_lut_picture(self.paths[0]):
+            raise ImageError(f"{self.paths[0]}: a picture; name the LUT, profile or config first, then the pictures")
         if not self.images:
             raise SettingsError("no image named: give the images after the profiles")
         if self.workers is not None and self.workers < 1:
@@ -51,55 +55,47 @@ class Grading:
         if self.exposure is not None:
             one_of("exposure", self.exposure, ("exif",))
         self._check_view()
-        if self.space is None:
-            if self.exposure is not None:
-                raise SettingsError("--exposure goes with --space: it scales linear light")
-        elif not _is_profile(self.words[0]):
-            raise SettingsError("--space goes with profiles (.npz)")
-        elif self.look is not None or self.transfer is not None:
-            raise SettingsError("--as goes without --space: light of a scene is of no camera")
-        elif self.suffix is not None and self.suffix.lower().lstrip(".") != "exr":
-            raise SettingsError(f"--suffix {self.suffix}: linear light is written as .exr")
+        self._check_space()
 
     def _check_view(self) -> None:
         """Raise SettingsError where --view and --display do not go with the other words."""
         if self.view is None:
             if self.display is not None:
                 raise SettingsError(f"--display {self.display}: goes with --view, the view that the display shows")
-        elif not _is_config(self.words[0]):
+        elif not is_config(self.paths[0]):
             raise SettingsError("--view goes with a config (.ocio, .ocioz)")
         elif self.target is not None:
             raise SettingsError("--view goes without --to: the view says what comes out")
 
+    def _check_space(self) -> None:
+        """Raise SettingsError where --space and --exposure do not go with the other words."""
+        if self.space is None:
+            if self.exposure is not None:
+                raise SettingsError("--exposure goes with --space: it scales linear light")
+        elif not is_profile(self.paths[0]):
+            raise SettingsError("--space goes with profiles (.npz)")
+        elif self.look is not None or self.transfer is not None:
+            raise SettingsError("--as goes without --space: light of a scene is of no camera")
+        elif self.suffix is not None and self.suffix.lower().lstrip(".") != "exr":
+            raise SettingsError(f"--suffix {self.suffix}: linear light is written as .exr")
+
     @property
     def images(self) -> tuple[Path, ...]:
         """The images and folders: all paths but the first one and profiles."""
-        return tuple(path for path in self.words[1:] if not _is_profile(path))
+        return tuple(path for path in self.paths[1:] if not is_profile(path))
 
     @cached_property
     def recipe(self) -> Recipe:
         """The recipe of the profiles, LUT or config, checked. Raises LutForgeError where an option does not fit it."""
+        path = self.paths[0]
+        more_profiles = tuple(filter(is_profile, self.paths[1:]))
         recipe: Recipe
-        path = self.words[0]
-        more_profiles = tuple(filter(_is_profile, self.words[1:]))
-        if _is_profile(path):
-            from lutforge.grading.profile_recipe import ProfileRecipe
-            from lutforge.grading.scene_recipe import SceneRecipe
-
-            settings = ((path, *more_profiles), self.source, self.target, self.ev)
-            if self.space is not None:
-                recipe = SceneRecipe(*settings, space=self.space, by_exposure=self.exposure is not None)
-            else:
-                recipe = ProfileRecipe(*settings, self.look, self.transfer)
+        if is_profile(path):
+            recipe = self._recipe_from_profiles((path, *more_profiles))
         elif self.look is not None or self.transfer is not None or more_profiles:
             raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
-        elif _is_config(path):
-            if self.ev:
-                raise SettingsError("--ev goes with a profile; a config converts from one colour space to another")
-            if self.view is not None:
-                recipe = ViewRecipe(path, self.source, self.view, self.display)
-            else:
-                recipe = ConfigRecipe(path, self.source, self.target)
+        elif is_config(path):
+            recipe = self._recipe_from_config(path)
         elif self.source is not None or self.target is not None or self.ev:
             raise SettingsError(
                 "--from and --to go with a profile or a config, --ev with a profile; a LUT is applied as it is"
@@ -108,6 +104,24 @@ class Grading:
             recipe = LutRecipe(path)
         recipe.check()
         return recipe
+
+    def _recipe_from_profiles(self, profiles: tuple[Path, ...]) -> Recipe:
+        """The recipe of profiles: to linear values of a space, or to another look."""
+        from lutforge.grading.profile_recipe import ProfileRecipe
+        from lutforge.grading.scene_recipe import SceneRecipe
+
+        settings = (profiles, self.source, self.target, self.ev)
+        if self.space is not None:
+            return SceneRecipe(*settings, space=self.space, by_exposure=self.exposure is not None)
+        return ProfileRecipe(*settings, self.look, self.transfer)
+
+    def _recipe_from_config(self, path: Path) -> Recipe:
+        """The recipe of a config: to another colour space, or through a view. Raises SettingsError."""
+        if self.ev:
+            raise SettingsError("--ev goes with a profile; a config converts from one colour space to another")
+        if self.view is not None:
+            return ViewRecipe(path, self.source, self.view, self.display)
+        return ConfigRecipe(path, self.source, self.target)
 
     @cached_property
     def folder(self) -> Path:
@@ -122,7 +136,7 @@ class Grading:
     @cached_property
     def inputs(self) -> tuple[list[Path], list[str]]:
         """The images to grade, and notes. Raises ImageError or SettingsError."""
-        return find_inputs(self.images, self.folder, raw=_is_profile(self.words[0]))
+        return find_inputs(self.images, self.folder, raw=is_profile(self.paths[0]))
 
     def commands(self) -> Iterator[str | Failure]:
         """The oiiotool lines that grade as `run` does, for a POSIX shell, or the reason why there is none."""
@@ -142,23 +156,6 @@ class Grading:
             resume=self.resume, scheduler=self.scheduler,
         )  # fmt: skip
         return replace(result, notes=(*notes, *result.notes))
-
-
-def _is_lut(path: Path) -> bool:
-    """True of a picture that is a LUT by its size and content, such as a Hald image."""
-    from lutforge.luts.picture import SUFFIXES, is_picture_of_lut
-
-    return path.suffix.lower() in SUFFIXES and is_picture_of_lut(path)
-
-
-def _is_profile(path: Path) -> bool:
-    """True of a profile, and of a sample table: the profile's reader then reports that it is none."""
-    return path.suffix.lower() in TABLE_SUFFIXES
-
-
-def _is_config(path: Path) -> bool:
-    """True of an OpenColorIO config."""
-    return path.suffix.lower() in (".ocio", ".ocioz")
 
 
 def apply(
@@ -201,7 +198,7 @@ def apply(
         LutForgeError: nothing can be graded; then nothing is written.
     """
     return Grading(
-        words=(*several(grade), *several(images)),
+        paths=(*several(grade), *several(images)),
         output=Path(output),
         source=source,
         target=target,

@@ -17,7 +17,8 @@ from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import CalibrationError
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.chart_patches import SPACE, measured_patches, near_neutral, not_charted
-from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+from lutforge.pipeline.file_kinds import PROFILE_SUFFIXES
+from lutforge.pipeline.outputs import check_output
 from lutforge.pipeline.response import Bracket, FittedResponse, open_bracket
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.chart import ChartKind

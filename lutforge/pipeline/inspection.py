@@ -10,8 +10,15 @@ import numpy as np
 from lutforge.boundary import reading
 from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ImageError, LutError, one_line
-from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
-from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
+from lutforge.images.heif import is_heif, read_heif
+from lutforge.pipeline.file_kinds import (
+    CAMERA_PROFILE_SUFFIXES,
+    CONFIG_SUFFIXES,
+    PICTURE_SUFFIXES,
+    PROFILE_SUFFIXES,
+    TABLE_SUFFIXES,
+    is_lut_picture,
+)
 from lutforge.reports.tables import exposure_time
 from lutforge.samples.table import read_samples
 from lutforge.samples.table_file import is_table
@@ -22,11 +29,6 @@ if TYPE_CHECKING:
     from lutforge.model.camera_profile import CameraProfile
     from lutforge.shots.metadata import ShotMetadata
 
-CONFIG_SUFFIXES = (".ocio", ".ocioz")
-CAMERA_PROFILE_SUFFIXES = (".dcp", ".icc", ".icm")
-PICTURE_SUFFIXES = frozenset(
-    {".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", ".jp2", *HEIF_SUFFIXES}
-)
 NamedValues = Iterator[tuple[str, str]]
 
 
@@ -73,7 +75,7 @@ def _inspected(path: Path) -> Inspection:
 
         profile = load_profile(path)
         return Inspection(tuple(_profile(profile)), profile)
-    if suffix in PICTURE_SUFFIXES and not _is_lut(path):
+    if suffix in PICTURE_SUFFIXES and not is_lut_picture(path):
         return Inspection(tuple(_picture(path)))
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
@@ -86,13 +88,6 @@ def _inspected(path: Path) -> Inspection:
         use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILE_SUFFIXES else "a LUT: apply, check"
         return Inspection(lines=(*check(path), f"  use       {use}"))
     return Inspection(tuple(_shot(path)))
-
-
-def _is_lut(path: Path) -> bool:
-    """True of a picture that is a LUT by its size and content."""
-    from lutforge.luts.picture import SUFFIXES, is_picture_of_lut
-
-    return path.suffix.lower() in SUFFIXES and is_picture_of_lut(path)
 
 
 def _shot(path: Path) -> NamedValues:
@@ -222,7 +217,7 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
 
     from lutforge.ocio.check import check_config, file_names, load_config
 
-    OCIO.ClearAllCaches()  # without this a file that was deleted since the last call would still be found
+    OCIO.ClearAllCaches()  # without this a file that was deleted since the last call would still be faults
     config = load_config(path)
     version = config.getMajorVersion(), config.getMinorVersion()
     lines = [f"{path}: OpenColorIO config, profile version {version[0]}.{version[1]}"]
@@ -242,13 +237,13 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
             lines.append(f"  {title:<9} {len(names)}: {one_line(', '.join(names), 240)}")
 
     files = file_names(config)
-    found = check_config(config) if with_transforms else []
-    problems = [str(problem) for problem in found]
+    faults = check_config(config) if with_transforms else []
+    problems = [str(problem) for problem in faults]
     if files:
-        missing = [str(problem) for problem in found if problem.is_missing_file]
-        lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all found'}")
+        missing = [str(problem) for problem in faults if problem.is_missing_file]
+        lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all faults'}")
         # OpenColorIO's errors on the same files are left out.
-        other_problems = [str(problem) for problem in found if not problem.is_missing_file]
+        other_problems = [str(problem) for problem in faults if not problem.is_missing_file]
         problems = [*missing, *(text for text in other_problems if "could not be located" not in text)]
     lines += [f"  problem   {one_line(text, 300)}" for text in problems[:20]]
     if len(problems) > 20:

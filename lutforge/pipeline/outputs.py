@@ -8,9 +8,6 @@ from lutforge.atomic_write import require_writable
 from lutforge.boundary import path_of
 from lutforge.errors import LutForgeError, SettingsError, alternatives
 
-PROFILE_SUFFIXES = (".npz",)
-TABLE_SUFFIXES = (".csv", ".npz")
-
 
 def check_output(output: str | Path, suffixes: Sequence[str] = (), inputs: Iterable[str | Path] = ()) -> Path:
     """Return the path of an output that can be written.

@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING
 
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import SettingsError, ShotError
+from lutforge.pipeline.file_kinds import PAIRED_SUFFIXES
+from lutforge.pipeline.sampling import RawSubstitute, SampledShots, sample_each
 from lutforge.progress import Progress, silent
 from lutforge.threads import cores
 
 if TYPE_CHECKING:  # imported in functions: tables are read without the decoders of RAW files
     from lutforge.images.developed import Development
     from lutforge.shots.read import Shot
-from lutforge.pipeline.sampling import RawSubstitute, SampledShots, sample_each
-
-PAIRED_SUFFIXES = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
-"""Suffixes of pictures that are paired by their names, the preferred one first."""
 
 
 def raw_substitute(developed: str | Path | None, developed_space: str | None) -> RawSubstitute | None:

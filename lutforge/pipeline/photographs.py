@@ -13,7 +13,6 @@ from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading
 from lutforge.errors import ImageError, SettingsError
 from lutforge.grading.picture_settings import choose_camera, source_selector
-from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
 from lutforge.images.orientation import upright
 from lutforge.images.raw import read_preview, read_raw
@@ -21,11 +20,8 @@ from lutforge.images.read import ImageReader, read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.progress import Progress
 from lutforge.settings import Selector
-from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES
+from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
 from lutforge.shots.metadata import read_picture_settings
-
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES, *sorted(RAW_SUFFIXES))
-"""Suffixes of photographs that can be shown."""
 
 THUMBNAIL_SIDE = 200
 """Pixels of a thumbnail's longer side."""
@@ -44,12 +40,6 @@ def picture_bytes(path: Path) -> bytes:
     buffer = BytesIO()
     Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
     return buffer.getvalue()
-
-
-def jpeg_beside(path: Path) -> Path | None:
-    """The JPEG that bears the name of a file, in its folder."""
-    by_suffix = {file.suffix.lower(): file for file in path.parent.glob(f"{path.stem}.*")}
-    return next((by_suffix[suffix] for suffix in JPEG_SUFFIXES if suffix in by_suffix), None)
 
 
 def raw_picture_bytes(path: Path) -> bytes:

@@ -18,8 +18,8 @@ from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.response_profile import profile_of_response
-from lutforge.pipeline.inspection import PICTURE_SUFFIXES
-from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, several
+from lutforge.pipeline.file_kinds import PICTURE_SUFFIXES, PROFILE_SUFFIXES
+from lutforge.pipeline.outputs import Paths, check_output, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.metadata import UNKNOWN, read_picture_settings

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lutforge.errors import CalibrationError, LutForgeError, SampleError, ShotError, in_common
-from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
+from lutforge.pipeline.file_kinds import TABLE_SUFFIXES
+from lutforge.pipeline.outputs import Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples

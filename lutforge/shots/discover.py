@@ -1,7 +1,7 @@
 """The shots among given files and folders, and the JPEG or RAW file that belongs to another file."""
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
@@ -66,16 +66,23 @@ def jpegs_of(path: Path) -> list[Path]:
 
 
 def jpeg_beside(raw: Path) -> Path | None:
+    """The JPEG of a RAW file's stem in its folder, in upper or lower case; None where there is none."""
+    return next(iter(_of_stem(raw, JPEG_SUFFIXES)), None)
+
+
+def picture_beside(raw: Path) -> Path | None:
     """The JPEG, else the HEIF, of a RAW file's stem in its folder, in upper or lower case; None where there is none."""
+    return next(iter(_of_stem(raw, (*JPEG_SUFFIXES, *HEIF_SUFFIXES))), None)
+
+
+def _of_stem(raw: Path, suffixes: Collection[str]) -> list[Path]:
+    """The files with a RAW file's stem in its folder: its own upper and lower case first, and JPEG before HEIF."""
     try:
-        kinds = (*JPEG_SUFFIXES, *HEIF_SUFFIXES)
-        names = [entry for entry in sorted(raw.parent.iterdir()) if entry.suffix.lower() in kinds]
-        names.sort(key=is_heif)
+        files = sorted(entry for entry in raw.parent.iterdir() if entry.suffix.lower() in suffixes)
     except OSError:
-        return None
-    exact = [entry for entry in names if entry.stem == raw.stem]
-    similar = [entry for entry in names if entry.stem.lower() == raw.stem.lower()]
-    return next(iter(exact + similar), None)
+        return []
+    of_stem = [file for file in files if file.stem.lower() == raw.stem.lower()]
+    return sorted(of_stem, key=lambda file: (file.stem != raw.stem, is_heif(file)))
 
 
 def raw_beside(jpeg: Path) -> Path | None:

@@ -22,7 +22,7 @@ from lutforge.images.packets import read_packets
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import read_image
 from lutforge.shots.cells import CellStatistics
-from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
+from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, picture_beside
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.maker_settings import edited_notes, in_adobe_rgb
 from lutforge.shots.metadata import ShotMetadata, read_metadata
@@ -143,7 +143,7 @@ def read_shot(
 
     # JPEGs of the camera are tried before those that a program wrote, and a file before the preview in the RAW.
     reasons: list[str] = []
-    jpeg_file = jpeg_beside(path)
+    jpeg_file = picture_beside(path)
     candidates = [(str(jpeg_file), edited_notes(tags(jpeg_file)))] if jpeg_file else []
     candidates = sorted([*candidates, (EMBEDDED, edited_notes(tags(path)))], key=lambda candidate: len(candidate[1]))
     candidates = [candidate for candidate in candidates if source in (None, candidate[0])]

@@ -31,7 +31,7 @@ class Background:
             self._wait()
 
     def detach(self, page: PageLink) -> None:
-        """Report to a link that no page has; what is short, of which only a page makes use, ends."""
+        """Report to a link that no page has, and end short work, whose results only a page uses."""
         self._stop_polling()
         self._report_to(page)
         self.queue.end([work for work in self.queue.works if work.short])

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import panel as pn
 import panel_material_ui as pmui
@@ -13,20 +12,23 @@ import panel_material_ui as pmui
 from lutforge.atomic_write import require_writable
 from lutforge.calibration.options import LatticeOptions
 from lutforge.colour.rgb_spaces import SPACES
-from lutforge.model.camera_profile import as_profile
-from lutforge.model.published_model import export_published
-from lutforge.pipeline.baking import bake_files
-from lutforge.pipeline.configs import write_config
-from lutforge.pipeline.kits import kits_of, write_kit
+from lutforge.pipeline.kits import kits_of
 from lutforge.pipeline.looks import ChosenLook
-from lutforge.pipeline.reports import report
 from lutforge.pipeline.transforms import TransformRequest
-from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
+from lutforge.studio.exports import (
+    Export,
+    run_export,
+    write_config_archive,
+    write_kit_folder,
+    write_lut_file,
+    write_parameters,
+    write_report,
+)
 from lutforge.studio.model_page import held_out_error
 from lutforge.studio.session import Session, Written
-from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
+from lutforge.studio.workspace import MATRIX, SUFFIX, FitTask, WorkspaceError, save_workspace
 from lutforge.thesis.options import PRESET, ThesisOptions
 
 OFFERED_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vlt", ".png")
@@ -42,17 +44,17 @@ class ExportPage:
         self.kind = ui.select("Transform of the LUT", ["refinish", "render", "linearize"])
         self.space = ui.select("Scene of render and linearize", ["raw", *SPACES])
         self.suffix = ui.select("LUT file", list(OFFERED_SUFFIXES))
-        self.kept = (self.name, self.program, self.kind, self.space, self.suffix)
+        self.remembered = (self.name, self.program, self.kind, self.space, self.suffix)
         self._cards: dict[tuple[Written, bool], pmui.Paper] = {}
         self._offered: object = None
-        self.asked: list[Path] = []
-        self.warned_of: ChosenLook | None = None
+        self.refused_paths: list[Path] = []
+        self.warned_look: ChosenLook | None = None
         self.look = ui.text()
         self.main = pn.Column(**ui.SCROLLED)
         self.actions: dict[str, Callable[[], None]] = {
-            "Save profile": self._save_profile, "Write kit": self._kit, "Bake LUT": self._bake,
-            "Write config": partial(self._run, "config", "config", ".ocioz"), "Write report": self._report,
-            "Save parameters as text": self._parameters, "Save workspace": self._workspace,
+            "Save profile": self._save_profile, "Write kit": self._write_kit, "Bake LUT": self._bake_lut,
+            "Write config": self._write_config, "Write report": self._write_report,
+            "Save parameters as text": self._write_parameters, "Save workspace": self._save_workspace,
         }  # fmt: skip
         profile, kit, bake, *more_buttons = (
             session.page.button(label, action, variant="contained" if place < 3 else "outlined", **ui.FULL_WIDTH)
@@ -87,9 +89,9 @@ class ExportPage:
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
         """A card of what was written: what there is to know of it, and its command."""
         title = f"{made.kind}: {self.session.folders.name(made.path)}{' (stale)' if stale else ''}"
-        shown = ui.text(ui.html("<h2>{}</h2>{}", title, ui.paragraphs(*made.lines)))
+        summary = ui.text(ui.html("<h2>{}</h2>{}", title, ui.paragraphs(*made.lines)))
         command = ui.html("<code>{}</code>", made.command) if made.command else ui.Html("")
-        return pmui.Paper(shown, ui.text(command), variant="outlined", sizing_mode="stretch_width", margin=8)
+        return pmui.Paper(summary, ui.text(command), variant="outlined", sizing_mode="stretch_width", margin=8)
 
     def _paths(self, *suffixes: str) -> list[Path]:
         """Return where files, and folders (a suffix without a dot), go, under one name.
@@ -100,8 +102,8 @@ class ExportPage:
         for path, suffix in zip(paths, suffixes, strict=True):
             require_writable(path if "." in suffix else path / "README.md")
         existing = [path for path in paths if path.exists() and path not in self.session.own_files]
-        if existing and existing != self.asked:
-            self.asked = existing
+        if existing and existing != self.refused_paths:
+            self.refused_paths = existing
             names = ", ".join(path.name for path in existing)
             raise WorkspaceError(f"{names}: there already; press again to replace, or choose another name")
         self.session.own_files.update(paths)
@@ -117,34 +119,31 @@ class ExportPage:
         profile.save(paths[0])
         return paths
 
-    def _tell(self, kind: str, path: Path, lines: tuple[str, ...], words: str) -> None:
+    def _announce(self, kind: str, path: Path, lines: tuple[str, ...], words: str) -> None:
+        """Show what was written on a card. lines: on its contents; words: of the command that writes the same."""
         session = self.session
         words = words.replace(f"{session.folders.roots[0]}/", "")  # as one types it there
         session.written.pop(kind, None)
-        session.written[kind] = Written(kind, path, lines[:20], words, (session.profile, session.look))
+        session.written[kind] = Written(kind, path, lines[:20], words, session.profile, session.look)
         session.page.say(f"{kind}: written, {path.name}")
         session.page.on_change()
 
-    def _run(
-        self, title: str, kind: str, suffix: str, given: Any = None, more: tuple[Any, ...] = (), **options: Any
-    ) -> None:
-        """Write a file, or a folder (a suffix without a dot), in another process.
+    def _start(self, export: Export, table: SampleSet | None = None) -> None:
+        """Write an export in another process. table: samples that its command reads from a file, saved beside it."""
+        more_suffixes = [] if table is None else ["_samples.npz"]
+        profile, output, *table_paths = self._with_profile(export.suffix, *more_suffixes)
+        if table is not None:
+            table.save(table_paths[0])
+        words = command((export.command, profile, *export.words, *table_paths), export.options, output)
+        done = partial(self._announce, export.title, output, words=words)
+        self.session.work.start(f"lutforge {export.command}", done, run_export, export, profile, output)
 
-        kind: of command; given: as of `export`; more, options: the words of the command behind the profile.
-        """
-        samples = given if isinstance(given, SampleSet) else None
-        profile, output, *table = self._with_profile(suffix, *(["_samples.npz"] if samples is not None else []))
-        if samples is not None:
-            samples.save(table[0])
-        words = command((kind, profile, *more, *table), options, output)
-        written = partial(self._tell, title, output, words=words)
-        self.session.work.start(f"lutforge {kind}", written, export, kind, profile, output, given)
-
-    def _workspace(self) -> None:
+    def _save_workspace(self) -> None:
+        """Save all of this page's work."""
         workspace = self.session.require_workspace()
         (path,) = self._paths(SUFFIX)
         save_workspace(workspace, path)
-        self._tell("workspace", path, ("all of this page's work: open it under Shots",), "")
+        self._announce("workspace", path, ("all of this page's work: open it under Shots",), "")
 
     def _save_profile(self) -> None:
         """The profile, and the samples that it was fitted to, so that the command line makes the same."""
@@ -161,20 +160,21 @@ class ExportPage:
                 request = response[0]
                 options = {name: getattr(request, name) for name in names}
                 words = command(("response", *request.files), options, path)
-            self._tell("profile", path, (f"profile of {profile.camera}", *profile.notes), words)
+            self._announce("profile", path, (f"profile of {profile.camera}", *profile.notes), words)
             return
         path, table = self._paths(".npz", "_samples.npz")
         profile.save(path)
         workspace.samples.select(task.rows).save(table)
         error = held_out_error(profile)
-        known = "no shot could be left out" if error is None else f"mean error on shots left out {error:.4f}"
+        error_in_words = "no shot could be left out" if error is None else f"mean error on shots left out {error:.4f}"
         words = calibration_command(task, table, path)
-        lines = [f"profile of {profile.camera}, {int(task.rows.sum()):,} samples; {known}"]
+        lines = [f"profile of {profile.camera}, {int(task.rows.sum()):,} samples; {error_in_words}"]
         if not words:
             lines.append("no command has its stages or options: Save workspace keeps them")
-        self._tell("profile", path, tuple(lines), words)
+        self._announce("profile", path, tuple(lines), words)
 
-    def _bake(self) -> None:
+    def _bake_lut(self) -> None:
+        """Bake the transform that is chosen to a LUT."""
         profile = self.session.require_profile()
         look = self.session.look
         kind = self.kind.value
@@ -184,43 +184,73 @@ class ExportPage:
             source = f"{next(iter(profile.styles))}/{next(iter(profile.white_balances))}"
         if kind != "render" and not source:
             raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
-        given = source if kind != "render" else None
+        stated_source = source if kind != "render" else None
         target = look.target if kind != "linearize" else None
         exposed = kind == "refinish" or (kind == "render" and space != "raw")
-        request = TransformRequest(kind, given, target, look.ev if exposed else 0.0, space)
-        options = {"from": given, "to": target, "ev": f"{request.ev:g}" if request.ev else None}
-        options["space"] = space if space != "raw" else None
-        self._run(f"LUT, {kind}", "bake", f"_{kind}{self.suffix.value}", request, (kind,), **options)
+        request = TransformRequest(kind, stated_source, target, look.ev if exposed else 0.0, space)
+        options = {
+            "from": stated_source,
+            "to": target,
+            "ev": f"{request.ev:g}" if request.ev else None,
+            "space": space if space != "raw" else None,
+        }
+        self._start(
+            Export(
+                title=f"LUT, {kind}",
+                command="bake",
+                suffix=f"_{kind}{self.suffix.value}",
+                write=partial(write_lut_file, request),
+                words=(kind,),
+                options=options,
+            )
+        )
 
-    def _kit(self) -> None:
+    def _write_kit(self) -> None:
+        """Write the kit of the look for the chosen program; where the look was never on screen, say so first."""
         target = self.session.look.target
         program = self.program.value
-        if self.session.is_unseen and self.warned_of != self.session.look:
-            self.warned_of = self.session.look
+        if self.session.is_unseen and self.warned_look != self.session.look:
+            self.warned_look = self.session.look
             raise WorkspaceError(
                 f"{target} was never on screen: choose under Look, “Taken as”, how the photograph was taken, or press "
                 "again to write the kit unseen"
             )
         if not program:
             raise WorkspaceError("a kit needs a camera with RAW: compute a model, or open a profile")
-        self._run(f"kit for {program}", "kit", f"_{program}_kit", (target, program), **{"to": target, "for": program})
+        self._start(
+            Export(
+                title=f"kit for {program}",
+                command="kit",
+                suffix=f"_{program}_kit",
+                write=partial(write_kit_folder, target, program),
+                options={"to": target, "for": program},
+            )
+        )
 
-    def _parameters(self) -> None:
+    def _write_config(self) -> None:
+        """Write an OpenColorIO config of the camera."""
+        self._start(Export("config", "config", ".ocioz", write_config_archive))
+
+    def _write_parameters(self) -> None:
+        """Write the camera model of the first style as the thesis authors' text files."""
         style = next(iter(self.session.require_profile().styles))
-        self._run("parameters", "export-nus", "_parameters", style, style=style)
+        write = partial(write_parameters, style)
+        self._start(Export("parameters", "export-nus", "_parameters", write, options={"style": style}))
 
-    def _report(self) -> None:
-        """The report, with the samples in the fit where there are any."""
+    def _write_report(self) -> None:
+        """Write the report, with the samples in the fit where there are any."""
         workspace = self.session.workspace
-        given = workspace.samples.select(workspace.fitted_rows) if workspace is not None and workspace.has_raw else None
-        self._run("report", "report", ".html", given)
+        samples = None
+        if workspace is not None and workspace.has_raw:
+            samples = workspace.samples.select(workspace.fitted_rows)
+        self._start(Export("report", "report", ".html", partial(write_report, samples)), table=samples)
 
 
 def command(words: Iterable[object], options: Mapping[str, object], output: Path) -> str:
     """A command as one types it. An option without a value is left out; True is an option that takes none."""
     named = {f"--{name.replace('_', '-')}": value for name, value in options.items() if value}
-    given = [(name,) if value is True else (name, value) for name, value in named.items()]
-    return shlex.join(map(str, ("lutforge", *words, *(word for pair in given for word in pair), "-o", output)))
+    named_words = [(name,) if value is True else (name, value) for name, value in named.items()]
+    return shlex.join(map(str, ("lutforge", *words, *(word for pair in named_words for word in pair), "-o", output)))
 
 
 def calibration_command(task: FitTask, table: Path, profile: Path) -> str:
@@ -232,7 +262,7 @@ def calibration_command(task: FitTask, table: Path, profile: Path) -> str:
     usual = type(options)()
     of_lattices = {field.name for field in fields(LatticeOptions)}
     of_model = [field.name for field in fields(options) if field.name not in of_lattices]
-    if task.kind == "matrix" or task.stages is not None:
+    if task.kind == MATRIX or task.stages is not None:
         return ""
     if any(getattr(options, name) != getattr(usual, name) for name in of_model):
         return ""
@@ -240,24 +270,3 @@ def calibration_command(task: FitTask, table: Path, profile: Path) -> str:
     names = ("size", "interpolation")
     moved = {name: getattr(options, name) for name in names if getattr(options, name) != getattr(usual, name)}
     return command(("calibrate", table), {"preset": preset, **moved, "uniform": not options.nonuniform}, profile)
-
-
-def export(kind: str, profile: Path, output: Path, given: Any, progress: Progress) -> tuple[str, ...]:
-    """Write what the command of a kind writes, in another process, and tell in lines what that is.
-
-    given: of a LUT the transform, of parameters the style, of a report the samples, of a kit look and program.
-    Raises LutForgeError.
-    """
-    progress(kind, 0.0)
-    if kind == "bake":
-        files, of_lut = bake_files(profile, given, [output], progress=progress)
-        return (*(f"{file.summary}; read back, against the model: {file.error}" for file in files), *of_lut)
-    if kind == "config":
-        made = write_config([profile], output, progress=progress)
-        return (f"{len(made.spaces)} input colour spaces, {len(made.looks)} looks; checked",)
-    if kind == "export-nus":
-        return tuple(map(str, export_published(as_profile(profile), given, output)))
-    if kind == "report":
-        return (f"{len(report(profile, given, output, progress=progress).pictures)} figures",)
-    folder = write_kit(profile, given[0], output, given[1])
-    return (f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first",)

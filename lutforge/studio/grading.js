@@ -1,5 +1,5 @@
 // A picture, graded in the page by WebGL2. No framework, no network.
-// The parameters of the model are those of the class LookView (look_page.py).
+// The parameters of the model are those of the class LookView (look_view.py).
 
 // --- A LUT as a fragment shader: one line of GLSL an operation ---------------------------------------------------------
 

@@ -10,10 +10,11 @@ from lutforge.studio.jobs import Job, JobReport
 
 @dataclass(eq=False)
 class Work:
-    """Work for a job, None while it waits.
+    """A piece of work that a job does in another process.
 
-    call: returns the job's function and arguments, and is called when its turn has come, so that it can build on the
-    results of the work before it. short: it runs beside what is long; message: what was last reported.
+    job: None while the work waits for its turn; call: returns the job's function and arguments, and is called when the
+    turn has come, so that it can build on the results of the work before it. short: it runs beside what is long;
+    message: what was last reported.
     """
 
     title: str
@@ -36,7 +37,7 @@ class JobQueue:
         return any(work.short for work in self.works)
 
     def add(self, work: Work) -> Work | None:
-        """Add work; short work replaces the last such work. Returns the work that comes before it, None at once."""
+        """Add work; short work replaces the last such work. Returns the work before it, if there is any to wait for."""
         before = [queued for queued in self.works if queued.short == work.short]
         if work.short:
             self.end(before)

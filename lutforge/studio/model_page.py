@@ -1,6 +1,6 @@
 """Model: response, matrix, gamut map and lattice, with their options, the exposure pairs, and what was found."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from lutforge.reports.drawing import CHANNELS, Drawing
 from lutforge.reports.tables import TITLES, Table, balance_table, matrix_table
 from lutforge.studio import ui
 from lutforge.studio.session import Session
-from lutforge.studio.workspace import MODEL_TITLES, Workspace
+from lutforge.studio.workspace import LATTICE, MATRIX, MODEL_TITLES, Workspace
 from lutforge.thesis.options import ThesisOptions
 
 WAYS = {title: direction for direction, title in TITLES.items()}
@@ -40,9 +40,9 @@ class ModelPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.kind = ui.select("Model", {title: key for key, title in MODEL_TITLES.items()}, value="lattice")
+        self.kind = ui.select("Model", {title: key for key, title in MODEL_TITLES.items()}, value=LATTICE)
         session.page.watch(self._count, self.kind)
-        self.own_stages = ui.checkbox("Build on the fitted response and matrix", True)
+        self.builds_on_stages = ui.checkbox("Build on the fitted response and matrix", True)
         self.used = ui.select("Model in use", ui.NOTHING)
         self.takes = ui.text()
         compute = session.page.button("Compute", self._compute, variant="contained", **ui.FULL_WIDTH)
@@ -63,11 +63,11 @@ class ModelPage:
         self.bound = [
             session.bind(self.used, lambda now: now.model, lambda now, name: replace(now, model=name)),
             session.bind(self.preset, lambda now: type(now.options), with_preset),
-            session.bind(self.own_stages, lambda now: now.own_stages, lambda now, on: replace(now, own_stages=on)),
             session.bind(
-                self.pairs, lambda now: [names for names in pairs_listed(now).values() if names not in now.unticked],
-                lambda now, ticked: replace(now, unticked=frozenset(pairs_listed(now).values()).difference(ticked)),
+                self.builds_on_stages, lambda now: now.builds_on_stages,
+                lambda now, on: replace(now, builds_on_stages=on),
             ),
+            session.bind(self.pairs, ticked_pairs, with_ticked_pairs),
             *(self._bind_option(name, widget) for name, widget in {**self.options, **self.numbers}.items()),
         ]  # fmt: skip
         all_or_none = pn.Row(
@@ -81,14 +81,18 @@ class ModelPage:
         }
         columns = [(title, pn.Column(*widgets, **ui.TOGETHER)) for title, widgets in folds.items()]
         folded = pmui.Accordion(*columns, disable_gutters=True, **{**ui.FULL_WIDTH, "margin": (4, 4)})
-        self.controls = [self.kind, compute, self.own_stages, self.takes, self.used, folded]
+        self.controls = [self.kind, compute, self.builds_on_stages, self.takes, self.used, folded]
         views = (FitView, GamutView, LatticeView)
         self.views: dict[str, View] = {view.title: view(session) for view in views}
         self.shown = pmui.RadioButtonGroup(
             label="View", options=list(self.views), value=FitView.title, size="small", margin=(2, 8)
         )
         session.page.watch(self._show, self.shown)
-        self.kept = (self.kind, self.shown, *(control for view in self.views.values() for control in view.controls))
+        self.remembered = (
+            self.kind,
+            self.shown,
+            *(control for view in self.views.values() for control in view.controls),
+        )
         self.body = pn.Column(**ui.FILL)
         self.main = pn.Column(self.shown, self.body, **ui.FILL)
 
@@ -130,18 +134,18 @@ class ModelPage:
         kind = self.kind.value
         if workspace is None:
             return
-        for control in (self.own_stages, self.preset, self.pairs, *self.options.values(), *self.numbers.values()):
+        for control in (self.builds_on_stages, self.preset, self.pairs, *self.options.values(), *self.numbers.values()):
             control.disabled = not workspace.has_raw
         if not workspace.has_raw:
             self.takes.object = ui.paragraphs(BRACKET_ALONE)
             return
         rows = int(workspace.fitting_rows(kind).sum())
         count = len(workspace.samples)
-        left_out = "all outliers" if kind == "matrix" else "outliers, but for saturated colours, which it needs"
+        left_out = "all outliers" if kind == MATRIX else "outliers, but for saturated colours, which it needs"
         words = f"Fitted to {rows:,} of {count:,} samples: without {left_out}."
-        if kind != "matrix" and workspace.task(kind).stages is not None:
+        if kind != MATRIX and workspace.task(kind).stages is not None:
             words += " It builds on the response and matrix that you fitted."
-        elif kind != "matrix":
+        elif kind != MATRIX:
             words += " Response and matrix are fitted along with it."
         self.takes.object = ui.paragraphs(words)
 
@@ -162,6 +166,16 @@ def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:
         ratio = float(np.exp(pairs.log_ratio[rows][0]))
         listed[f"× {ratio:.2f}, {int(rows.sum())} samples: {first} – {second}"] = first, second
     return listed
+
+
+def ticked_pairs(workspace: Workspace) -> list[tuple[str, str]]:
+    """The pairs of shots from which the response is fitted."""
+    return [names for names in pairs_listed(workspace).values() if names not in workspace.unticked_pairs]
+
+
+def with_ticked_pairs(workspace: Workspace, ticked: Iterable[tuple[str, str]]) -> Workspace:
+    """The workspace in which just these pairs of shots are ticked."""
+    return replace(workspace, unticked_pairs=frozenset(pairs_listed(workspace).values()).difference(ticked))
 
 
 class View:
@@ -218,10 +232,10 @@ def residuals(workspace: Workspace) -> Table:
     cells = []
     for name, model in workspace.models.items():
         distance = np.linalg.norm(model.predicted.rendered[rows] - srgb[rows], axis=1)
-        known = distance[np.isfinite(distance)]
-        if len(known):
+        finite = distance[np.isfinite(distance)]
+        if len(finite):
             error = held_out_error(model.profile)
-            numbers = (known.mean(), *np.percentile(known, [50, 95, 100]))
+            numbers = (finite.mean(), *np.percentile(finite, [50, 95, 100]))
             left_out = "–" if error is None else f"{error:.4f}"
             stale = " (stale)" if workspace.is_stale(name) else ""
             cells.append((MODEL_TITLES[name] + stale, *(f"{value:.4f}" for value in numbers), left_out))
@@ -231,8 +245,8 @@ def residuals(workspace: Workspace) -> Table:
 
 def held_out_error(profile: CameraProfile) -> float | None:
     """The mean error of a profile on shots left out, over its styles; None where it was not measured."""
-    known = [style.errors["render_mean"] for style in profile.styles.values() if "render_mean" in style.errors]
-    return float(np.mean(known)) if known else None
+    measured = [style.errors["render_mean"] for style in profile.styles.values() if "render_mean" in style.errors]
+    return float(np.mean(measured)) if measured else None
 
 
 class GamutView(View):
@@ -253,8 +267,8 @@ class GamutView(View):
         workspace = self.session.workspace
         maps = dict[str, GamutMap | SolvedInverse]()
         level = self.luminance.value
-        if workspace is not None and "lattice" in workspace.models:
-            profile = workspace.models["lattice"].profile
+        if workspace is not None and LATTICE in workspace.models:
+            profile = workspace.models[LATTICE].profile
         for name, style in () if profile is None else profile.styles.items():
             for model in style.models[:1]:
                 if len(model.gamut_map.centres) > 1:  # one centre: it changes nothing

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from lutforge.errors import CalibrationError, LutForgeError, ShotError
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.pipeline.inspection import PICTURE_SUFFIXES
-from lutforge.pipeline.outputs import TABLE_SUFFIXES
+from lutforge.pipeline.file_kinds import PICTURE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.pipeline.response import Bracket, bracket_samples
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress
@@ -112,7 +111,7 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
 
 
 def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
-    """A workspace; or samples, shots and folders together; or profiles, with samples beside them."""
+    """Open a workspace; or samples, shots and folders together; or profiles, with or without samples."""
     if len(paths) == 1 and paths[0].suffix.lower() == SUFFIX:
         progress("reading", 0.0)
         workspace = open_workspace(paths[0])

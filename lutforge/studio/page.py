@@ -16,22 +16,25 @@ from lutforge.studio.theme import BESIDE, TEMPLATE, THEME
 from lutforge.studio.ui import HERE
 from lutforge.studio.workspace import WorkspaceError
 
-State = Literal["to do", "done", "stale"]
+StepProgress = Literal["to do", "done", "stale"]
 PAGE_NAMES = ("Shots", "Samples", "Model", "Look", "Export")
 ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sync_problem"}
 
 
 class Page:
-    """Steps are made when they are first looked at, and drawn again when the session has changed since."""
+    """The page of a visitor, with its five steps.
+
+    A step is made when it is first looked at, and drawn again when the session has changed since.
+    """
 
     def __init__(self, folders: Folders, inputs: tuple[Path, ...], session: Session | None = None) -> None:
         """Make the page of a visitor.
 
         session: one that goes on, whose own page is closed.
         """
-        goes_on = session is not None
+        is_continued = session is not None
         self.session = Session(folders) if session is None else session
-        if goes_on:
+        if is_continued:
             self.session.attach()
         self.pages: dict[str, Any] = {}
         self.shown = self.session.step
@@ -64,7 +67,7 @@ class Page:
         for watcher in _watchers_of_busy() - watchers:  # by which Panel would keep each page for ever
             pn.state.param.unwatch(watcher)
         self.show(self.shown)
-        if inputs and not goes_on:
+        if inputs and not is_continued:
             self.session.page.guarded(self.session.open)(inputs)
 
     def show(self, name: str) -> None:
@@ -81,7 +84,7 @@ class Page:
         if self.steps.active != PAGE_NAMES.index(name):
             self.steps.active = PAGE_NAMES.index(name)
         self._refresh()
-        if is_new and self.session.keep(name, shown.kept):  # once lists have their options
+        if is_new and self.session.remember_controls(name, shown.remembered):  # once lists have their options
             self._refresh(name)
 
     def _refresh(self, *stale: str) -> None:
@@ -94,9 +97,11 @@ class Page:
                 self.pages[self.shown].refresh()
 
     def _tell(self) -> None:
-        """The steps' states, and what to do in this one."""
-        states = states_of(self.session)
-        self.steps.items = [{"label": f"{step}: {states[step]}", "icon": ICONS[states[step]]} for step in PAGE_NAMES]
+        """Show how far each step is, and what to do in this one."""
+        progress = progress_of(self.session)
+        self.steps.items = [
+            {"label": f"{step}: {progress[step]}", "icon": ICONS[progress[step]]} for step in PAGE_NAMES
+        ]
         self.offer.visible = self.offer.visible and self.session.is_empty
         form = "<span data-ready><b>{}.</b> {}</span>" if self.is_ready else "<b>{}.</b> {}"
         self.next.object = ui.html(form, self.shown, NEXT[self.shown])
@@ -198,13 +203,13 @@ NEXT = {
 """Advice for each step."""
 
 
-def states_of(session: Session) -> dict[str, State]:
-    """Each step's state."""
+def progress_of(session: Session) -> dict[str, StepProgress]:
+    """How far each step is."""
     workspace = session.workspace
     profile = session.profile
     stale = session.is_stale
     old = any(map(session.is_old, session.written.values()))
-    seen = session.look_chosen and not session.is_unseen and profile is not None
+    seen = session.state.look_chosen and not session.is_unseen and profile is not None
     return {
         "Shots": "to do" if workspace is None and profile is None else "done",
         "Samples": "to do" if workspace is None else "done",

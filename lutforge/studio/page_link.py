@@ -72,9 +72,9 @@ class PageLink:
             self.forget_errors()
             action()
 
-        made = pmui.Button(label=label, size="small", **{"margin": (4, 4), "variant": "outlined", **options})
-        made.on_click(self.guarded(pressed))
-        return made
+        button = pmui.Button(label=label, size="small", **{"margin": (4, 4), "variant": "outlined", **options})
+        button.on_click(self.guarded(pressed))
+        return button
 
     @contextmanager
     def setting(self) -> Iterator[None]:

@@ -127,25 +127,25 @@ def serve(
         # A page that is slow to load comes back to a session of its own, for which Panel would name another server.
         document.template_variables["dist_url"] = LOCAL_DIST
         visitor = pn.state.cookies.get(COOKIE, "")
-        goes_on = kept.left_by(visitor) if "continue" in pn.state.session_args else None
-        made = Page(folders, inputs, goes_on)
+        continued = kept.left_by(visitor) if "continue" in pn.state.session_args else None
+        shown = Page(folders, inputs, continued)
 
         def loaded() -> None:
             """Offer what was left: a tab that is loaded again leaves its session only once this page has come."""
-            made.ready()
-            kept.show(made.session)
-            made.offer_to_continue(kept.left_by(visitor))
+            shown.ready()
+            kept.show(shown.session)
+            shown.offer_to_continue(kept.left_by(visitor))
 
-        pn.state.onload(made.session.page.guarded(loaded))
+        pn.state.onload(shown.session.page.guarded(loaded))
 
         def is_shown() -> bool:
             context = document.session_context
             session = None if context is None else context.session
             return session is not None and bool(session.connection_count)
 
-        kept.add(visitor, made.session, is_shown)
-        document.on_session_destroyed(lambda context: kept.leave(made.session, is_shown))
-        return made.layout
+        kept.add(visitor, shown.session, is_shown)
+        document.on_session_destroyed(lambda context: kept.leave(shown.session, is_shown))
+        return shown.layout
 
     try:
         if not port:

@@ -4,7 +4,7 @@ A session outlives the page that shows it: a page is attached to it, and detache
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,72 +18,114 @@ from lutforge.pipeline.looks import ChosenLook, usual_setting
 from lutforge.pipeline.photographs import Photograph
 from lutforge.pipeline.response import FittedResponse
 from lutforge.pipeline.response_request import ResponseRequest
+from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
 from lutforge.studio.background import Background
 from lutforge.studio.history import Change, History, exchanged
 from lutforge.studio.opening import Folders, Opened, open_paths
 from lutforge.studio.page_link import PageLink
-from lutforge.studio.workspace import MODEL_TITLES, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
+from lutforge.studio.workspace import (
+    MATRIX,
+    MODEL_TITLES,
+    NO_MODEL,
+    FitTask,
+    FittedModel,
+    ModelKind,
+    Workspace,
+    WorkspaceError,
+    fit_model,
+    with_profile,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Written:
     """A file that was written. kind: of export; lines: on its contents; command: the command line that writes it.
 
-    of: the profile and the look that it was made from.
+    profile, look: those that it was made from.
     """
 
     kind: str
     path: Path
     lines: tuple[str, ...]
     command: str
-    of: tuple[CameraProfile | None, ChosenLook]
+    profile: CameraProfile | None
+    look: ChosenLook
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """The part of a session that can be undone. look_controls: of Look, by name; the others as in `Session`."""
+class UndoableState:
+    """The part of a session that Undo and Redo change, all of it in one record.
 
-    workspace: Workspace | None
-    opened: Opened
-    chosen: ChosenLook | None
-    look_chosen: bool
-    look_controls: Mapping[str, Any]
-    pictures_out: tuple[str, ...]
-    response: tuple[ResponseRequest, FittedResponse] | None
+    opened: where the samples, the bracket and a profile that is not of this visit come from; chosen: the look that is
+    shown, None before; look_chosen: whether the visitor chose it; look_controls: the values of the controls of Look, by
+    name; pictures_out: the names of the pictures of a bracket that take no part; response: what was asked for and
+    fitted to them.
+    """
+
+    workspace: Workspace | None = None
+    opened: Opened = field(default_factory=Opened)
+    chosen: ChosenLook | None = None
+    look_chosen: bool = False
+    look_controls: Mapping[str, Any] = field(default_factory=dict)
+    pictures_out: tuple[str, ...] = ()
+    response: tuple[ResponseRequest, FittedResponse] | None = None
+
+    def exchanged(self, old: "UndoableState", new: "UndoableState") -> "UndoableState":
+        """This state with what differs between two others, as the second of them has it.
+
+        A workspace changes field by field, and Look control by control: what else they hold stays as it is here.
+        """
+        state = exchanged(self, old, new)
+        moved = {name: value for name, value in new.look_controls.items() if old.look_controls.get(name) != value}
+        state = replace(state, look_controls={**self.look_controls, **moved})
+        if self.workspace is None or old.workspace is None or new.workspace is None:
+            return state
+        return replace(state, workspace=exchanged(self.workspace, old.workspace, new.workspace))
 
 
 class Session:
-    """Shared by the steps of one page, which are told of each change.
+    """The work of one visitor, which outlives the page that shows it.
 
-    opened: where the samples, the bracket and a profile that is not of this visit come from; chosen: the look that is
-    shown, None before; look_chosen: whether the visitor chose it; written: by kind of export the last file;
-    pictures_out: the names of the pictures of a bracket that take no part; response: what was asked for and fitted to
-    them; photograph: the one that Look shows, which outlives its page.
+    state: what can be undone; a change replaces it. selected: (n,) the samples that are selected in all plots.
+    photograph: the one that Look shows; is_unseen: whether the look cannot be applied to it yet. look_view: what the
+    view of Look shows, by its parameters' names. written: by kind of export the last file; own_files: all that were
+    written, which may be replaced unasked. dropped: the folder of files that were dropped. step: the one that is seen.
+    control_values: by step and place, of the controls that no other state holds. work: what runs in other processes.
+    page: the link to the page that shows the session.
     """
 
     def __init__(self, folders: Folders) -> None:
         self.folders = folders
-        self.workspace: Workspace | None = None
+        self.state = UndoableState()
+        self.history: History[UndoableState] = History()
         self.selected: Mask = np.zeros(0, dtype=np.bool_)
-        self.opened = Opened()
-        self.chosen: ChosenLook | None = None
-        self.look_chosen = False
-        self.is_unseen = False  # whether a photograph is shown to which the look cannot be applied yet
-        self.look_controls: Mapping[str, Any] = {}
-        self.pictures_out: tuple[str, ...] = ()
-        self.response: tuple[ResponseRequest, FittedResponse] | None = None
-        self.written: dict[str, Written] = {}
         self.photograph: Photograph | None = None
+        self.is_unseen = False
+        self.look_view: dict[str, Any] = {}
+        self.written: dict[str, Written] = {}
+        self.own_files: set[Path] = set()
         self.dropped: TemporaryDirectory[str] | None = None
         self.step = "Shots"
-        self.kept: dict[tuple[str, int], Any] = {}  # by step and place, of controls that are of no state
-        self.look_view: dict[str, Any] = {}
-        self.own_files: set[Path] = set()  # what was written, which may be written again unasked
-        self.history = History()
+        self.control_values: dict[tuple[str, int], Any] = {}
         self.work = Background()
         self.page = PageLink()
         self.attach()
+
+    @property
+    def workspace(self) -> Workspace | None:
+        """The samples with their marks and models; None before any are open."""
+        return self.state.workspace
+
+    @property
+    def opened(self) -> Opened:
+        """The contents of the files that were opened."""
+        return self.state.opened
+
+    @property
+    def response(self) -> tuple[ResponseRequest, FittedResponse] | None:
+        """The response of a bracket, as it was asked for and fitted; None before."""
+        return self.state.response
 
     def attach(self) -> None:
         """Begin to be shown by another page, with the last news."""
@@ -99,20 +141,21 @@ class Session:
         page.status.take(self.page.status)
         self.page = page
 
-    def keep(self, step: str, controls: Sequence[Any]) -> bool:
-        """Let controls of a step be as the page before has left them, and keep them for the next.
+    def remember_controls(self, step: str, controls: Sequence[Any]) -> bool:
+        """Let controls of a step be as the page before has left them, and remember their values for the next page.
 
-        Returns whether any was kept. What is written into a line is kept letter by letter.
+        Returns whether any value was remembered. Text is remembered letter by letter, before it is confirmed.
         """
-        was_kept = False
+        was_remembered = False
         for place, control in enumerate(controls):
-            name, of = (step, place), "value_input" if hasattr(control, "value_input") else "value"
-            if name in self.kept:
-                was_kept = True
+            key = (step, place)
+            parameter = "value_input" if hasattr(control, "value_input") else "value"
+            if key in self.control_values:
+                was_remembered = True
                 with self.page.setting():
-                    ui.set_possible(control, self.kept[name])
-            control.param.watch(lambda event, name=name: self.kept.update({name: event.new}), of)
-        return was_kept
+                    ui.set_possible(control, self.control_values[key])
+            control.param.watch(lambda event, key=key: self.control_values.update({key: event.new}), parameter)
+        return was_remembered
 
     @property
     def is_empty(self) -> bool:
@@ -150,59 +193,47 @@ class Session:
     def is_stale(self) -> bool:
         """Whether samples or options have changed since the model in use was fitted."""
         workspace = self.workspace
-        return workspace is not None and bool(workspace.model) and workspace.is_stale(workspace.model)
+        return workspace is not None and workspace.model != NO_MODEL and workspace.is_stale(workspace.model)
 
     @property
     def look(self) -> ChosenLook:
         """The look that is shown, else the camera's usual one, where there is a profile."""
-        return self.chosen or ChosenLook(target="" if self.profile is None else usual_setting(self.profile))
+        return self.state.chosen or ChosenLook(target="" if self.profile is None else usual_setting(self.profile))
 
     def is_old(self, written: Written) -> bool:
         """Whether a file is of another profile or look than the present ones, or its model is stale."""
-        return self.is_stale or written.of[0] is not self.profile or written.of[1] != self.look
+        return self.is_stale or written.profile is not self.profile or written.look != self.look
 
-    @property
-    def state(self) -> State:
-        """The part of this session that can be undone, as it is now."""
-        return State(**{field.name: getattr(self, field.name) for field in fields(State)})
-
-    def _restore(self, state: State) -> None:
-        if state.workspace is not self.workspace:
-            self._select_nothing(state.workspace)
-        for field in fields(State):
-            setattr(self, field.name, getattr(state, field.name))
-        self.page.on_change()
-
-    def _select_nothing(self, workspace: Workspace | None) -> None:
-        count = 0 if workspace is None else len(workspace.samples)
-        if len(self.selected) != count:
-            self.selected = np.zeros(count, dtype=np.bool_)
-
-    def begin(self, workspace: Workspace | None) -> None:
-        """Make this the first state of the workspace."""
-        self.workspace = workspace
+    def start_over(self, workspace: Workspace | None) -> None:
+        """Make this the first workspace, with nothing selected and nothing to undo."""
+        self.state = replace(self.state, workspace=workspace)
         self.history = History()
         self.selected = np.zeros(0 if workspace is None else len(workspace.samples), dtype=np.bool_)
 
-    def change(self, workspace: Workspace, news: str = "", step: str = "") -> None:
-        """Make this the present state of the workspace, and show the news, if there are any."""
-        self.put(workspace, news or "change", step=step)
+    def change_workspace(self, workspace: Workspace, news: str = "", step: str = "") -> None:
+        """Make this the present workspace, show the news, if there are any, and draw the page anew."""
+        self.commit_workspace(workspace, news or "change", step=step)
         if news:
             self.page.say(news)
         self.page.on_change()
 
-    def put(self, workspace: Workspace, name: str = "change", again: str = "", key: str = "", step: str = "") -> None:
-        """Make this the present state of the workspace, which the caller has drawn.
+    def commit_workspace(
+        self, workspace: Workspace, name: str = "change", again: str = "", key: str = "", step: str = ""
+    ) -> None:
+        """Make this the present workspace, without drawing the page: the caller does, or its control shows it already.
 
-        name, again: the change as Undo and Redo offer it; key: of a control that is still moving; step: the present
-        one if not given.
+        name, again, key, step: as in `record_change`.
         """
         before = self.state
-        self.workspace = workspace
-        self.note(before, name, again, key, step)
+        self.state = replace(before, workspace=workspace)
+        self.record_change(before, name, again, key, step)
 
-    def note(self, before: State, name: str, again: str = "", key: str = "", step: str = "") -> None:
-        """Let a change that was made since `before` be undone."""
+    def record_change(self, before: UndoableState, name: str, again: str = "", key: str = "", step: str = "") -> None:
+        """Let the change from the state `before` to the present one be undone.
+
+        name, again: the change as Undo and Redo offer it; key: of a control that is still moving; step: where the
+        change was made, the present step if not given.
+        """
         self.history.add(Change(step or self.step, before, self.state, name, again or name, key))
 
     def undo(self) -> None:
@@ -210,27 +241,22 @@ class Session:
         change = self.history.last(self.step)
         if change is not None:
             self.page.say(f"undone: {change.name}")
-            self._restore(self._exchange(change, self.history.undo, change.after, change.before))
+            self._restore(self.history.undo(self.step, self.state))
 
     def redo(self) -> None:
         """Make the change again that was undone last in the step that is seen, if there is one."""
         change = self.history.next(self.step)
         if change is not None:
             self.page.say(f"done again: {change.again}")
-            self._restore(self._exchange(change, self.history.redo, change.before, change.after))
+            self._restore(self.history.redo(self.step, self.state))
 
-    def _exchange(self, change: Change, move: Callable[[str, State], State], old: State, new: State) -> State:
-        """The state after a move in the history; a workspace changes field by field, and Look control by control."""
-        now = self.state
-        state = move(self.step, now)
-        if change.whole:
-            return state
-
-        moved = {name: value for name, value in new.look_controls.items() if old.look_controls.get(name) != value}
-        state = replace(state, look_controls={**now.look_controls, **moved})
-        if old.workspace is None or new.workspace is None or now.workspace is None:
-            return state
-        return replace(state, workspace=exchanged(now.workspace, old.workspace, new.workspace))
+    def _restore(self, state: UndoableState) -> None:
+        """Make this the present state; what is selected stays where there are as many samples."""
+        count = 0 if state.workspace is None else len(state.workspace.samples)
+        if len(self.selected) != count:
+            self.selected = np.zeros(count, dtype=np.bool_)
+        self.state = state
+        self.page.on_change()
 
     def select(self, rows: Mask) -> None:
         """Select samples, in all plots."""
@@ -243,41 +269,50 @@ class Session:
         self.work.start(f"opening {names[:80]}", lambda opened: self.take_opened(opened, names), open_paths, paths)
 
     def take_opened(self, opened: Opened, names: str) -> None:
-        """Take over what was opened from files of these names."""
-        workspace = self.workspace
-        profile = opened.profile
-        fitted = None if workspace is None else workspace.fitted
-        news: object = opened.bracket
-        name = f"opening {names[:40]}"
-        before = self.state
-        was_empty = workspace is None and self.profile is None
-        if opened.bracket is None and opened.workspace is None and profile is not None:  # beside the samples
-            if fitted is not None and fitted.profile.camera != profile.camera:
-                raise WorkspaceError(
-                    f"{names}: a profile of {profile.camera}, which is not used, since this page has a model of "
-                    f"{fitted.profile.camera}: open it in another tab of the browser"
-                )
-            if workspace is not None and str(workspace.samples.camera[0]) == profile.camera:
-                self.workspace = with_profile(workspace, profile)
-            news = f"profile of {profile.camera}"
-            self.opened = replace(self.opened, profile=profile, profile_source=opened.profile_source, bracket=None)
-            if not was_empty:
-                self.note(before, name, step="Shots")
-        else:
-            self.pictures_out = ()
-            self.response = None
-            self.chosen = None
-            self.look_chosen = False
-            self.opened = opened
-            self.look_controls = {}
-            self.begin(opened.workspace)
-            if not was_empty:
-                self.history.add(Change("Shots", before, self.state, name, name, whole=True))
-            if opened.bracket is None and opened.workspace is not None:
-                samples = opened.workspace.samples
-                news = f"{len(samples):,} samples of {len(np.unique(samples.shot))} shots"
+        """Take over what was opened from files of these names: a profile joins the samples, else all is replaced."""
+        is_profile = opened.bracket is None and opened.workspace is None and opened.profile is not None
+        news = self._add_profile(opened, names) if is_profile else self._replace_everything(opened, names)
         self.page.say(f"{names}: {news}")
         self.page.on_change()
+
+    def _add_profile(self, opened: Opened, names: str) -> str:
+        """Use an opened profile, for the open samples where they are of its camera. Returns news.
+
+        Raises WorkspaceError where the model in use is of another camera.
+        """
+        profile = opened.profile
+        assert profile is not None
+        before = self.state
+        workspace = self.workspace
+        was_empty = workspace is None and self.profile is None
+        fitted = None if workspace is None else workspace.fitted
+        if fitted is not None and fitted.profile.camera != profile.camera:
+            raise WorkspaceError(
+                f"{names}: a profile of {profile.camera}, which is not used, since this page has a model of "
+                f"{fitted.profile.camera}: open it in another tab of the browser"
+            )
+        if workspace is not None and str(workspace.samples.camera[0]) == profile.camera:
+            workspace = with_profile(workspace, profile)
+
+        joined = replace(before.opened, profile=profile, profile_source=opened.profile_source, bracket=None)
+        self.state = replace(before, workspace=workspace, opened=joined)
+        if not was_empty:
+            self.record_change(before, f"opening {names[:40]}", step="Shots")
+        return f"profile of {profile.camera}"
+
+    def _replace_everything(self, opened: Opened, names: str) -> str:
+        """Begin with what was opened, in place of all that was there. Returns news."""
+        before = self.state
+        was_empty = self.workspace is None and self.profile is None
+        self.state = UndoableState(opened=opened)
+        self.start_over(opened.workspace)
+        if not was_empty:
+            name = f"opening {names[:40]}"
+            self.history.add(Change("Shots", before, self.state, name, name, whole=True))
+        if opened.bracket is not None or opened.workspace is None:
+            return str(opened.bracket)
+        samples = opened.workspace.samples
+        return f"{len(samples):,} samples of {len(np.unique(samples.shot))} shots"
 
     def dropped_folder(self, purpose: str) -> Path | None:
         """The folder of what was dropped for a purpose; None where nothing was."""
@@ -303,41 +338,23 @@ class Session:
             paths[-1].write_bytes(data)
         return tuple(paths)
 
-    def fit(self, kind: str) -> None:
+    def fit(self, kind: ModelKind) -> None:
         """Fit a model, and before it the one that it stands on where that is stale when its turn has come."""
-        workspace = self.require_workspace()
-        task = workspace.task(kind)
-        if not workspace.has_raw:
+        if not self.require_workspace().has_raw:
             raise WorkspaceError("without RAW there is a response alone: press Fit response under Shots")
-
-        def call() -> tuple[Any, ...]:
-            nonlocal workspace, task
-            workspace = self.require_workspace()
-            task = workspace.task(kind)
-            if task.stages is not None and workspace.is_stale("matrix"):
-                task = workspace.task("matrix")
-            return fit_model, task, workspace.samples
-
-        def done(fitted: FittedModel) -> None:
-            now = self.require_workspace()
-            if now.samples is not workspace.samples:
-                raise WorkspaceError("other samples were opened meanwhile: compute again")
-            news = f"{MODEL_TITLES[task.kind]}: fitted to {int(task.rows.sum()):,} samples"
-            self.change(now.with_model(task.kind, replace(fitted, task=task)), news, step="Model")
-            if task.kind != kind:
-                self.fit(kind)
-
-        self.work.start_in_turn(MODEL_TITLES[kind], done, call)
+        fit = ModelFit(self, kind)
+        self.work.start_in_turn(MODEL_TITLES[kind], fit.accept, fit.call)
 
     def take_response(self, request: ResponseRequest, fitted: FittedResponse) -> None:
         """Take over what was fitted to a bracket."""
         before = self.state
-        self.response = request, fitted
-        self.opened = replace(self.opened, profile=fitted.profile, profile_source=None)
-        if self.workspace is not None:
-            model = FittedModel(fitted.profile, predict(fitted.profile, self.workspace.samples))
-            self.workspace = self.workspace.with_model("matrix", model)
-        self.note(before, "fitting the response", step="Shots")
+        workspace = self.workspace
+        if workspace is not None:
+            model = FittedModel(fitted.profile, predict(fitted.profile, workspace.samples))
+            workspace = workspace.with_model(MATRIX, model)
+        opened = replace(before.opened, profile=fitted.profile, profile_source=None)
+        self.state = replace(before, workspace=workspace, opened=opened, response=(request, fitted))
+        self.record_change(before, "fitting the response", step="Shots")
         self.page.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
         self.page.on_change()
 
@@ -355,7 +372,7 @@ class Session:
                 name = f"{widget.label}: {new} → {old}"
                 again = f"{widget.label}: {old} → {new}"
                 key = widget.label if hasattr(widget, "value_throttled") else ""
-                self.put(put(self.workspace, value), name, again, key)
+                self.commit_workspace(put(self.workspace, value), name, again, key)
 
         def show(workspace: Workspace) -> None:
             with self.page.setting():
@@ -378,6 +395,38 @@ class Session:
         if self.dropped is not None:
             self.dropped.cleanup()
             self.dropped = None
+
+
+class ModelFit:
+    """A fit of one kind of model, from the moment when its turn has come until the session has its result."""
+
+    def __init__(self, session: Session, kind: ModelKind) -> None:
+        self.session = session
+        self.kind = kind
+
+    def call(self) -> tuple[Callable[..., FittedModel], FitTask, SampleSet]:
+        """The function to run in another process, and its arguments, as the workspace is now.
+
+        They are of the model that this kind stands on where that is stale.
+        """
+        workspace = self.session.require_workspace()
+        task = workspace.task(self.kind)
+        if task.stages is not None and workspace.is_stale(MATRIX):
+            task = workspace.task(MATRIX)
+        self.task = task
+        self.samples = workspace.samples
+        return fit_model, task, workspace.samples
+
+    def accept(self, fitted: FittedModel) -> None:
+        """Take over the model, and go on with that of this kind. Raises WorkspaceError where the samples are others."""
+        workspace = self.session.require_workspace()
+        if workspace.samples is not self.samples:
+            raise WorkspaceError("other samples were opened meanwhile: compute again")
+        kind = self.task.kind
+        news = f"{MODEL_TITLES[kind]}: fitted to {int(self.task.rows.sum()):,} samples"
+        self.session.change_workspace(workspace.with_model(kind, replace(fitted, task=self.task)), news, step="Model")
+        if kind != self.kind:
+            self.session.fit(self.kind)
 
 
 def as_text(widget: Any, value: Any) -> str:

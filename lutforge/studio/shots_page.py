@@ -68,7 +68,7 @@ class ShotsPage:
             self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **ui.TOGETHER
         )
         self.controls = [self.drop, self.listed, self.path, sample, again, self.bracket, self.notes]
-        self.kept = (self.listed, self.path, self.chart, self.light, self.corners, self.times, self.all_colours)
+        self.remembered = (self.listed, self.path, self.chart, self.light, self.corners, self.times, self.all_colours)
         self.curves = ui.Figures()
         self.findings = ui.text(**ui.SCROLLED)
         self.response = pn.Row(self.curves.layout, self.findings, visible=False, **{**ui.FILL, "min_height": 260})
@@ -97,11 +97,11 @@ class ShotsPage:
         names: Any = self.drop.filename
         if not self.drop.value or not names:
             return
-        kept = self.session.keep_dropped("shots", names, self.drop.value)
+        dropped = self.session.keep_dropped("shots", names, self.drop.value)
         with self.session.page.setting():
             self.listed.value = ""
             self.path.param.update(value="", value_input="")
-        self.session.open((kept[0].parent,))
+        self.session.open((dropped[0].parent,))
 
     def _enable(self) -> None:
         self.light.disabled = self.corners.disabled = not self.chart.value
@@ -110,7 +110,7 @@ class ShotsPage:
     def _fit(self) -> None:
         bracket = self.session.opened.bracket
         assert bracket is not None
-        files = tuple(file for file in bracket.files if file.name not in self.session.pictures_out)
+        files = tuple(file for file in bracket.files if file.name not in self.session.state.pictures_out)
         chart = self.chart.value
         times = ui.written(self.times)
         light, corners = (ui.written(line) if chart else "" for line in (self.light, self.corners))
@@ -144,7 +144,9 @@ class ShotsPage:
                 self._draw(dict(self._cards_of_bracket(bracket)))
             else:
                 self._draw({} if workspace is None else dict(self._cards(workspace, profile)))
-        left_out = set(session.pictures_out) if bracket is not None else workspace.out if workspace else set()
+        left_out = (
+            set(session.state.pictures_out) if bracket is not None else workspace.left_out_shots if workspace else set()
+        )
         for name, paper in self.papers.items():
             with session.page.setting():
                 paper[0].value = name not in left_out
@@ -175,10 +177,10 @@ class ShotsPage:
     def _leave_out(self, ticked: bool) -> None:
         out = frozenset(name for name, paper in self.papers.items() if not paper[0].value)
         if self.session.opened.bracket is not None:
-            self.session.pictures_out = tuple(out)
-        if self.session.workspace is not None and out != self.session.workspace.out:
+            self.session.state = replace(self.session.state, pictures_out=tuple(out))
+        if self.session.workspace is not None and out != self.session.workspace.left_out_shots:
             news = f"{len(out)} shots left out" if out else "all shots take part"
-            self.session.put(replace(self.session.workspace, out=out), news)
+            self.session.commit_workspace(replace(self.session.workspace, left_out_shots=out), news)
             self.session.page.say(news)
 
     def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, ui.Html]]:

@@ -7,7 +7,8 @@ from tornado.ioloop import IOLoop
 from tornado.web import RequestHandler
 
 from lutforge.errors import LutForgeError
-from lutforge.pipeline.photographs import IMAGE_SUFFIXES, thumbnail
+from lutforge.pipeline.file_kinds import PHOTOGRAPH_SUFFIXES
+from lutforge.pipeline.photographs import thumbnail
 from lutforge.studio.opening import Folders
 
 ROUTE = "/thumbnail"
@@ -15,7 +16,7 @@ ROUTE = "/thumbnail"
 
 def addresses(folders: Folders, names: list[str]) -> list[dict[str, str]]:
     """Name and address of the thumbnail of each shot, whose files bear one name: of its JPEG, else of its RAW file."""
-    by_kind = sorted(names, key=lambda name: IMAGE_SUFFIXES.index(Path(name).suffix.lower()), reverse=True)
+    by_kind = sorted(names, key=lambda name: PHOTOGRAPH_SUFFIXES.index(Path(name).suffix.lower()), reverse=True)
     shots = {Path(name).with_suffix(""): name for name in by_kind}
     shots = dict(sorted(shots.items()))
     return [{"name": name, "url": f"{ROUTE[1:]}?{urlencode(_version(folders, name))}"} for name in shots.values()]

@@ -60,13 +60,13 @@ def table(shown: Table) -> Html:
 
 def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:
     """A slider that the keyboard moves, too."""
-    made = pmui.FloatSlider(
+    control = pmui.FloatSlider(
         label=label, value=value, start=start, end=end, step=step, size="small", **{**FULL_WIDTH, **more}
     )
-    made.usual = value  # a double click sets the slider to it
-    made._priority_changes = ["value"]  # Panel's pause of 50 ms is what a picture would lag behind
-    made._busy__ignore = ["value"]  # and the news that the server is busy
-    return made
+    control.usual = value  # a double click sets the slider to it
+    control._priority_changes = ["value"]  # Panel's pause of 50 ms is what a picture would lag behind
+    control._busy__ignore = ["value"]  # and the news that the server is busy
+    return control
 
 
 def select(label: str, options: Any, **more: Any) -> pmui.Select:
@@ -105,10 +105,10 @@ def set_possible(control: Any, value: Any) -> None:
 
 def offer(choice: pmui.Select, names: Iterable[str]) -> None:
     """Offer these names; what is chosen stays where it is one of them, else the first is chosen."""
-    known = list(names)
-    choice.options = known or NOTHING
-    if choice.value not in known:
-        choice.value = known[0] if known else ""
+    offered = list(names)
+    choice.options = offered or NOTHING
+    if choice.value not in offered:
+        choice.value = offered[0] if offered else ""
 
 
 def plot(title: str, tools: str = "pan,wheel_zoom,box_zoom,reset,save", **options: Any) -> Any:

@@ -6,11 +6,12 @@ The file is a zip of JSON, a sample table, marks and profiles; read with limits,
 import json
 import shutil
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,22 @@ from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples
 from lutforge.thesis.options import Options, ThesisOptions, stated_options
 
-MODEL_TITLES = {"matrix": "Response, matrix and white balance", "lattice": "Lattice"}
-"""In the order of the calibration; each is kept as a camera profile."""
+ModelKind = Literal["matrix", "lattice"]
+"""The kinds of models that are fitted, each kept as a camera profile."""
+MATRIX: Final = "matrix"
+"""Response, matrix and white balances: the stages before the gamut map."""
+LATTICE: Final = "lattice"
+"""The whole camera model with its gamut map, baked to lattices."""
+NO_MODEL: Final = ""
+"""The model in use before the first fit."""
+MODEL_TITLES: dict[ModelKind, str] = {MATRIX: "Response, matrix and white balance", LATTICE: "Lattice"}
+"""In the order of the calibration."""
+HandMark = Literal[1, -1, 0]
+"""A mark that is set by hand."""
+OUTLIER_BY_HAND: Final = 1
+KEPT_BY_HAND: Final = -1
+"""The sample takes part whatever the limits say."""
+UNMARKED: Final = 0
 MOST_GROUPS = 100
 SUFFIX = ".workspace"
 DOCUMENT = "workspace.json"
@@ -49,18 +64,18 @@ class WorkspaceError(LutForgeError):
 class Column:
     """A column of the table that samples are filtered by. usual: the limits that nobody moved, both within `reach`.
 
-    stage: whether what lies outside is kept from response and matrix alone, as gamut map and lattice need it.
+    of_stages: whether its limits leave samples out of the stages alone, since gamut map and lattice need them.
     """
 
     title: str
     reach: tuple[float, float]
     usual: tuple[float, float]
     step: float
-    stage: bool = False
+    of_stages: bool = False
 
 
 COLUMNS = {
-    "saturation": Column("Saturation", (0.0, 1.0), (0.0, 1.0), 0.01, stage=True),
+    "saturation": Column("Saturation", (0.0, 1.0), (0.0, 1.0), 0.01, of_stages=True),
     "darkest": Column("Smallest JPEG code", (0, 255), (1, 255), 1),
     "brightest": Column("Largest JPEG code", (0, 255), (0, 254), 1),
     "raw": Column("Largest RAW value", (0.0, 1.0), (0.0, 0.98), 0.01),
@@ -73,10 +88,10 @@ COLUMNS = {
 class FitTask:
     """The inputs of a fit: samples (n,), options, and the stages, fitted before, that it stands on.
 
-    stages: a model of the kind "matrix", whose response, matrix and white balances are taken; None fits them anew.
+    stages: a model of the kind MATRIX, whose response, matrix and white balances are taken; None fits them anew.
     """
 
-    kind: str
+    kind: ModelKind
     rows: Mask
     options: Options
     stages: "FittedModel | None" = None
@@ -84,7 +99,7 @@ class FitTask:
 
 @dataclass(frozen=True, eq=False)
 class FittedModel:
-    """A profile, and what it makes of every sample.
+    """A profile, and what it predicts of every sample.
 
     task: what it was fitted to; None where it comes from a file.
     """
@@ -96,33 +111,39 @@ class FittedModel:
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """One state. samples: as loaded, RAW is NaN where there is none; pairs: of exposures, None where there are none.
+    """Samples, what the visitor has marked and chosen of them, and the models that were fitted to them.
 
-    limits: by column what lies outside is an outlier of the response. hand: (n,) 1 for rows marked as outliers by hand,
-    −1 for rows kept by hand whatever the limits say, else 0. groups: of outliers, which take part in no fit, but for
-    those that are idle. model: the name of the fitted model that plots and residuals use, "" before the first fit.
-    out: the shots that take no part; unticked: the exposure pairs that do not tell the response, by the names of their
-    shots; own_stages: whether gamut map and lattice stand on the response and matrix that were fitted before.
+    samples: as loaded; their RAW is NaN where the camera has none.
+    pairs: of exposures; None where the samples have none.
+    limits: (low, high) by the name of a column; what lies outside is an outlier of the stages.
+    hand_marks: (n,) each a `HandMark`.
+    groups: masks (n,) of outliers, by name; they take part in no fit.
+    inactive_groups: the names of the groups that have no effect.
+    models: by kind, as fitted.
+    model: the kind that plots and residuals use, NO_MODEL before the first fit.
+    left_out_shots: the names of the shots that take part in no fit.
+    unticked_pairs: the exposure pairs from which no response is fitted, by the names of their shots.
+    builds_on_stages: whether a lattice takes response and matrix from the model of the kind MATRIX, where there is one.
     """
 
     samples: SampleSet
     pairs: ExposurePairs | None = None
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    hand: NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
+    hand_marks: NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
     groups: Mapping[str, Mask] = field(default_factory=dict)
-    idle: frozenset[str] = frozenset()
-    models: Mapping[str, FittedModel] = field(default_factory=dict)
-    model: str = ""
+    inactive_groups: frozenset[str] = frozenset()
+    models: Mapping[ModelKind, FittedModel] = field(default_factory=dict)
+    model: ModelKind | Literal[""] = NO_MODEL
     options: Options = field(default_factory=CalibrationOptions)
-    out: frozenset[str] = frozenset()
-    unticked: frozenset[tuple[str, str]] = frozenset()
-    own_stages: bool = True
+    left_out_shots: frozenset[str] = frozenset()
+    unticked_pairs: frozenset[tuple[str, str]] = frozenset()
+    builds_on_stages: bool = True
 
     def __post_init__(self) -> None:
         count = len(self.samples)
-        if len(self.hand) == 0:
-            object.__setattr__(self, "hand", np.zeros(count, dtype=np.int8))
-        if self.hand.shape != (count,) or any(rows.shape != (count,) for rows in self.groups.values()):
+        if len(self.hand_marks) == 0:
+            object.__setattr__(self, "hand_marks", np.zeros(count, dtype=np.int8))
+        if self.hand_marks.shape != (count,) or any(rows.shape != (count,) for rows in self.groups.values()):
             raise WorkspaceError(f"workspace: its marks are not of its {count} samples")
         if self.model and self.model not in self.models:
             raise WorkspaceError(f'workspace: it holds no model "{self.model}"')
@@ -143,10 +164,15 @@ class Workspace:
     @property
     def response(self) -> Response | None:
         """f of the first style that has one; None before the first fit, and of a lattice."""
-        if self.fitted is None or self.model == "lattice":
+        if self.fitted is None or self.model == LATTICE:
             return None
         styles = self.fitted.profile.styles.values()
         return next((style.models[0].response for style in styles if style.models), None)
+
+    @property
+    def response_pairs(self) -> ExposurePairs | None:
+        """The exposure pairs from which a response is fitted; None where the samples have none."""
+        return None if self.pairs is None else self.pairs.without(self.unticked_pairs)
 
     @cached_property
     def residual(self) -> Array:
@@ -174,10 +200,14 @@ class Workspace:
         return rows
 
     @cached_property
-    def removed(self) -> Mask:
+    def excluded(self) -> Mask:
         """(n,): rows that take part in no fit: marked by hand, in an active group, or of a shot that is out."""
-        rows = np.logical_or.reduce([self.hand > 0, *(self.groups[name] for name in self.active_groups)])
-        return np.asarray((rows & (self.hand >= 0)) | np.isin(self.samples.shot, list(self.out)))
+        rows = np.logical_or.reduce(
+            [self.hand_marks == OUTLIER_BY_HAND, *(self.groups[name] for name in self.active_groups)]
+        )
+        return np.asarray(
+            (rows & (self.hand_marks != KEPT_BY_HAND)) | np.isin(self.samples.shot, list(self.left_out_shots))
+        )
 
     @cached_property
     def outliers(self) -> Mask:
@@ -186,54 +216,54 @@ class Workspace:
         They are removed, outside the limits, or in none of the exposure pairs that are ticked, where some are not.
         """
         rows = np.logical_or.reduce(list(self.filtered.values()))
-        if self.pairs is not None and self.unticked:
-            ticked = self.pairs.without(self.unticked)
+        ticked = self.response_pairs
+        if ticked is not None and self.unticked_pairs:
             rows |= ~np.isin(np.arange(len(rows)), [ticked.first_row, ticked.second_row])
-        return np.asarray((rows & (self.hand >= 0)) | self.removed)
+        return np.asarray((rows & (self.hand_marks != KEPT_BY_HAND)) | self.excluded)
 
-    def fitting_rows(self, model: str) -> Mask:
-        """(n,): the samples that a fit of this model takes.
+    def fitting_rows(self, kind: ModelKind) -> Mask:
+        """(n,): the samples that a fit of this kind of model takes.
 
         The gamut map and the lattice need the saturated colours that are kept from the response (thesis A.3.3), and
         find for themselves what is clipped: for them a limit counts where it was moved, that of the saturation never,
         and that of the residual where it is of such a model.
         """
-        if model == "matrix":
+        if kind == MATRIX:
             return ~self.outliers
-        rows = self.removed
+        rows = self.excluded
         for name, limits in self.limits.items():
-            counts = name != "residual" or self.model == "lattice"
-            if counts and limits != COLUMNS[name].usual and not COLUMNS[name].stage:
+            counts = name != "residual" or self.model == LATTICE
+            if counts and limits != COLUMNS[name].usual and not COLUMNS[name].of_stages:
                 rows = rows | self.filtered[name]
-        return np.asarray(~rows | ((self.hand < 0) & ~self.removed))
+        return np.asarray(~rows | ((self.hand_marks == KEPT_BY_HAND) & ~self.excluded))
 
-    def task(self, kind: str) -> FitTask:
+    def task(self, kind: ModelKind) -> FitTask:
         """The inputs that a fit of this kind takes now."""
         options = self.options
         if isinstance(options, ThesisOptions):
-            options = replace(options, without_pairs=tuple(sorted(self.unticked)))
-        stages = self.models.get("matrix") if self.own_stages and kind != "matrix" else None
+            options = replace(options, without_pairs=tuple(sorted(self.unticked_pairs)))
+        stages = self.models.get(MATRIX) if self.builds_on_stages and kind != MATRIX else None
         return FitTask(kind, self.fitting_rows(kind), options, stages)
 
-    def is_stale(self, kind: str) -> bool:
+    def is_stale(self, kind: ModelKind) -> bool:
         """Whether a model was fitted to other samples, options or stages than would be taken now."""
         task = self.models[kind].task
         now = self.task(kind)
         if task is None:
             return False
         same = task.options == now.options and task.stages is now.stages and np.array_equal(task.rows, now.rows)
-        return not same or (task.stages is not None and self.is_stale("matrix"))
+        return not same or (task.stages is not None and self.is_stale(MATRIX))
 
     @property
     def fitted_rows(self) -> Mask:
         """(n,): the samples that the model in use was fitted to; before a fit, those that a lattice would take."""
         if self.fitted is None or self.fitted.task is None:
-            return self.fitting_rows(self.model or "lattice")
+            return self.fitting_rows(self.model or LATTICE)
         return self.fitted.task.rows
 
-    def mark(self, rows: Mask, mark: int) -> "Workspace":
-        """Mark rows by hand: 1 as outliers, −1 to be kept, 0 not at all."""
-        return replace(self, hand=np.where(rows, np.int8(mark), self.hand))
+    def mark(self, rows: Mask, mark: HandMark) -> "Workspace":
+        """Mark rows by hand."""
+        return replace(self, hand_marks=np.where(rows, np.int8(mark), self.hand_marks))
 
     def with_group(self, name: str, rows: Mask) -> "Workspace":
         """Add these rows as a named, active outlier group. Raises WorkspaceError: no name, no rows."""
@@ -244,12 +274,12 @@ class Workspace:
             raise WorkspaceError(f"{name}: no samples to put into the group; select some first")
         if len(self.groups) >= MOST_GROUPS and name not in self.groups:
             raise WorkspaceError(f"{MOST_GROUPS} outlier groups are enough; delete one first")
-        return replace(self, groups={**self.groups, name: rows.copy()}, idle=self.idle - {name})
+        return replace(self, groups={**self.groups, name: rows.copy()}, inactive_groups=self.inactive_groups - {name})
 
     @property
     def active_groups(self) -> list[str]:
         """The names of the outlier groups in effect."""
-        return [name for name in self.groups if name not in self.idle]
+        return [name for name in self.groups if name not in self.inactive_groups]
 
     def limits_of(self, name: str) -> tuple[float, float]:
         """The limits of a column."""
@@ -262,7 +292,7 @@ class Workspace:
 
     def with_active_groups(self, names: list[str]) -> "Workspace":
         """Make just these groups active."""
-        return replace(self, idle=frozenset(self.groups).difference(names))
+        return replace(self, inactive_groups=frozenset(self.groups).difference(names))
 
     def without_group(self, name: str) -> "Workspace":
         """Remove the group of this name. Raises WorkspaceError where there is none."""
@@ -270,9 +300,9 @@ class Workspace:
             raise WorkspaceError(f"{name or 'no name'}: there is no such outlier group")
         return replace(self, groups={key: group for key, group in self.groups.items() if key != name})
 
-    def with_model(self, name: str, fitted: FittedModel) -> "Workspace":
+    def with_model(self, kind: ModelKind, fitted: FittedModel) -> "Workspace":
         """Add a fitted model, in use from now on."""
-        return replace(self, models={**self.models, name: fitted}, model=name)
+        return replace(self, models={**self.models, kind: fitted}, model=kind)
 
 
 def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedModel:
@@ -280,7 +310,7 @@ def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedMo
     if task.rows.sum() < 10:
         raise CalibrationError(f"{int(task.rows.sum())} samples are left to fit; at least 10 are needed: filter less")
     chosen = samples.select(task.rows)
-    if task.kind == "matrix":
+    if task.kind == MATRIX:
         profile = calibrate_base(chosen, task.options, progress)
     else:
         stages = None if task.stages is None else task.stages.profile
@@ -296,17 +326,18 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
         raise WorkspaceError(f"{path}: a workspace file ends in {SUFFIX}")
     if not workspace.has_raw:
         raise WorkspaceError("a bracket has no workspace: save its profile, and open the pictures again")
-    groups = [{"name": name, "active": name not in workspace.idle} for name in workspace.groups]
+    groups = [{"name": name, "active": name not in workspace.inactive_groups} for name in workspace.groups]
     document = {
         "format": "lutforge-workspace", "version": 4, "limits": workspace.limits, "groups": groups,
         "models": list(workspace.models), "model": workspace.model, "options": workspace.options.as_json(),
-        "out": sorted(workspace.out), "unticked": sorted(workspace.unticked), "own_stages": workspace.own_stages,
+        "out": sorted(workspace.left_out_shots), "unticked": sorted(workspace.unticked_pairs),
+        "own_stages": workspace.builds_on_stages,
     }  # fmt: skip
     # A column for the marks of the hand, one for each group, and one for the rows that each model was fitted to.
     every = np.ones(len(workspace.samples), dtype=np.bool_)
     masks = [*workspace.groups.values()]
     masks += [every if model.task is None else model.task.rows for model in workspace.models.values()]
-    marks = np.stack([workspace.hand, *(mask.astype(np.int8) for mask in masks)], axis=1)
+    marks = np.stack([workspace.hand_marks, *(mask.astype(np.int8) for mask in masks)], axis=1)
     with scratch_folder() as folder, atomic_path(path) as temporary:
         (folder / DOCUMENT).write_text(json.dumps(document, indent=1, ensure_ascii=False), encoding="utf-8")
         workspace.samples.save(folder / SAMPLES)
@@ -323,34 +354,64 @@ def open_workspace(path: str | Path) -> Workspace:
     path = Path(path)
     with reading(path.name, "a LutForge workspace", WorkspaceError):
         with zipfile.ZipFile(path) as archive, scratch_folder() as folder:
-            small = DOCUMENT in archive.namelist() and archive.getinfo(DOCUMENT).file_size <= 1 << 20
-            document = json.loads(archive.read(DOCUMENT)) if small else None
-            if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
-                raise WorkspaceError("not a LutForge workspace")
-            if document.get("version") != 4:
-                raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 4")
-            entries = document["groups"]
-            if len(entries) > MOST_GROUPS or not set(document["models"]) <= set(MODEL_TITLES):
-                raise WorkspaceError("it names models or groups that no workspace has")
+            document = _read_document(archive)
             samples = read_samples(_extract(archive, SAMPLES, folder))
             marks = np.load(_extract(archive, MARKS, folder), allow_pickle=False)
-            profiles = {name: load_profile(_extract(archive, f"{name}.npz", folder)) for name in document["models"]}
-        if marks.dtype != np.int8 or marks.shape[1:] != (1 + len(entries) + len(profiles),):
-            raise WorkspaceError("damaged, its marks are not of its groups and models")
+            profiles = {kind: load_profile(_extract(archive, f"{kind}.npz", folder)) for kind in document["models"]}
+        entries = document["groups"]
+        hand_marks, groups, fitted_rows = _columns_of(marks, len(entries), len(profiles))
         names = [str(entry["name"])[:60] for entry in entries]
-        models: dict[str, FittedModel] = {}
-        for index, (name, profile) in enumerate(profiles.items(), start=1 + len(names)):
-            stages = models.get("matrix") if document["own_stages"] and name != "matrix" else None
-            task = FitTask(name, marks[:, index] != 0, stated_options(profile.options), stages)
-            models[name] = FittedModel(profile, predict(profile, samples), task=task)
+        limits = {str(name): (float(low), float(high)) for name, (low, high) in document["limits"].items()}
         return Workspace(
-            samples, limits={str(name): (float(low), float(high)) for name, (low, high) in document["limits"].items()},
-            hand=marks[:, 0], groups={name: marks[:, index] != 0 for index, name in enumerate(names, start=1)},
-            idle=frozenset(name for name, entry in zip(names, entries, strict=True) if not entry["active"]),
-            models=models, model=str(document["model"]), options=stated_options(document["options"]),
-            out=frozenset(map(str, document["out"])), own_stages=bool(document["own_stages"]),
-            unticked=frozenset((str(shot_a), str(shot_b)) for shot_a, shot_b in document["unticked"]),
-        )  # fmt: skip
+            samples,
+            limits=limits,
+            hand_marks=hand_marks,
+            groups=dict(zip(names, groups, strict=True)),
+            inactive_groups=frozenset(name for name, entry in zip(names, entries, strict=True) if not entry["active"]),
+            models=_models_of(profiles, fitted_rows, samples, bool(document["own_stages"])),
+            model=document["model"],
+            options=stated_options(document["options"]),
+            left_out_shots=frozenset(map(str, document["out"])),
+            unticked_pairs=frozenset((str(shot_a), str(shot_b)) for shot_a, shot_b in document["unticked"]),
+            builds_on_stages=bool(document["own_stages"]),
+        )
+
+
+def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
+    """The JSON of a workspace file. Raises WorkspaceError where it is none that this version reads."""
+    is_small = DOCUMENT in archive.namelist() and archive.getinfo(DOCUMENT).file_size <= 1 << 20
+    document = json.loads(archive.read(DOCUMENT)) if is_small else None
+    if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
+        raise WorkspaceError("not a LutForge workspace")
+    if document.get("version") != 4:
+        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 4")
+    names_models = isinstance(document["model"], str) and set(document["models"]) <= set(MODEL_TITLES)
+    if len(document["groups"]) > MOST_GROUPS or not names_models:
+        raise WorkspaceError("it names models or groups that no workspace has")
+    return document
+
+
+def _columns_of(marks: NDArray[Any], groups: int, models: int) -> tuple[NDArray[np.int8], list[Mask], list[Mask]]:
+    """The marks by hand (n,), the rows of each group, and those that each model was fitted to, as a file holds them.
+
+    groups, models: how many there are. Raises WorkspaceError where the columns are of others.
+    """
+    if marks.dtype != np.int8 or marks.shape[1:] != (1 + groups + models,):
+        raise WorkspaceError("damaged, its marks are not of its groups and models")
+    masks = [column != 0 for column in marks.T[1:]]
+    return marks[:, 0], masks[:groups], masks[groups:]
+
+
+def _models_of(
+    profiles: Mapping[ModelKind, CameraProfile], fitted_rows: Sequence[Mask], samples: SampleSet, builds_on_stages: bool
+) -> dict[ModelKind, FittedModel]:
+    """The models of a file, each with the task that it was fitted to."""
+    models: dict[ModelKind, FittedModel] = {}
+    for (kind, profile), rows in zip(profiles.items(), fitted_rows, strict=True):
+        stages = models.get(MATRIX) if builds_on_stages and kind != MATRIX else None
+        task = FitTask(kind, rows, stated_options(profile.options), stages)
+        models[kind] = FittedModel(profile, predict(profile, samples), task=task)
+    return models
 
 
 def _extract(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
@@ -365,7 +426,7 @@ def _extract(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
 def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:
     """Add a profile as the fitted model, under the name of the model that it holds."""
     has_lattice = any(style.render is not None for style in profile.styles.values())
-    kind = "lattice" if has_lattice else "matrix"
+    kind: ModelKind = LATTICE if has_lattice else MATRIX
     return workspace.with_model(kind, FittedModel(profile, predict(profile, workspace.samples)))
 
 

@@ -40,7 +40,7 @@ def test_a_command_loads_those_of_its_file_alone() -> None:
     code = "import sys; from lutforge.cli.main import command_line; command_line('check'); print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100)
     loaded = {name for name in run.stdout.split() if name.startswith("lutforge.cli.")}
-    assert loaded == {"lutforge.cli.main", "lutforge.cli.console", "lutforge.cli.profiles"}
+    assert loaded == {"lutforge.cli.main", "lutforge.cli.console", "lutforge.cli.inspection"}
 
 
 def test_inspecting_a_profile_loads_numpy_alone(tmp_path: Path) -> None:

@@ -37,7 +37,9 @@ class BakedRecipe(Recipe):
         return Lut((Cube(cube),))
 
     def grade(self, source: Path) -> Grade:
-        return Grade(self._lut.processor(), "baked", {"Artist": "it's {me}"}, lut=self._lut)
+        return Grade(
+            processor=self._lut.processor(), history="baked", attributes={"Artist": "it's {me}"}, lut=self._lut
+        )
 
 
 def small_config() -> OCIO.Config:

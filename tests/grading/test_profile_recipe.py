@@ -331,7 +331,7 @@ def test_an_automatic_white_balance_that_stays_is_noted_with_the_one_that_is_use
     camera = small_profile()
     camera = replace(camera, white_balances={"auto": replace(camera.white_balances["daylight"], spread=0.2)})
     settings = ShotMetadata(camera.camera, "standard", "auto", None)
-    given, notes = source_selector(Path("a.jpg"), settings, camera, needed=False)
+    given, notes = source_selector(Path("a.jpg"), settings, camera, needs_balance=False)
     assert given == parse_selector("standard/auto")
     assert [note.split("; ")[1] for note in notes] == [
         "it is graded as standard/auto, the white balance of the middle shot"

@@ -16,7 +16,7 @@ from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import trusted_processor
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.ocio.blender import blender_config
-from lutforge.pipeline.baking import bake_files
+from lutforge.pipeline.baking import BakeOptions, bake_files
 from lutforge.pipeline.kits import write_kit
 from lutforge.pipeline.transforms import TransformRequest
 from tests.conftest import CommandLine
@@ -81,7 +81,7 @@ def test_the_kit_for_blender_prints_the_error_of_its_view(
 def test_the_error_of_a_shaper_cube_counts_what_it_clips(profile: CameraProfile, tmp_path: Path) -> None:
     """A colour outside the space's gamut is negative in a channel, where a curve per channel ends at black."""
     request = TransformRequest("render", target=SETTING, space="acescg")
-    (file,), notes = bake_files(profile, request, [tmp_path / "a.resolve.cube"], size=17)
+    (file,), notes = bake_files(profile, request, [tmp_path / "a.resolve.cube"], BakeOptions(size=17))
     x = np.concatenate([scene(-0.1, 1.0)])
     got, expected = evaluate(trusted_processor(file.path), x), through_camera(profile, SETTING, "acescg")(x)
     assert file.error.max > 0.5 * np.linalg.norm(got - expected, axis=1).max()
@@ -92,7 +92,7 @@ def test_the_error_of_a_shaper_cube_counts_what_it_clips(profile: CameraProfile,
 def test_files_say_what_they_take_and_give(suffix: str, profile: CameraProfile, tmp_path: Path) -> None:
     request = TransformRequest("refinish", source=SETTING, target="standard/2,1,1.4")
     path = tmp_path / f"a{suffix}"
-    bake_files(profile, request, [path], size=None if suffix in (".clf", ".ctf") else 17)
+    bake_files(profile, request, [path], BakeOptions(size=None if suffix in (".clf", ".ctf") else 17))
     for file in [path, path.with_suffix(".spi3d")] if suffix == ".spi1d" else [path]:
         text = file.read_text(encoding="utf-8")
         for words in (
@@ -123,7 +123,7 @@ def test_kits_say_it_too(profile: CameraProfile, tmp_path: Path) -> None:
 def test_the_namespace_of_a_clf(profile: CameraProfile, tmp_path: Path) -> None:
     request = TransformRequest("render", target=SETTING)
     for version, namespace in ((None, "http://www.smpte-ra.org/ns/2136-1/2024"), ("3", "urn:AMPAS:CLF:v3.0")):
-        bake_files(profile, request, [tmp_path / "a.clf"], clf_version=version)
+        bake_files(profile, request, [tmp_path / "a.clf"], BakeOptions(clf_version=version))
         head = (tmp_path / "a.clf").read_text(encoding="utf-8")[:300]
         assert f'xmlns="{namespace}"' in head
         assert head.count("compCLFversion") == 1
@@ -131,7 +131,7 @@ def test_the_namespace_of_a_clf(profile: CameraProfile, tmp_path: Path) -> None:
         assert np.abs(evaluate(trusted_processor(tmp_path / "a.clf"), x) - profile.render(SETTING)(x)).max() < 1e-5
     for version, path in (("2", "a.clf"), ("3", "a.cube")):
         with pytest.raises(SettingsError):
-            bake_files(profile, request, [tmp_path / path], clf_version=version)
+            bake_files(profile, request, [tmp_path / path], BakeOptions(clf_version=version))
 
 
 @pytest.mark.parametrize(("base", "word"), [(None, "VLOG"), ("standard", "STD")])
@@ -155,6 +155,6 @@ def test_names_on_a_card_differ(profile: CameraProfile) -> None:
 
 
 def test_cubes_have_six_decimals(profile: CameraProfile, tmp_path: Path) -> None:
-    bake_files(profile, TransformRequest("render", target=SETTING), [tmp_path / "a.cube"], size=9)
+    bake_files(profile, TransformRequest("render", target=SETTING), [tmp_path / "a.cube"], BakeOptions(size=9))
     last = (tmp_path / "a.cube").read_text(encoding="ascii").splitlines()[-1]
     assert [len(number.split(".")[1]) for number in last.split()] == [6, 6, 6]

@@ -16,7 +16,7 @@ from lutforge.luts.check import check_lut
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import read_lut, trusted_processor
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.baking import bake, bake_files
+from lutforge.pipeline.baking import BakeOptions, bake, bake_files
 from lutforge.pipeline.transforms import TransformRequest, transform
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.samples import chart_140, photograph_patches
@@ -130,13 +130,14 @@ def shown(values: np.ndarray, space: str) -> np.ndarray:
 @pytest.mark.parametrize("program", ["darktable", "RawTherapee", "art", "lightroom"])
 def test_a_developer_is_not_given_a_lut_of_camera_raw(program: str, profile: CameraProfile, tmp_path: Path) -> None:
     suffix = ".png" if program in ("RawTherapee", "art") else ".cube"
+    request = TransformRequest("render", target=SETTING)
     with pytest.raises(SettingsError, match=r"lutforge kit camera\.npz"):
-        bake_files(profile, TransformRequest("render", target=SETTING), [tmp_path / f"look{suffix}"], program=program)
+        bake_files(profile, request, [tmp_path / f"look{suffix}"], BakeOptions(program=program))
     assert not list(tmp_path.iterdir())
     saved = tmp_path / "own.npz"
     profile.save(saved)
     with pytest.raises(SettingsError, match=f"lutforge kit {saved} --to"):
-        bake_files(saved, TransformRequest("render", target=SETTING), [tmp_path / f"look{suffix}"], program=program)
+        bake_files(saved, request, [tmp_path / f"look{suffix}"], BakeOptions(program=program))
 
 
 def test_check_says_who_feeds_no_camera_raw(profile: CameraProfile, tmp_path: Path) -> None:

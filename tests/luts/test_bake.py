@@ -25,7 +25,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import SHORT_SHAPER_SIZE, Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.response import Response
-from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Purpose, Stage, Transform
+from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Purpose, PurposeKind, Stage, Transform
 from lutforge.pipeline.baking import bake
 from tests.cases.samples import made_samples
 
@@ -268,7 +268,7 @@ def test_a_tolerance_that_no_size_can_reach_is_given_up_at_once() -> None:
 
 def test_a_tolerance_picks_the_size() -> None:
     assert bake(look, tolerance=1.0).size <= bake(look, tolerance=0.2).size
-    linear = replace(linearize(), purpose=Purpose(kind="linearize"))
+    linear = replace(linearize(), purpose=Purpose(kind=PurposeKind.LINEARIZE))
     with pytest.raises(LutError, match="tolerance"):
         bake(linear, tolerance=0.2)
     with pytest.raises(LutError, match="not both"):

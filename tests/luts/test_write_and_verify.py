@@ -240,10 +240,10 @@ def profile(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("program", NAMED)
 def test_every_program_has_its_files(program: str) -> None:
-    files = files_for(program, "../A Camera: №1 RAW to standard/daylight")
+    files = files_for(PROGRAMS[program], "../A Camera: №1 RAW to standard/daylight")
     first, *fallback = files
     assert first.suffix in PROGRAMS[program].reads
-    assert files[first] == program
+    assert files[first] is PROGRAMS[program]
     assert len(first.parts) == 1
     assert first.name == first.name.encode("ascii", "ignore").decode()
     if PROGRAMS[program].shaper:
@@ -255,8 +255,9 @@ def test_no_dialect_takes_the_place_of_another() -> None:
     shaped: set[str] = set()
     plain: set[str] = set()
     for name in NAMED:
-        for path in (path for path in files_for(name, "look") if path.suffix == ".cube"):
-            (shaped if target_of(path, files_for(name, "look")[path]).form == "shaper" else plain).add(path.name)
+        for path, reader in files_for(PROGRAMS[name], "look").items():
+            if path.suffix == ".cube":
+                (shaped if target_of(path, reader).form == "shaper" else plain).add(path.name)
     assert shaped
     assert plain
     assert not shaped & plain

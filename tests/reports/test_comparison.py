@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.cli.profiles import compare as compare_command
+from lutforge.cli.reports import compare as compare_command
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.reports import compare

@@ -21,7 +21,7 @@ from lutforge.images.icc import to_srgb
 from lutforge.images.read import read_image
 from lutforge.pipeline.inspection import inspect
 from lutforge.pipeline.sampling import file_notes, gather_samples
-from lutforge.shots.discover import discover, jpeg_beside
+from lutforge.shots.discover import discover, jpeg_beside, picture_beside
 from lutforge.shots.metadata import read_picture_settings
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
@@ -117,11 +117,19 @@ def test_a_picture_that_states_other_colours_than_srgb_is_not_graded_as_srgb(
         apply_image(grade, tmp_path / "a.heic", tmp_path / "b.png")
 
 
+def test_a_jpeg_comes_before_a_heif_of_the_same_stem(tmp_path: Path) -> None:
+    for name in ("A[1].HIF", "A[1].jpg", "b.HIF"):
+        (tmp_path / name).touch()
+    both, alone = tmp_path / "a[1].nef", tmp_path / "b.nef"
+    assert jpeg_beside(both) == picture_beside(both) == tmp_path / "A[1].jpg"
+    assert jpeg_beside(alone) is None and picture_beside(alone) == tmp_path / "b.HIF"
+
+
 def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:
     settings = CameraSettings(style="vivid", white_balance="tungsten", exposure_s=1 / 30)
     _, dng = pair(tmp_path, "shot", settings, "still-life", 1)
     picture = dng.with_suffix(".HIF")
-    assert jpeg_beside(dng) == picture
+    assert picture_beside(dng) == picture
     assert discover([dng, picture]) == [dng]
     shot = read_shot(dng)
     assert shot.jpeg_source == str(picture) and shot.fine is not None

@@ -30,15 +30,17 @@ from lutforge.model.lattice import grid, uniform_levels
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 pytest.importorskip("playwright.sync_api", reason="playwright drives the browser: pip install playwright")
 import panel as pn
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 from lutforge.pipeline.photographs import picture_bytes
-from lutforge.studio.look_page import LookView, packed
+from lutforge.studio.look_view import LookView, pack_lut
 from tests.cases.same_bytes import same_bytes
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 HEIGHT, WIDTH = 200, 300
+# Bokeh warns of each message of a model that a page did not load with, as the studio's view does not.
+pytestmark = pytest.mark.filterwarnings("ignore:reference already known")
 
 
 def colours() -> NDArray[np.uint8]:
@@ -96,10 +98,14 @@ def browsers() -> Iterator[Callable[..., Browser]]:
             each.close()
 
 
-class Served:
-    """A view, served alone, and a page that shows it."""
+Places = SimpleQueue[tuple[pn.Column, Any]]
+"""The places for a view in the pages that have loaded, each with its Bokeh document."""
 
-    def __init__(self, page: Page, url: str, views: SimpleQueue[tuple[LookView, Any]]) -> None:
+
+class Tab:
+    """A page that is loaded once, which takes seconds, and shows one view after the other."""
+
+    def __init__(self, page: Page, url: str, places: Places) -> None:
         self.errors: list[str] = []
         self.page = page
         page.set_default_timeout(30_000)
@@ -107,12 +113,10 @@ class Served:
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("console", lambda message: self.errors.append(message.text) if message.type == "error" else None)
         page.goto(url)
-        self.root = page.locator(".look")
-        self.root.wait_for()
-        self.view, self._document = views.get(timeout=30)
+        self._place, self._document = places.get(timeout=30)
 
-    def do(self, action: Callable[[LookView], Any]) -> Any:
-        """Act on the view as `Session.guarded` does, its changes as one message; return what the action returns.
+    def do(self, action: Callable[[], Any]) -> Any:
+        """Act as `Session.guarded` does, with all changes as one message; return what the action returns.
 
         Without the hold Panel may keep back what changes while an earlier message is being written.
         """
@@ -121,13 +125,38 @@ class Served:
         def act() -> None:
             self._document.hold("combine")
             try:
-                result = action(self.view)
+                result = action()
             finally:
                 self._document.unhold()
             done.set_result(result)
 
         self._document.add_next_tick_callback(act)
         return done.result(30)
+
+    def show(self, view: LookView) -> Locator:
+        """Show a view in place of the last one, and return its root when the page has drawn it."""
+        root = self.page.locator(".look")
+        self.do(self._place.clear)
+        root.wait_for(state="detached")
+        self.page.mouse.move(-1, -1)  # off the page, where the pointer is before a visitor comes
+        self.do(lambda: self._place.append(view))
+        root.wait_for()
+        return root
+
+
+class Served:
+    """A view of its own in a tab: nothing of the views before it is left there."""
+
+    def __init__(self, tab: Tab) -> None:
+        tab.errors.clear()
+        self.tab = tab
+        self.page = tab.page
+        self.view = LookView()
+        self.root = tab.show(self.view)
+
+    def do(self, action: Callable[[LookView], Any]) -> Any:
+        """Act on the view, and return what the action returns."""
+        return self.tab.do(lambda: action(self.view))
 
     def drawn(self) -> None:
         """Wait until the page shows the last look, in full, has measured it, and has nothing left to draw."""
@@ -149,34 +178,37 @@ class Served:
 
 
 @pytest.fixture(scope="module")
-def served() -> Iterator[tuple[str, SimpleQueue[tuple[LookView, Any]]]]:
-    views: SimpleQueue[tuple[LookView, Any]] = SimpleQueue()
+def served() -> Iterator[tuple[str, Places]]:
+    places: Places = SimpleQueue()
 
     def page() -> Any:
-        view, document = LookView(), pn.state.curdoc
-        pn.state.onload(lambda: views.put((view, document)))  # Panel loses changes made while a page loads
-        return view
+        place, document = pn.Column(sizing_mode="stretch_both"), pn.state.curdoc
+        pn.state.onload(lambda: places.put((place, document)))  # Panel loses changes made while a page loads
+        return place
 
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     server = pn.serve({"/": page}, port=port, address="127.0.0.1", show=False, threaded=True, verbose=False)
-    yield f"http://127.0.0.1:{port}/", views
+    yield f"http://127.0.0.1:{port}/", places
     server.stop()
 
 
+@pytest.fixture(scope="module")
+def tab(browsers: Callable[..., Browser], served: tuple[str, Places]) -> Tab:
+    return Tab(browsers().new_page(viewport={"width": 900, "height": 640}), *served)
+
+
 @pytest.fixture
-def look(browsers: Callable[..., Browser], served: tuple[str, SimpleQueue[tuple[LookView, Any]]]) -> Iterator[Served]:
+def look(tab: Tab) -> Iterator[Served]:
     """A view of the picture at 100 %, graded, with no waveform."""
-    page = browsers().new_page(viewport={"width": 900, "height": 640})
-    look = Served(page, *served)
+    look = Served(tab)
     look.do(lambda view: view.param.update(mode="graded", scopes=False))
     look.do(lambda view: view.show(png(colours()), "colours.png"))
     expect(look.root).to_have_attribute("data-opened", re.compile(f"{WIDTH} × {HEIGHT}"))
     look.press("1")
     yield look
-    assert look.errors == []
-    page.close()
+    assert tab.errors == []
 
 
 @needs_chromium
@@ -342,20 +374,18 @@ def test_overlays_and_waveform(look: Served) -> None:
 
 
 @needs_chromium
-def test_a_browser_without_webgl_is_told(
-    browsers: Callable[..., Browser], served: tuple[str, SimpleQueue[tuple[LookView, Any]]]
-) -> None:
+def test_a_browser_without_webgl_is_told(browsers: Callable[..., Browser], served: tuple[str, Places]) -> None:
     page = browsers("--disable-software-rasterizer").new_page()
-    expect(Served(page, *served).root).to_contain_text("no WebGL2")
+    expect(Served(Tab(page, *served)).root).to_contain_text("no WebGL2")
     page.close()
 
 
 def test_what_the_page_cannot_draw_is_refused() -> None:
     knots = np.linspace(0, 1, 4)[:, None] ** np.ones(3)
     with pytest.raises(LutError, match="bake"):
-        packed(Lut((Curve(knots, inputs=knots),)))
-    (same, tables), (other, _) = packed(bent()), packed(bent(seed=2))
-    assert (same, tables) == packed(bent())
+        pack_lut(Lut((Curve(knots, inputs=knots),)))
+    (same, tables), (other, _) = pack_lut(bent()), pack_lut(bent(seed=2))
+    assert (same, tables) == pack_lut(bent())
     assert same[0]["key"] != other[0]["key"] and set(tables) == {op["key"] for op in same if "key" in op}
 
 

@@ -58,11 +58,11 @@ from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
 from lutforge.studio.jobs import Job
 from lutforge.studio.kept_sessions import KeptSessions
-from lutforge.studio.look_page import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl
 from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in
-from lutforge.studio.page import PAGE_NAMES, Page, states_of
+from lutforge.studio.page import PAGE_NAMES, Page, progress_of
 from lutforge.studio.server import ContentSecurityPolicy, refused
 from lutforge.studio.session import Session
+from lutforge.studio.setting_control import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl
 from lutforge.studio.thumbnails import addresses
 from lutforge.studio.ui import written
 from lutforge.studio.workspace import MODEL_TITLES, FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
@@ -123,8 +123,8 @@ def profile() -> CameraProfile:
 def opened(folder: Path, profile: CameraProfile | None = None, workspace: Workspace | None = None) -> Page:
     """The page of a visit with a folder, without a browser: what takes long is done at once."""
     page = Page(Folders([folder]), ())
-    page.session.opened = Opened(profile=profile)
-    page.session.begin(workspace)
+    page.session.state = replace(page.session.state, opened=Opened(profile=profile))
+    page.session.start_over(workspace)
     page.session.page.on_change()
     return page
 
@@ -163,7 +163,7 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     assert page.session.look.target == "standard/daylight"  # not the first of the alphabet, cloudy
     look._open(tmp_path / "tells.jpg")
     assert "taken as vivid/tungsten" in page.session.page.status.object
-    assert page.session.look == ChosenLook("vivid/tungsten", "vivid/tungsten") and not page.session.look_chosen
+    assert page.session.look == ChosenLook("vivid/tungsten", "vivid/tungsten") and not page.session.state.look_chosen
     look.wanted.style.value, look.wanted.balance.value = "standard", "daylight"
     assert page.session.look == ChosenLook("vivid/tungsten", "standard/daylight")
     look._open(tmp_path / "silent.jpg")
@@ -212,7 +212,7 @@ def test_a_profile_of_another_camera_does_not_take_the_place_of_a_model(tmp_path
     session.page.attempt(session.take_opened, Opened(profile=other), "other.npz")
     assert "other.npz: a profile of Another, which is not used" in session.page.status.object
     assert session.profile is profile and session.opened.profile is None
-    session.begin(None)
+    session.start_over(None)
     session.take_opened(Opened(profile=other), "other.npz")
     assert session.profile is other
 
@@ -224,9 +224,9 @@ def test_pairs_are_ticked_one_by_one_and_all_at_once(tmp_path: Path) -> None:
     pairs, session = page.pages["Model"].pairs, page.session
     first, *others = pairs.value
     pairs.value = others
-    assert session.require_workspace().unticked == {first}
+    assert session.require_workspace().unticked_pairs == {first}
     pairs.value = []
-    assert len(session.require_workspace().unticked) == 1 + len(others)
+    assert len(session.require_workspace().unticked_pairs) == 1 + len(others)
     session.undo()
     assert pairs.value == others
 
@@ -263,10 +263,10 @@ def test_what_is_started_meanwhile_waits_for_its_turn(served: tuple[Page, Docume
 def test_a_lattice_that_waits_for_a_matrix_builds_on_it(served: tuple[Page, Document]) -> None:
     """It takes the stages, and the samples, of when its turn has come, not of when it was asked for."""
     session = served[0].session
-    session.change(replace(session.require_workspace(), options=CalibrationOptions(size=9)))
+    session.change_workspace(replace(session.require_workspace(), options=CalibrationOptions(size=9)))
     session.fit("matrix")
     session.fit("lattice")
-    session.change(session.require_workspace().mark(np.arange(162) < 3, 1))
+    session.change_workspace(session.require_workspace().mark(np.arange(162) < 3, 1))
     polled(session, lambda: not session.work.queue.works)
     workspace = session.require_workspace()
     assert [workspace.is_stale(kind) for kind in MODEL_TITLES] == [False, False]
@@ -278,7 +278,7 @@ def test_work_whose_samples_are_gone_is_one_line(served: tuple[Page, Document]) 
     session = served[0].session
     session.work.start("a job", lambda result: None, doubled, 1)
     session.fit("lattice")
-    session.begin(None)
+    session.start_over(None)
     polled(session, lambda: not session.work.queue.works)
     assert "no samples are open" in session.page.status.object
 
@@ -335,7 +335,7 @@ def test_what_is_clicked_while_a_job_ends_is_done(served: tuple[Page, Document])
     for due in (news, click):
         due.callback()
     assert page.session.workspace is not None
-    assert page.session.workspace.out == {name} and not paper[0].value
+    assert page.session.workspace.left_out_shots == {name} and not paper[0].value
 
 
 def test_undo_and_redo_go_back_and_forth(tmp_path: Path) -> None:
@@ -343,8 +343,8 @@ def test_undo_and_redo_go_back_and_forth(tmp_path: Path) -> None:
     page = opened(tmp_path, workspace=first)
     session, second = page.session, replace(first, limits={"saturation": (0.0, 0.5)})
     third = second.mark(np.arange(len(first.samples)) < 3, 1)
-    session.change(second)
-    session.change(third)
+    session.change_workspace(second)
+    session.change_workspace(third)
     session.undo()
     assert session.workspace is second
     session.redo()
@@ -352,7 +352,7 @@ def test_undo_and_redo_go_back_and_forth(tmp_path: Path) -> None:
     for _ in range(3):
         session.undo()
     assert session.workspace is first and page.undo.disabled
-    session.change(third)
+    session.change_workspace(third)
     session.redo()
     assert session.workspace is third and session.history.next("Shots") is None
 
@@ -363,12 +363,12 @@ def test_a_shot_keeps_its_box_while_its_card_is_drawn_anew(tmp_path: Path) -> No
     session, shots = page.session, page.pages["Shots"]
     papers, boxes = list(shots.grid), [paper[0] for paper in shots.grid]
     assert len(papers) == len(np.unique(samples.shot))
-    session.change(Workspace(samples.select(samples.patch == "0")))
+    session.change_workspace(Workspace(samples.select(samples.patch == "0")))
     assert "1 samples" in papers[0][1].object
     assert all(first is second for first, second in zip(shots.grid, papers, strict=True))
     assert all(paper[0] is box for paper, box in zip(shots.grid, boxes, strict=True))
     boxes[0].value = False
-    assert session.workspace is not None and session.workspace.out == {next(iter(shots.papers))}
+    assert session.workspace is not None and session.workspace.left_out_shots == {next(iter(shots.papers))}
 
 
 def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path) -> None:
@@ -380,7 +380,7 @@ def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path)
     card = view.main[0]
     page.session.page.on_change()
     assert view.main[0] is card
-    page.session.chosen = ChosenLook("", "vivid/tungsten")
+    page.session.state = replace(page.session.state, chosen=ChosenLook("", "vivid/tungsten"))
     page.session.page.on_change()
     assert "(stale)" in view.main[0][0].object
 
@@ -392,7 +392,7 @@ def test_names_of_styles_are_text_in_every_step(profile: CameraProfile, tmp_path
     workspace = Workspace(replace(samples, style=np.full(len(samples), hostile)))
     page = opened(tmp_path, replace(profile, styles=styles), workspace)
     page.session.selected = np.ones(len(samples), dtype=np.bool_)
-    page.session.chosen = ChosenLook("", f"{hostile}/daylight")
+    page.session.state = replace(page.session.state, chosen=ChosenLook("", f"{hostile}/daylight"))
     for step in PAGE_NAMES:
         page.show(step)
         shown = [str(pane.object) for part in (page.controls, page.body) for pane in part.select(pn.pane.HTML)]
@@ -428,7 +428,7 @@ def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
     page, samples = opened(tmp_path), chart_samples(patches=9)
     paired = Workspace(samples, find_pairs(samples))
     for workspace, shown in ((Workspace(replace(samples)), "saturation"), (paired, "srgb_btf")):
-        page.session.begin(workspace)
+        page.session.start_over(workspace)
         page.session.page.on_change()
         page.show("Samples")
         view = page.pages["Samples"]
@@ -441,7 +441,7 @@ def test_a_profile_without_raw_works_in_every_step(tmp_path: Path) -> None:
     reference = replace(samples, raw_camera=np.full(len(samples), "Reference"), wb=np.full((len(samples), 3), np.nan))
     page = opened(tmp_path, calibrate(reference, CalibrationOptions(centres=60)))
     for workspace in (None, with_profile(Workspace(reference), page.session.require_profile())):
-        page.session.begin(workspace)
+        page.session.start_over(workspace)
         page.session.page.on_change()
         for step in PAGE_NAMES:
             page.show(step)
@@ -452,8 +452,8 @@ def test_a_profile_without_raw_works_in_every_step(tmp_path: Path) -> None:
 
 def export_page(folder: Path, profile: CameraProfile, **opened_from: Any) -> tuple[ExportPage, Session]:
     page = opened(folder, profile)
-    page.session.opened = Opened(profile=profile, **opened_from)
-    page.session.chosen = ChosenLook("standard/tungsten", "vivid/daylight", 0.8)
+    page.session.state = replace(page.session.state, opened=Opened(profile=profile, **opened_from))
+    page.session.state = replace(page.session.state, chosen=ChosenLook("standard/tungsten", "vivid/daylight", 0.8))
     page.show("Export")
     return page.pages["Export"], page.session
 
@@ -473,9 +473,9 @@ def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, 
     profile.save(tmp_path / "camera.npz")
     page = opened(tmp_path)
     page.session.open((tmp_path / "camera.npz",))
-    page.session.chosen = ChosenLook("standard/tungsten", "vivid/daylight")
+    page.session.state = replace(page.session.state, chosen=ChosenLook("standard/tungsten", "vivid/daylight"))
     page.show("Export")
-    page.pages["Export"]._bake()
+    page.pages["Export"]._bake_lut()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.npz", "camera_refinish.clf"]
 
 
@@ -512,9 +512,10 @@ def test_an_export_is_the_command_that_it_tells(
 def test_a_kit_is_written_again_over_what_was_written(profile: CameraProfile, tmp_path: Path) -> None:
     """Without a look it is of the camera's usual one."""
     view, session = export_page(tmp_path, profile)
-    session.chosen, view.program.value = None, "rawtherapee"
+    session.state = replace(session.state, chosen=None)
+    view.program.value = "rawtherapee"
     for _ in range(2):
-        view._kit()
+        view._write_kit()
     written = session.written["kit for rawtherapee"]
     assert "read README.md first" in written.lines[0] and "--to standard/daylight" in written.command
 
@@ -522,26 +523,26 @@ def test_a_kit_is_written_again_over_what_was_written(profile: CameraProfile, tm
 def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp_path: Path) -> None:
     page = opened(tmp_path)
     session, samples = page.session, chart_samples(patches=9)
-    assert list(states_of(session).values()) == ["to do"] * 5
+    assert list(progress_of(session).values()) == ["to do"] * 5
     workspace = Workspace(samples)
-    session.begin(workspace)
+    session.start_over(workspace)
     model = FittedModel(profile, predict(profile, samples), task=workspace.task("lattice"))
-    session.change(workspace.with_model("lattice", model))
-    assert list(states_of(session).values()) == ["done", "done", "done", "to do", "to do"]
+    session.change_workspace(workspace.with_model("lattice", model))
+    assert list(progress_of(session).values()) == ["done", "done", "done", "to do", "to do"]
     page.show("Look")
-    assert states_of(session)["Look"] == "to do"
+    assert progress_of(session)["Look"] == "to do"
     page.pages["Look"].wanted.style.value = "vivid"
     page.show("Export")
     page.pages["Export"].name.value = "mine"
     page.pages["Export"]._save_profile()
-    assert list(states_of(session).values()) == ["done"] * 5
+    assert list(progress_of(session).values()) == ["done"] * 5
     page.show("Look")
     page.pages["Look"].ev.value = 1.0
-    assert states_of(session)["Export"] == "stale"
-    session.change(replace(session.require_workspace(), out=frozenset({str(samples.shot[0])})))
-    assert list(states_of(session).values()) == ["done", "done", "stale", "stale", "stale"]
+    assert progress_of(session)["Export"] == "stale"
+    session.change_workspace(replace(session.require_workspace(), left_out_shots=frozenset({str(samples.shot[0])})))
+    assert list(progress_of(session).values()) == ["done", "done", "stale", "stale", "stale"]
     session.undo()
-    assert states_of(session)["Model"] == "done"
+    assert progress_of(session)["Model"] == "done"
 
 
 def test_a_lasso_picks_what_is_thinned_out_of_the_drawing(tmp_path: Path) -> None:
@@ -663,7 +664,7 @@ def test_a_response_is_exported_as_by_the_command_line(bracket_folder: Path, mon
     root = bracket_folder.parent
     for suffix in (".cube", ".clf", ".csp"):
         view.suffix.value = suffix
-        view._bake()
+        view._bake_lut()
         assert suffix != ".cube" or "LUT_1D_SIZE" in (root / "drone_linearize.cube").read_text()
         commands.append(session.written["LUT, linearize"].command)
     view.actions["Write config"]()
@@ -703,7 +704,9 @@ def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_
     page = opened(tmp_path, workspace=with_profile(Workspace(chart_samples(patches=9)), profile))
     session = page.session
     page.show("Samples")
-    session.change(session.require_workspace().mark(session.require_workspace().samples.patch == "0", 1), "marked")
+    session.change_workspace(
+        session.require_workspace().mark(session.require_workspace().samples.patch == "0", 1), "marked"
+    )
     page.show("Look")
     look = page.pages["Look"]
     look.ev.value = 1.5
@@ -720,7 +723,7 @@ def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_
     page.show("Samples")
     assert page.undo.label == "Undo marked"
     session.undo()
-    assert not session.require_workspace().hand.any() and session.profile is profile
+    assert not session.require_workspace().hand_marks.any() and session.profile is profile
 
 
 def test_multipliers_that_are_written_are_the_white_balance(profile: CameraProfile, tmp_path: Path) -> None:
@@ -813,7 +816,7 @@ def test_what_does_not_reach_the_response_of_a_bracket_says_so(
     page.show("Samples")
     page.show("Model")
     model, samples = page.pages["Model"], page.pages["Samples"]
-    choices = (model.own_stages, model.preset, model.pairs, *model.options.values(), *model.numbers.values())
+    choices = (model.builds_on_stages, model.preset, model.pairs, *model.options.values(), *model.numbers.values())
     assert all(control.disabled for control in choices)
     assert "does not reach" in model.takes.object
     assert "fitted to all colours" in samples.counts.object
@@ -829,7 +832,7 @@ def test_what_does_not_reach_the_response_of_a_bracket_says_so(
 def test_opening_other_files_can_be_undone(profile: CameraProfile, bracket_folder: Path) -> None:
     page = Page(Folders([bracket_folder.parent]), ())
     session = page.session
-    session.begin(with_profile(Workspace(chart_samples(patches=9)), profile))
+    session.start_over(with_profile(Workspace(chart_samples(patches=9)), profile))
     workspace = session.workspace
     session.open((bracket_folder,))
     assert page.pages["Shots"].bracket.visible and not page.undo.disabled
@@ -854,8 +857,8 @@ def test_opening_another_profile_can_be_undone(profile: CameraProfile, tmp_path:
     session.redo()
     assert session.require_profile().camera == "Another"
     samples = Workspace(chart_samples(patches=9))
-    session.begin(samples)
-    session.opened = Opened()
+    session.start_over(samples)
+    session.state = replace(session.state, opened=Opened())
     session.open((tmp_path / "first.npz",))
     assert session.require_workspace().models
     session.undo()
@@ -880,18 +883,18 @@ def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: Camera
     look.path.param.trigger("enter_pressed")
     assert look.session.photograph.path.name == "silent.jpg" and "not known" in look.view.notice
     look.wanted.style.value = "vivid"
-    assert states_of(session)["Look"] == "to do"
+    assert progress_of(session)["Look"] == "to do"
     look.wanted.balance.value = LABEL_AS_SHOT
     assert "alert" not in session.page.status.object
     page.show("Export")
     export = page.pages["Export"]
     export.program.value = "rawtherapee"
     with pytest.raises(WorkspaceError, match="never on screen"):
-        export._kit()
+        export._write_kit()
     page.show("Look")
     look.view._handle_msg("help")
     assert look.view.notice == "" and session.look == ChosenLook("standard/daylight", "vivid/daylight")
-    assert look.view.a and states_of(session)["Look"] == "done"
+    assert look.view.a and progress_of(session)["Look"] == "done"
     session.undo()
     assert look.view.notice
     look.listed.value = "other.jpg"
@@ -911,16 +914,16 @@ def test_a_session_outlives_its_page(tmp_path: Path) -> None:
     assert kept.left_by("visitor") is first and kept.left_by("another") is None
     new = Page(Folders([tmp_path]), ())
     kept.add("visitor", new.session, lambda: False)
-    new.session.begin(Workspace(chart_samples(patches=9)))
+    new.session.start_over(Workspace(chart_samples(patches=9)))
     assert kept.left_by("visitor") is first  # a page that is loading was not left
-    new.session.begin(None)
+    new.session.start_over(None)
     new.offer_to_continue(first)
     assert new.offer.visible and "162 samples" in new.offer.object
     page = Page(Folders([tmp_path]), (), first)
     kept.add("visitor", page.session, two)
     assert page.session is first and "162 samples" in str(first) and kept.left_by("visitor") is None
     kept.leave(first, one)  # the news of the first page's end, late
-    assert states_of(page.session)["Shots"] == "done" and kept.left_by("visitor") is None
+    assert progress_of(page.session)["Shots"] == "done" and kept.left_by("visitor") is None
 
 
 def test_a_page_that_loads_does_not_end_with_a_tab_that_is_closed(tmp_path: Path) -> None:
@@ -930,7 +933,7 @@ def test_a_page_that_loads_does_not_end_with_a_tab_that_is_closed(tmp_path: Path
     kept.show(closed.session)
     entry = next(entry for entry in kept._kept if entry.session is closed.session)
     kept.leave(closed.session, entry.is_shown)
-    loading.session.begin(Workspace(chart_samples(patches=9)))
+    loading.session.start_over(Workspace(chart_samples(patches=9)))
     loading.session.page.on_change()
     assert loading.pages["Shots"].papers  # it still draws what changes
 

@@ -22,11 +22,22 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.saturation import saturation
 from lutforge.pipeline.calibration import calibrate, calibrate_base
 from lutforge.pipeline.evaluation import predict
+from lutforge.studio.brushed_plot import BrushedPlot
 from lutforge.studio.opening import Folders
-from lutforge.studio.samples_page import COLOURS, PLOTS, BrushedPlot, colours, find_rows, points, tristimulus
+from lutforge.studio.sample_plots import COLOURS, PLOTS, colours, points, tristimulus
+from lutforge.studio.samples_page import find_rows
 from lutforge.studio.session import Session
 from lutforge.studio.shots_page import card_of, facts_of
-from lutforge.studio.workspace import Workspace, WorkspaceError, find_pairs, fit_model, open_workspace, save_workspace
+from lutforge.studio.workspace import (
+    MODEL_TITLES,
+    ModelKind,
+    Workspace,
+    WorkspaceError,
+    find_pairs,
+    fit_model,
+    open_workspace,
+    save_workspace,
+)
 from tests.cases.same_bytes import same_bytes
 
 
@@ -35,7 +46,7 @@ def samples() -> SampleSet:
     return chart_samples(patches=45)
 
 
-def fitted(workspace: Workspace, kind: str) -> Workspace:
+def fitted(workspace: Workspace, kind: ModelKind) -> Workspace:
     """The workspace with a model of this kind, as a session computes it."""
     task = workspace.task(kind)
     return workspace.with_model(kind, replace(fit_model(task, workspace.samples, silent), task=task))
@@ -65,9 +76,9 @@ def test_the_hand_overrules_the_filters_and_groups(samples: SampleSet) -> None:
     workspace = workspace.mark(rows_of(workspace, found), -1).mark(rows_of(workspace, free), 1)
     assert not workspace.outliers[found] and workspace.outliers[free]
     grouped = workspace.with_group("glossy", rows_of(workspace, found, free, free + 1))
-    assert not grouped.removed[found]
-    assert grouped.removed[free + 1]
-    assert not grouped.with_active_groups([]).removed[free + 1]
+    assert not grouped.excluded[found]
+    assert grouped.excluded[free + 1]
+    assert not grouped.with_active_groups([]).excluded[free + 1]
     assert not workspace.mark(rows_of(workspace, free), 0).outliers[free]
 
 
@@ -102,7 +113,7 @@ def test_gamut_map_and_lattice_stand_on_the_stages_that_were_fitted(samples: Sam
         for model in (workspace.models["matrix"], mapped.models["lattice"])
     )
     assert after < 0.5 * before
-    lattice, alone = fitted(workspace, "lattice"), fitted(replace(workspace, own_stages=False), "lattice")
+    lattice, alone = fitted(workspace, "lattice"), fitted(replace(workspace, builds_on_stages=False), "lattice")
     np.testing.assert_array_equal(lattice.models["lattice"].profile.matrix, stages.matrix)
     assert not np.array_equal(alone.models["lattice"].profile.matrix, stages.matrix)
 
@@ -116,7 +127,7 @@ def test_what_changes_upstream_makes_models_stale(samples: SampleSet) -> None:
     assert marked.is_stale("matrix") and marked.is_stale("lattice")
     assert np.array_equal(marked.fitted_rows, workspace.fitting_rows("lattice"))
     assert not marked.mark(rows_of(workspace, 3), 0).is_stale("lattice")
-    out = replace(workspace, out=frozenset({str(samples.shot[0])}))
+    out = replace(workspace, left_out_shots=frozenset({str(samples.shot[0])}))
     assert out.is_stale("lattice") and not out.fitting_rows("lattice")[samples.shot == samples.shot[0]].any()
     assert replace(workspace, options=CalibrationOptions(size=7)).is_stale("lattice")
     filtered = replace(workspace, limits={"saturation": (0.0, 0.4)})  # the lattice itself takes saturated colours
@@ -131,11 +142,11 @@ def test_samples_of_no_ticked_pair_do_not_tell_the_response(samples: SampleSet) 
     assert workspace.pairs is not None
     shots = [name for name in workspace.pairs.shots if name.startswith("shot standard daylight")]
     everything = frozenset((first, second) for first in shots for second in shots)
-    unticked = replace(workspace, unticked=everything)
+    unticked = replace(workspace, unticked_pairs=everything)
     mine = np.isin(samples.shot, shots)
-    assert unticked.outliers[mine].all() and not unticked.removed.any()
+    assert unticked.outliers[mine].all() and not unticked.excluded.any()
     assert np.array_equal(unticked.fitting_rows("lattice"), workspace.fitting_rows("lattice"))
-    first = replace(workspace, unticked=frozenset({(shots[0], shots[1])}))
+    first = replace(workspace, unticked_pairs=frozenset({(shots[0], shots[1])}))
     assert isinstance(options := first.task("matrix").options, ThesisOptions)
     assert options.without_pairs == ((shots[0], shots[1]),)
 
@@ -189,22 +200,24 @@ def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> No
     workspace = workspace.mark(np.arange(len(samples)) < 3, 1).mark(np.arange(len(samples)) == 7, -1)
     workspace = workspace.with_group("<b>odd</b>", np.arange(len(samples)) % 50 == 0)
     workspace = workspace.with_group("off", samples.style == "vivid").with_active_groups(["<b>odd</b>"])
-    workspace = replace(workspace, out=frozenset({str(samples.shot[-1])}), unticked=frozenset({("a", "b")}))
-    for kind in ("matrix", "lattice"):
+    workspace = replace(
+        workspace, left_out_shots=frozenset({str(samples.shot[-1])}), unticked_pairs=frozenset({("a", "b")})
+    )
+    for kind in MODEL_TITLES:
         workspace = fitted(workspace, kind)
     save_workspace(workspace, tmp_path / "all.workspace")
     again = open_workspace(tmp_path / "all.workspace")
     assert again.limits == workspace.limits and again.options == options and again.model == "lattice"
-    assert again.out == workspace.out and again.unticked == workspace.unticked
-    assert np.array_equal(again.hand, workspace.hand)
+    assert again.left_out_shots == workspace.left_out_shots and again.unticked_pairs == workspace.unticked_pairs
+    assert np.array_equal(again.hand_marks, workspace.hand_marks)
     assert np.array_equal(again.outliers, workspace.outliers)
-    assert np.array_equal(again.removed, workspace.removed)
+    assert np.array_equal(again.excluded, workspace.excluded)
     for name in ("raw", "srgb", "wb", "shot", "patch", "exposure_s"):
         assert np.array_equal(getattr(again.samples, name), getattr(samples, name))
     assert np.array_equal(again.residual, workspace.residual)
     assert np.array_equal(again.fitted_rows, workspace.fitted_rows)
     assert np.array_equal(again.models["matrix"].predicted.linearized, workspace.models["matrix"].predicted.linearized)
-    for kind in ("matrix", "lattice"):
+    for kind in MODEL_TITLES:
         assert again.is_stale(kind) == workspace.is_stale(kind)
 
 
@@ -309,7 +322,7 @@ def test_plots_say_why_they_are_empty() -> None:
 
 def test_a_point_of_a_pair_selects_both_samples(workspace: Workspace) -> None:
     session = Session(Folders(()))
-    session.begin(workspace)
+    session.start_over(workspace)
     plot, shown = BrushedPlot(session), points(workspace, "srgb_btf", 1)
     plot.show(workspace, shown, COLOURS[0], inliers=False)
     plot._select(Tap(plot.figure, x=shown.x[10] + 1e-6, y=shown.y[10]))
@@ -349,7 +362,7 @@ def test_names_in_cards_are_text() -> None:
 def test_unticked_pairs_are_not_drawn(workspace: Workspace) -> None:
     assert workspace.pairs is not None
     names = [name for name in workspace.pairs.shots if name.startswith("shot standard")]
-    fewer = replace(workspace, unticked=frozenset((first, second) for first in names for second in names))
+    fewer = replace(workspace, unticked_pairs=frozenset((first, second) for first in names for second in names))
     all_points, shown = points(workspace, "srgb_btf", 1), points(fewer, "srgb_btf", 1)
     assert 0 < len(shown) < len(all_points)
     assert (fewer.samples.style[shown.row] == "vivid").all()
