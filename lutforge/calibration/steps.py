@@ -174,9 +174,11 @@ def check_one_camera(samples: SampleSet) -> None:
         )
     cameras = np.unique(samples.camera)
     if len(cameras) > 1:
-        raise CalibrationError(
-            f"samples of {len(cameras)} cameras ({', '.join(cameras[:4])}): calibrate one camera at a time"
+        shots = {camera: np.unique(samples.shot[samples.camera == camera]) for camera in cameras[:4]}
+        listed = "; ".join(
+            f"{camera}: {', '.join(names[:3])}{' …' * (len(names) > 3)}" for camera, names in shots.items()
         )
+        raise CalibrationError(f"samples of {len(cameras)} cameras ({listed}): calibrate one camera at a time")
     if len(np.unique(samples.raw_camera)) > 1:
         raise CalibrationError(
             f"the samples hold RAW of several cameras ({', '.join(np.unique(samples.raw_camera)[:4])}): "

@@ -97,7 +97,7 @@ def _install(folder: Path, into: Path | None) -> None:
     elif files:
         note(f"{program} is not on this machine, so nothing was installed. Its files go to:", *map(str, files))
     else:
-        note(f"{program} has no folder for them on this system; the README of {folder} says what to do")
+        note(f"no folder of {program} is known on this system; the README of {folder} says what to do")
 
 
 def _uninstall(program: str) -> None:

@@ -55,7 +55,7 @@ class Gap:
     error: float = np.nan
 
     def __str__(self) -> str:
-        expected = "" if np.isnan(self.error) else f", {self.error:.3f} of full scale to expect"
+        expected = "" if np.isnan(self.error) else f", an error of {self.error:.3f} of full scale to expect"
         return f"{self.colour} ({self.unseen:.0%} of them unseen{expected})"
 
 
@@ -90,6 +90,41 @@ def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None
         return [gap for _, gap in sorted(gaps, key=lambda entry: -entry[0])]
 
     return tuple((largest_first(visible) + largest_first(unseen))[:MOST_GAPS])
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """How near samples come to the colours that real surfaces have.
+
+    share: of these colours with a sample nearby; unseen: the regions most of whose colours have none, the largest
+    first, at most three.
+    """
+
+    share: float
+    unseen: tuple[str, ...]
+
+    def __str__(self) -> str:
+        words = f"the samples come near {self.share:.0%} of the colours that real surfaces have"
+        if not self.unseen:
+            return words
+        *first, last = self.unseen
+        listed = f"{', '.join(first)} and {last}" if first else last
+        return f"{words}; most {listed} are not among these"
+
+
+def nearness(encoded: Array) -> Nearness:
+    """How near samples' JPEG colours (n, 3) come to the colours that real surfaces have."""
+    cells, lab = _real_colours()
+    distance, _ = cKDTree(encoded.reshape(-1, 3)).query(cells, distance_upper_bound=NEAR)
+    is_unseen = ~np.isfinite(distance)
+    names = np.array([_name(colour) for colour in lab])
+    counts = {}
+    for name in dict.fromkeys(names.tolist()):
+        inside = names == name
+        count = int(is_unseen[inside].sum())
+        if is_unseen[inside].mean() >= MOSTLY_UNSEEN and count >= LEAST_UNSEEN:
+            counts[name] = count
+    return Nearness(float(1.0 - is_unseen.mean()), tuple(sorted(counts, key=lambda name: -counts[name])[:3]))
 
 
 def _real_colours() -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from lutforge.kits.all_kits import KITS
 from lutforge.kits.install import INSTALLED_KITS, install, is_installed, targets_of, uninstall
 from lutforge.kits.manifest import MANIFEST, read_manifest
 from lutforge.kits.places import Machine, place_of
-from lutforge.pipeline.outputs import one_of
+from lutforge.pipeline.kits import kit_named
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def uninstall_kit(program: str) -> tuple[list[Path], list[Path]]:
 
     Raises SettingsError on an unknown program, LutForgeError where nothing is installed for it.
     """
-    return uninstall(one_of("kit", program, KITS), _data_folder() / INSTALLED_KITS)
+    return uninstall(kit_named(program), _data_folder() / INSTALLED_KITS)
 
 
 def _data_folder() -> Path:

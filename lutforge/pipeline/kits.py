@@ -3,6 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 import json
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +20,18 @@ from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import Pictures
 from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.progress import Progress, silent
+
+
+def kit_named(word: str) -> str:
+    """The name of a kit, in upper or lower case. Raises SettingsError on any other word.
+
+    The error names the kit that is for a program of that name, such as ffmpeg for mpv.
+    """
+    letters = re.sub(r"\W", "", word.lower())
+    for name, kit in KITS.items():
+        if letters != name and len(letters) > 2 and letters in re.sub(r"\W", "", kit.title.lower()):
+            raise SettingsError(f'unknown kit "{word}"; did you mean {name}, for {kit.title}?')
+    return one_of("kit", word, KITS)
 
 
 def write_kit(
@@ -50,7 +63,7 @@ def write_kit(
         LutForgeError: the folder holds other files, or nothing can be written there.
     """
     profile = as_profile(profile)
-    name = one_of("kit", program or "rawtherapee", KITS)
+    name = kit_named(program or "rawtherapee")
     if (base is not None or look is not None) and name != "lumix":
         raise SettingsError(f"--base and --as go with --for lumix, not with {name}")
     if look is not None and base is None:

@@ -8,7 +8,7 @@ import numpy as np
 from lutforge.calibration.style import StyleData
 from lutforge.colour.srgb import delta_e_2000, srgb_to_lab
 from lutforge.evaluation.evaluation import Evaluation
-from lutforge.evaluation.next_shots import colour_gaps
+from lutforge.evaluation.next_shots import colour_gaps, nearness
 from lutforge.evaluation.predictions import Predictions
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import linearizing_error
@@ -77,7 +77,7 @@ def answers(
             gaps.append(f"{name}: of the colours that real surfaces have, these are known least:")
             gaps.append(tuple(map(str, colours[:4])))
         else:
-            gaps.append(f"{name}: the samples come near most colours that real surfaces have.")
+            gaps.append(f"{name}: nothing that must be shot: {nearness(style_data.encoded)}.")
     return {
         "How good is it?": good or ("Not known: the profile holds no errors. Give its samples, too.",),
         "On which colours?": tuple(best_and_worst),

@@ -388,7 +388,10 @@ def test_an_empty_set_and_two_cameras_are_refused() -> None:
     samples = _shots(0)
     assert "0 samples" in _refusal(samples.select(np.zeros(60, dtype=np.bool_)), OPTIONS["lutforge"])
     other = photograph_patches(sigma_sd_merrill(), chart_140()[:60], balances=("daylight",), stops=(0,))
-    assert "one camera at a time" in _refusal(concatenate([samples, other]), OPTIONS["lutforge"])
+    words = _refusal(concatenate([samples, other]), OPTIONS["lutforge"])
+    assert "one camera at a time" in words
+    for camera in (samples, other):  # so that one can take them apart
+        assert f"{camera.camera[0]}: {', '.join(np.unique(camera.shot)[:3])}" in words
 
 
 def test_a_grey_card_alone_cannot_tell_the_matrix() -> None:

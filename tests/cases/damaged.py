@@ -36,12 +36,15 @@ from lutforge.model.lattice import grid, uniform_levels
 from lutforge.ocio.config import write_config
 from lutforge.ocio.merging import open_base
 from lutforge.pipeline.inspection import check, inspect
+from lutforge.progress import silent
 from lutforge.samples.table import read_samples
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scenes import SCENES
+from lutforge.studio.opening import open_paths
+from lutforge.studio.workspace import Workspace, save_workspace
 from tests.cases.lut_texts import SOUND
 from tests.cases.pictures import lut_of_nodes
 from tests.cases.profiles import small_profile
@@ -92,14 +95,22 @@ def _rendered(path: Path) -> None:
     lf.bake(profile.render("/".join(first)), size=9, form="plain")
 
 
+def _opened(path: Path) -> None:
+    """As the studio does with a workspace."""
+    open_paths((path,), silent)
+
+
 TEXT_LUTS = {f".{name}": text for name, text in SOUND.items() if name not in ("a.cube", "a.vlt", "a.clf", "a.ctf")}
 """The small files of text that nobody bakes, by the end of their names."""
 LUTS = (*TEXT_LUTS, ".1d.cube", ".resolve.cube", *(f".lut{suffix}" for suffix in FORMATS if suffix != ".tiff"))
 """Kinds of LUT files, one for each format."""
+OTHER_PICTURES = (".bmp", ".dpx", ".hdr", ".jxl", ".sgi", ".tga")
+"""Kinds of pictures that only `apply` reads."""
 READERS: Mapping[str, Callable[[Path], object]] = {
     ".dng": _shot, ".jpg": inspect, ".ocio": _config, ".ocioz": _config, ".npz": _rendered, ".csv": read_samples,
     ".table.npz": read_samples, ".dcp": inspect, ".icc": inspect, ".exr": _inspected, ".tif": _inspected,
     ".png": _inspected, ".graded.jpg": _inspected, ".webp": _inspected, ".jp2": _inspected, ".heic": _inspected,
+    **dict.fromkeys(OTHER_PICTURES, _graded), ".workspace": _opened,
     **dict.fromkeys(LUTS, _lut),
 }  # fmt: skip
 """What reads a kind of file, which the end of its name tells."""
@@ -142,6 +153,10 @@ def whole_files(folder: Path) -> dict[str, bytes]:
         if suffix != ".exr":
             format = {".tif": "tiff", ".jp2": "jpeg2000"}.get(suffix, suffix[1:])
             add_packets(folder / f"a{suffix}", format, picture.spec(), PACKET, b"\x1c\2Z\0\6Berlin")
+    for suffix in OTHER_PICTURES:
+        picture = oiio.ImageBuf(np.random.default_rng(2).random((24, 32, 3), dtype=np.float32))
+        picture.write(str(folder / f"a{suffix}"), "float" if suffix == ".hdr" else "uint8")
+    save_workspace(Workspace(read_samples(folder / "a.csv")), folder / "a.workspace")
     add_packets(folder / "a.graded.jpg", "jpeg", oiio.ImageSpec(8, 8, 3, "uint8"), PACKET, b"\x1c\2Z\0\6Berlin")
     heif = Image.fromarray(np.random.default_rng(3).integers(0, 256, (64, 64, 3), dtype=np.uint8))
     pillow_heif.from_pillow(heif).save(str(folder / "a.heic"), quality=50, xmp=PACKET)

@@ -118,7 +118,10 @@ def test_without_the_program_it_says_where_the_files_go(
     message = lutforge(*words, "darktable", cwd=tmp_path).stderr
     assert "is not on this machine" in message
     assert str(home / ".config" / "darktable" / "color" / "in") in message
-    assert "has no folder for them on this system" in lutforge(*words, "lightroom", cwd=tmp_path).stderr
+    assert (
+        "no folder of Lightroom and Camera Raw is known on this system"
+        in lutforge(*words, "lightroom", cwd=tmp_path).stderr
+    )
     assert contents(home) == {}
     (tmp_path / "elsewhere").mkdir()  # a folder of settings that is named shows that the program is there
     lutforge(*words, "darktable", "--into", tmp_path / "elsewhere", cwd=tmp_path)

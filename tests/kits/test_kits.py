@@ -154,6 +154,9 @@ def test_what_a_profile_cannot_give_is_refused_with_the_way(
         write_kit(profile, SETTING, tmp_path / "kit", "lumix", look=profile)
     with pytest.raises(SettingsError, match="unknown kit"):
         write_kit(profile, SETTING, tmp_path / "kit", "paint")
+    for word, name in {"mpv": "ffmpeg", "Camera-Raw": "lightroom", "camera raw": "lightroom", "G'MIC": "gimp"}.items():
+        with pytest.raises(SettingsError, match=f"did you mean {name}, for "):
+            write_kit(profile, SETTING, tmp_path / "kit", word)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "holiday.jpg").write_bytes(b"x")
     with pytest.raises(LutForgeError, match="holds other files"):

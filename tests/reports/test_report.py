@@ -15,7 +15,7 @@ from lutforge.calibration.style import style_data
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
 from lutforge.evaluation.figures import error_figures
 from lutforge.evaluation.methods import LATTICE
-from lutforge.evaluation.next_shots import colour_gaps
+from lutforge.evaluation.next_shots import colour_gaps, nearness
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
@@ -290,6 +290,15 @@ def test_gaps_are_where_errors_are_expected() -> None:
     assert all("blue" in gap.colour or "purple" in gap.colour for gap in gaps)
     assert "of full scale to expect" in str(gaps[0])
     assert colour_gaps(everything, lambda encoded: np.full(len(encoded), 1 / 255)) == ()
+
+
+def test_where_nothing_must_be_shot_it_is_said_how_near_the_samples_come() -> None:
+    everything = np.random.default_rng(1).random((60_000, 3))
+    assert str(nearness(everything)) == "the samples come near 100% of the colours that real surfaces have"
+    without_greens = nearness(everything[everything[:, 1] < everything[:, [0, 2]].max(axis=1)])
+    assert 0.5 < without_greens.share < 0.9
+    assert without_greens.unseen and all("green" in name for name in without_greens.unseen)
+    assert str(without_greens).endswith("are not among these")
 
 
 def test_one_chart_is_never_enough() -> None:
