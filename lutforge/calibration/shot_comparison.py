@@ -303,20 +303,27 @@ def _groups_apart(fit: SharedFunctionFit) -> Mask | None:
     count = len(fit.colours.rows_of_shots)
     smaller = _minority(best_split(count, fit.error_saved))
     single = max(_singles(np.ones(count, dtype=np.bool_)), key=fit.error_saved)
-    return next((group for group in (smaller, single) if _are_apart(fit, group) and _hold_in_common(fit, group)), None)
+    return next((group for group in (smaller, single) if _are_apart(fit, group)), None)
 
 
 def _are_apart(fit: SharedFunctionFit, group: Mask) -> bool:
-    """True where a group of shots (s,) is far from the others, compared with how far single shots usually are."""
-    difference = fit.difference_in_codes(fit.error_saved(group), group, ~group)
-    return difference > max(LEAST_DIFFERENCE, TIMES_USUAL_DIFFERENCE * _usual_difference(fit, group))
+    """True where a group of shots (s,) is far from the others, also by the colours that both show.
 
-
-def _hold_in_common(fit: SharedFunctionFit, group: Mask) -> bool:
-    """True where a group of shots (s,) and the others are also apart by the colours that both show."""
+    Far is compared with how far single shots usually are.
+    """
+    least = max(LEAST_DIFFERENCE, TIMES_USUAL_DIFFERENCE * _usual_difference(fit, group))
+    if _difference(fit, group) <= least:
+        return False
     common, enough = fit.colours.common(group, COMMON_DISTANCE, LEAST_OF_SHOT)
-    left = group[enough]
-    return bool(left.any() and not left.all()) and _are_apart(fit_shared_function(common), left)
+    remaining = group[enough]
+    if remaining.all() or not remaining.any():
+        return False
+    return _difference(fit_shared_function(common), remaining) > least
+
+
+def _difference(fit: SharedFunctionFit, group: Mask) -> float:
+    """How far a group of shots (s,) is from the others, in codes."""
+    return fit.difference_in_codes(fit.error_saved(group), group, ~group)
 
 
 def _usual_difference(fit: SharedFunctionFit, group: Mask) -> float:
