@@ -10,11 +10,12 @@ channel (three times as many), q and r numbers of a change.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
+from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array, Mask
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
@@ -28,7 +29,9 @@ FUNCTION_PENALTY = 0.1 * (CODE / CHANGE_SPREAD) ** 2
 POWERS = [(i, j, k) for i in range(4) for j in range(4) for k in range(4) if i + j + k <= 3]
 """The powers of red, green and blue in each function of the polynomial."""
 TONES = 3
-"""The count of numbers of a change that are of tone; the others are a matrix (2, 3) on what differs from grey."""
+"""The count of numbers of a change that are of the tone of a channel, or of all channels alike."""
+MATRIX = 6
+"""The count of those of a matrix (2, 3) on what differs from grey; they are the last."""
 ROBUST_WEIGHTS = RobustWeights(cauchy, multiple=3.0, least=CODE)
 ROUNDS = 6
 """Rounds of reweighting."""
@@ -36,15 +39,19 @@ SINGULAR = 1e-9
 """Share added to the equations of the polynomial: the shots' changes may explain as much as it does."""
 
 
-def change_basis(rendered: Array) -> Array:
-    """The values that each number of a change adds to encoded colours (n, 3), (n, 3, 9): tone, a matrix on chroma."""
+def change_basis(rendered: Array, *, tinted: bool) -> Array:
+    """The values that each number of a change adds to encoded colours (n, 3), (n, 3, q): tones, a matrix on chroma.
+
+    tinted: each channel has a tone of its own, so that greys may be tinted; else all have the same.
+    """
     mean = rendered.mean(axis=1)
     middle = mean * (1.0 - mean)
     tones = np.stack([middle * (2.0 * mean - 1.0) ** power for power in range(TONES)], axis=1)
     chroma = rendered[:, [0, 2]] - mean[:, None]
-    # i is red or blue, whose chroma moves each channel c by a number o of its own.
-    matrix = np.einsum("ni,co->ncio", chroma, np.eye(3)).reshape(len(rendered), 3, -1)
-    return np.concatenate([np.repeat(tones[:, None], 3, axis=1), matrix], axis=2)
+    # i is a power, or red or blue, whose chroma moves each channel c by a number o of its own.
+    channels = np.eye(3) if tinted else np.ones((3, 1))
+    parts = np.einsum("ni,co->ncio", tones, channels), np.einsum("ni,co->ncio", chroma, np.eye(3))
+    return np.concatenate([part.reshape(len(rendered), 3, -1) for part in parts], axis=2)
 
 
 def _polynomials(rendered: Array) -> Array:
@@ -58,19 +65,22 @@ class ComparedColours:
     """The colours of the shots that are compared.
 
     rendered: (n, 3) as the base renders them; encoded: (n, 3) as the camera did; basis: (n, 3, q) what the numbers of a
-    change add to them; rows_of_shots: the samples of each shot.
+    change add to them; rows_of_shots: the samples of each shot; tinted: as in `change_basis`.
     """
 
     rendered: Array
     encoded: Array
     basis: Array
     rows_of_shots: Sequence[NDArray[np.intp]]
+    tinted: bool
 
     @classmethod
-    def of(cls, rendered: Array, encoded: Array, rows_of_shots: Sequence[NDArray[np.intp]]) -> "ComparedColours":
+    def of(
+        cls, rendered: Array, encoded: Array, rows_of_shots: Sequence[NDArray[np.intp]], *, tinted: bool
+    ) -> "ComparedColours":
         """The colours with the basis of changes."""
         clipped = np.clip(rendered, 0.0, 1.0)
-        return cls(clipped, encoded, change_basis(clipped), rows_of_shots)
+        return cls(clipped, encoded, change_basis(clipped, tinted=tinted), rows_of_shots, tinted)
 
     @property
     def prior(self) -> Array:
@@ -80,6 +90,31 @@ class ComparedColours:
     def rows(self, group: Mask) -> NDArray[np.intp]:
         """The samples of a group of shots (s,)."""
         return np.concatenate([self.rows_of_shots[place] for place in np.flatnonzero(group).tolist()])
+
+    def common(self, group: Mask, distance: float, least: int) -> tuple["ComparedColours", Mask]:
+        """The colours that both a group of shots (s,) and the others show, and a mask (s,) of shots that have enough.
+
+        distance: the largest one, of rendered values, from a colour to one of the other side; least: colours of a shot.
+        """
+        in_group = self.by_shot(group.astype(np.float64)) > 0
+        is_common = np.zeros(len(in_group), dtype=np.bool_)
+        for side in (in_group, ~in_group):
+            nearest = cKDTree(self.rendered[~side]).query(self.rendered[side], distance_upper_bound=distance)[0]
+            is_common[side] = np.isfinite(nearest)
+        enough = np.array([np.count_nonzero(is_common[rows]) >= least for rows in self.rows_of_shots])
+        parts = [
+            rows[is_common[rows]] for rows, has_enough in zip(self.rows_of_shots, enough, strict=True) if has_enough
+        ]
+        rows = np.concatenate([*parts, np.zeros(0, dtype=np.intp)])
+        ends = np.cumsum([len(part) for part in parts])
+        rows_of_shots = np.split(np.arange(len(rows)), ends[:-1])
+        return replace(
+            self,
+            rendered=self.rendered[rows],
+            encoded=self.encoded[rows],
+            basis=self.basis[rows],
+            rows_of_shots=rows_of_shots,
+        ), enough
 
     def by_shot(self, values: Array) -> Array:
         """The samples' values (n,) of values by shot (s,)."""
@@ -139,11 +174,12 @@ class NormalEquations:
 
 
 @dataclass(frozen=True, eq=False)
-class FittedChange:
-    """The change of a group of shots against the others: the numbers are added to the group, and taken from the others.
+class FittedChanges:
+    """The changes of some groups of shots against all others, fitted together.
 
-    signs: (s,) 1 of the group, −1 of the others; numbers: (q,); inverse: (q, q) of their normal matrix; error_saved:
-    the sum of squares by which a fit with the change is better.
+    The numbers of a group are added to it, and taken from the shots of no group. signs: (m, s) 1 of the group, −1 of
+    the others; numbers: (m, q); inverse: (m q, m q) of their normal matrix; error_saved: the sum of squares by which a
+    fit with the changes is better.
     """
 
     signs: Array
@@ -154,52 +190,54 @@ class FittedChange:
 
 @dataclass(frozen=True, eq=False)
 class SharedFunctionFit:
-    """The robust fit of the function that shots share. weight: (n,) of the samples; equations: of the last round."""
+    """The robust fit of the function that shots share.
+
+    weight: (n,) of the samples; equations: of the last round; noise: the variance of the samples where each shot has a
+    change of its own.
+    """
 
     colours: ComparedColours
     equations: NormalEquations
     weight: Array
+    noise: float
 
-    def fitted_change(self, group: Mask) -> FittedChange:
-        """The change of a group of shots (s,) against the others."""
-        signs = np.where(group, 1.0, -1.0)
-        cross = np.tensordot(signs, self.equations.cross, 1)
-        right = signs @ self.equations.right
-        normal = np.tensordot(signs**2, self.equations.normal, 1) + self.colours.prior - cross.T @ cross
-        inverse = np.linalg.inv(normal)
+    def fitted_changes(self, *groups: Mask) -> FittedChanges:
+        """The changes of groups of shots, each (s,), against the others."""
+        signs = np.where(groups, 1.0, -1.0)
+        cross = self._products_with_polynomial(signs)
+        right = (signs @ self.equations.right).ravel()
+        normal = np.einsum("is,js,sqr->iqjr", signs, signs, self.equations.normal).reshape(cross.shape[1], -1)
+        prior = np.kron(np.eye(len(signs)), self.colours.prior)
+        inverse = np.linalg.inv(normal + prior - cross.T @ cross)
         numbers = inverse @ right
-        return FittedChange(signs, numbers, inverse, float(right @ numbers))
+        return FittedChanges(signs, numbers.reshape(len(signs), -1), inverse, float(right @ numbers))
 
-    def error_saved(self, group: Mask) -> float:
-        """The sum of squares by which a fit with a change of a group (s,) against the others is better."""
-        return self.fitted_change(group).error_saved
+    def error_saved(self, *groups: Mask) -> float:
+        """The sum of squares that changes of groups, each (s,), save, less what their numbers save by chance.
 
-    def deviation_in_codes(self, group: Mask) -> float:
-        """The error that a change of a group (s,) saves, as root mean square over its samples, in codes."""
-        weight = float(self.weight[self.colours.rows(group)].sum())
-        return 255.0 * float(np.sqrt(max(self.error_saved(group), 0.0) / (3.0 * weight)))
+        That is twice the noise a number (Akaike 1974, https://doi.org/10.1109/TAC.1974.1100705).
+        """
+        changes = self.fitted_changes(*groups)
+        return changes.error_saved - 2.0 * changes.numbers.size * self.noise
 
-    def errors_together_and_apart(self, group: Mask) -> tuple[float, float]:
-        """The root mean square residual, in codes, without and with a change of a group (s,) against the others."""
-        mean = 255.0**2 / (3.0 * float(self.weight.sum()))
-        squares = float((self.weight[:, None] * self.equations.residual**2).sum())
-        apart = max(squares - self.error_saved(group), 0.0)
-        return float(np.sqrt(mean * squares)), float(np.sqrt(mean * apart))
+    def difference_in_codes(self, error_saved: float, group: Mask, others: Mask) -> float:
+        """The difference of two groups of shots (s,) whose change saves an error: root mean square, in codes."""
+        weights = [max(float(self.weight[self.colours.rows(shots)].sum()), 1.0) for shots in (group, others)]
+        return 255.0 * float(np.sqrt(max(error_saved, 0.0) / 3.0 * (1.0 / weights[0] + 1.0 / weights[1])))
 
-    def scores(self, change: FittedChange, hue_groups: int) -> Array:
-        """The derivatives (q, g) of the squares by a change, summed over each group of similar hue of each shot."""
+    def scores(self, changes: FittedChanges, hue_groups: int) -> Array:
+        """The derivatives (m q, g) of the squares by changes, summed over each group of similar hue of each shot."""
         colours, orthonormal = self.colours, self.equations.orthonormal
-        signs = colours.by_shot(change.signs)
-        cross = np.tensordot(change.signs, self.equations.cross, 1)
-        shared = (cross @ change.numbers).reshape(3, -1)
-        residual = (
-            self.equations.residual - signs[:, None] * (colours.basis @ change.numbers) + (shared @ orthonormal).T
-        )
+        cross = self._products_with_polynomial(changes.signs)
+        of_samples = np.stack([colours.by_shot(sign) for sign in changes.signs])
+        basis = np.concatenate([sign[:, None, None] * colours.basis for sign in of_samples], axis=2)
+        numbers = changes.numbers.ravel()
+        shared = (cross @ numbers).reshape(3, -1)
+        residual = self.equations.residual - basis @ numbers + (shared @ orthonormal).T
 
-        # Each number of the change, less what the polynomial explains of it
-        explained = np.einsum("cfq,fn->ncq", cross.reshape(3, -1, len(change.numbers)), orthonormal)
-        remaining = signs[:, None, None] * colours.basis - explained
-        scores = np.einsum("n,ncq,nc->nq", self.weight, remaining, residual)
+        # Each number of the changes, less what the polynomial explains of it
+        explained = np.einsum("cfq,fn->ncq", cross.reshape(3, -1, len(numbers)), orthonormal)
+        scores = np.einsum("n,ncq,nc->nq", self.weight, basis - explained, residual)
 
         red, green, blue = colours.rendered.T
         hue = np.arctan2(blue - green, red - green)
@@ -207,6 +245,10 @@ class SharedFunctionFit:
             group for rows in colours.rows_of_shots for group in np.array_split(rows[np.argsort(hue[rows])], hue_groups)
         ]
         return np.stack([scores[group].sum(axis=0) for group in groups], axis=1)
+
+    def _products_with_polynomial(self, signs: Array) -> Array:
+        """The products of the polynomial with changes of shots by signs (m, s): (k, m q)."""
+        return np.concatenate([np.tensordot(sign, self.equations.cross, 1) for sign in signs], axis=1)
 
 
 def fit_shared_function(colours: ComparedColours) -> SharedFunctionFit:
@@ -216,4 +258,6 @@ def fit_shared_function(colours: ComparedColours) -> SharedFunctionFit:
         equations = NormalEquations.of(colours, weight)
         residual = equations.residual - equations.explained_by_each_shot()
         weight = ROBUST_WEIGHTS(np.linalg.norm(residual, axis=1))
-    return SharedFunctionFit(colours, equations, weight)
+    freedom = 3.0 * (float(weight.sum()) - len(POWERS)) - equations.right.size
+    noise = float((weight[:, None] * residual**2).sum()) / max(freedom, 1.0)
+    return SharedFunctionFit(colours, equations, weight, noise)

@@ -2,13 +2,19 @@
 
 What JPEG values differ by from those that the base renders of their RAW is a smooth function of colour, the same for
 all shots, since the gamut map is fixed (`shared_function`). To it each shot, or each of two groups of shots, may add a
-change: of tone (three numbers) and of what differs from grey (a matrix). The sum of squares that a change saves states
-how much better shots fit apart. Shots with few tones in common are compared as well as others, since the function joins
-them.
+change: of the tone of each channel (three numbers) and of what differs from grey (a matrix). The sum of squares that a
+change saves states how much better shots fit apart. Shots with few tones in common are compared as well as others,
+since the function joins them.
+
+Of all divisions of the shots into two groups, the one that fits best is judged by a single measure: how far the groups
+are apart, compared with how far single shots are from others of their own group. Where they are not, so is the single
+shot that fits best apart. What is found has to hold on the colours that both sides show: nothing tells a change of
+other colours from what the function does there. A third of the shots or fewer deviate from the others; of larger groups
+nothing says which is right.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +24,7 @@ from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.shared_function import (
     CODE,
-    TONES,
+    MATRIX,
     ComparedColours,
     SharedFunctionFit,
     change_basis,
@@ -34,22 +40,26 @@ MOST_TOGETHER = 20_000
 """The largest number of samples of all shots together."""
 LEAST_OF_SHOT = 20
 """Shots with fewer samples are not compared."""
-MOST_FOR_SPREAD = 24
-"""The largest number of other shots by which the spread of deviations is measured."""
+COMMON_DISTANCE = 0.1
+"""Colours of two groups are common if they are so near, in rendered values."""
 
-LEAST_DEVIATION = 0.8
-"""A shot deviates only if its change saves at least this error, in codes."""
-TIMES_USUAL_DEVIATION = 1.3
-"""A shot deviates only if its change saves so many times the error, in codes, that those of the other shots save."""
-GROUPS_ERROR_RATIO = 1.25
-"""Shots are of two groups only if the error of all together is so many times that of the two apart."""
-GROUPS_ERROR_SAVED = 0.2
-"""Shots are of two groups only if the error of all together is so many codes larger than that of the two apart."""
+USUAL_DIFFERENCE = 1.9
+"""Codes that sound shots differ by from each other beforehand, between the 0.5 of most cameras and the 2.2 of the
+roughest one measured. It counts as much as one difference that was measured."""
+LEAST_DIFFERENCE = 1.6
+"""Groups are apart only if they differ by so many codes."""
+TIMES_USUAL_DIFFERENCE = 1.9
+"""Groups are apart only if they differ by so many times what is usual."""
+SURE_OF_GROUP = 1.0
+"""A shot is surely of its group if the other group fits it worse by so many times what is usual."""
 
+QUANTITIES = ("exposure", "contrast", "saturation", "red", "blue")
+COLUMNS = ("exposure, EV", "contrast", "saturation", "red, EV", "blue, EV")
+"""What is measured of a deviation; red and blue are those of the white balance, compared with green."""
+LEAST_DEVIATION = np.array([0.1, 0.06, 0.12, 0.08, 0.08])
+"""A quantity deviates clearly only by this: EV, EV per EV, share of the saturation, EV, EV."""
 CLEAR_STANDARD_ERRORS = 4.0
 """A quantity deviates clearly only by so many standard errors."""
-LEAST_EXPOSURE, LEAST_CONTRAST, LEAST_SATURATION = 0.1, 0.06, 0.12
-"""A quantity deviates clearly only by this: EV, EV per EV, share of the saturation."""
 HUE_GROUPS = 5
 """Errors of similar colours of a shot are alike: standard errors come from its residuals by groups of hue (Liang &
 Zeger 1986, https://doi.org/10.1093/biomet/73.1.13)."""
@@ -75,9 +85,9 @@ ADVICE = "shoot in manual mode with one picture style, scene-dependent features 
 class Deviation:
     """The deviation of a shot, or of a group of shots, from the others.
 
-    values, errors: exposure in EV, contrast in EV per EV, change of saturation, and their standard errors; clear: which
-    of them are beyond chance. primaries: the share of their strength by which colours deviate besides. without_colour:
-    the shot is black and white, and others are not.
+    values, errors: exposure in EV, contrast in EV per EV, change of saturation, red and blue of greys compared with
+    green in EV, and their standard errors; clear: which of them are beyond chance. primaries: the share of their
+    strength by which colours deviate besides. without_colour: the shot is black and white, and others are not.
     """
 
     shot: str
@@ -88,8 +98,13 @@ class Deviation:
     without_colour: bool = False
 
     @property
+    def is_known(self) -> bool:
+        """True where it is known what deviates."""
+        return any(self.clear) or self.primaries > OTHER_PRIMARIES or self.without_colour
+
+    @property
     def cells(self) -> tuple[str, ...]:
-        """Exposure, contrast and saturation as cells of a table."""
+        """The values as cells of a table, under `COLUMNS`."""
         return tuple(f"{value:+.2f} ± {error:.2f}" for value, error in zip(self.values, self.errors, strict=True))
 
     @property
@@ -97,12 +112,13 @@ class Deviation:
         """The quantities that deviate clearly, in words, with standard errors."""
         if self.without_colour:
             return "black and white"
-        parts = zip(("exposure", "contrast", "saturation"), self.values, self.errors, self.clear, strict=True)
-        shown = [
-            f"{name} {value:+.2f} ± {error:.2f} EV" if name == "exposure" else f"{name} {value:+.0%} ± {error:.0%}"
-            for name, value, error, clear in parts
-            if clear
-        ]
+        shown = []
+        for name, value, error, clear in zip(QUANTITIES, self.values, self.errors, self.clear, strict=True):
+            if not clear:
+                continue
+            is_share = name in ("contrast", "saturation")
+            number = f"{value:+.0%} ± {error:.0%}" if is_share else f"{value:+.2f} ± {error:.2f} EV"
+            shown.append(f"white balance: {name} {number}" if name in ("red", "blue") else f"{name} {number}")
         if self.primaries > OTHER_PRIMARIES:
             shown.append("primaries")
         return ", ".join(shown) or "tones and colours"
@@ -110,18 +126,23 @@ class Deviation:
 
 @dataclass(frozen=True)
 class ShotGroups:
-    """Two groups of shots that were rendered in two ways. deviation: of the second group from the first."""
+    """Two groups of shots that were rendered in two ways.
+
+    deviation: of the second group from the first; either: shots that fit both groups.
+    """
 
     first: tuple[str, ...]
     second: tuple[str, ...]
     deviation: Deviation
+    either: tuple[str, ...] = ()
 
     @property
     def diagnosis(self) -> Diagnosis:
         """The groups as a cause that spoils the whole set: it is not known which are right."""
+        either = f"; {_listed(self.either)} may be of either" if self.either else ""
         return Diagnosis(
             "the shots are of two groups that the camera rendered in two ways",
-            f"{_listed(self.second)} differ from {_listed(self.first)}: {self.deviation.words}",
+            f"{_listed(self.second)} differ from {_listed(self.first)}: {self.deviation.words}{either}",
             "calibrate from one group alone, or give the groups two names of styles",
         )
 
@@ -169,13 +190,18 @@ def check_shots(
         rows = usable & (samples.style == style)
         balanced = samples.raw[rows] * multipliers[rows]
         encoded, shot = samples.srgb[rows], samples.shot[rows]
+        known = bool(np.isfinite(samples.wb[rows]).all())
 
         colourless = _colourless(balanced, encoded, shot)
         checks.append(colourless)
         if not colourless.groups:
             in_agreement = ~np.isin(shot, [deviation.shot for deviation in colourless.deviations])
             rendered = base.render(balanced[in_agreement])
-            checks.append(compare_shots(rendered, encoded[in_agreement], shot[in_agreement], base.response.linearize))
+            linearize = base.response.linearize
+            compared = compare_shots(
+                rendered, encoded[in_agreement], shot[in_agreement], linearize, balances_known=known
+            )
+            checks.append(replace(compared, groups=()) if colourless.deviations else compared)
     return ShotCheck.of(checks)
 
 
@@ -201,12 +227,19 @@ def _colourless(balanced: Array, encoded: Array, shot: NDArray[np.str_]) -> Shot
 
 def _black_and_white(shot: str) -> Deviation:
     """The deviation of a black-and-white shot from shots with colour."""
-    return Deviation(shot, (0.0, 0.0, -1.0), (0.0,) * 3, (False, False, True), 0.0, without_colour=True)
+    return _of_saturation(shot, -1.0, without_colour=True)
 
 
 def _in_colour(shot: str) -> Deviation:
     """The deviation of a shot with colour from black-and-white shots."""
-    return Deviation(shot, (0.0, 0.0, 1.0), (0.0,) * 3, (False, False, True), 0.0, without_colour=False)
+    return _of_saturation(shot, 1.0, without_colour=False)
+
+
+def _of_saturation(shot: str, change: float, *, without_colour: bool) -> Deviation:
+    """A deviation of nothing but the saturation."""
+    values = tuple(change if name == "saturation" else 0.0 for name in QUANTITIES)
+    clear = tuple(name == "saturation" for name in QUANTITIES)
+    return Deviation(shot, values, (0.0,) * len(QUANTITIES), clear, 0.0, without_colour)
 
 
 def _minority(group: Mask) -> Mask:
@@ -220,82 +253,121 @@ def _is_large(minority: Mask) -> bool:
 
 
 def compare_shots(
-    rendered: Array, encoded: Array, shot: NDArray[np.str_], linearize: Callable[[Array], Array]
+    rendered: Array,
+    encoded: Array,
+    shot: NDArray[np.str_],
+    linearize: Callable[[Array], Array],
+    *,
+    balances_known: bool = True,
 ) -> ShotCheck:
-    """Find the shots of one style that deviate, the farthest first, or the two groups that they are of.
+    """Find the shots of one style that deviate, or the two groups that they are of.
 
     rendered: (n, 3) the RAW as a fixed rendering has it; encoded: (n, 3) the JPEG values, neither clipped; shot: (n,)
-    names; linearize: JPEG values (m, 3) → linear (m, 3). At most a third of the shots deviates. Groups are looked for
-    among all shots only: the shots that remain after one was left out may differ by what that shot had bent.
+    names; linearize: JPEG values (m, 3) → linear (m, 3); balances_known: the files state the multipliers, so that a
+    tint is the rendering's. At most a third of the shots deviates. Groups are looked for among all shots only: the
+    shots that remain after one was left out may differ by what that shot had bent.
     """
     names, counts = np.unique(shot, return_counts=True)
     names = names[counts >= LEAST_OF_SHOT]
     most_deviations = len(names) // 3
-
-    def fit_of(names: NDArray[np.str_]) -> SharedFunctionFit:
-        return fit_shared_function(_drawn_colours(rendered, encoded, shot, names))
-
     deviations = list[Deviation]()
     while len(names) > 1:
-        fit = fit_of(names)
-        minority = _minority(best_split(len(names), fit.error_saved))
-        if not deviations and _is_large(minority) and _are_apart(fit, minority):
-            deviation = _deviation(_listed(names[minority].tolist()), fit, minority, linearize)
-            if any(deviation.clear):
-                first, second = (tuple(str(name) for name in names[rows]) for rows in (~minority, minority))
-                return ShotCheck(groups=(ShotGroups(first, second, deviation),))
+        fit = fit_shared_function(_drawn_colours(rendered, encoded, shot, names, tinted=balances_known))
+        split = _groups_apart(fit)
+        if split is None:
+            break
+        unsure = _unsure(fit, split)
+        few, others = split & ~unsure, ~split & ~unsure
+        if not (few.any() and others.any()):
+            break
 
-        if len(deviations) == most_deviations:
-            break
-        places = np.arange(len(names))
-        candidates = places if _is_large(minority) else places[minority]
-        outlier = places == max(candidates, key=lambda place: fit.deviation_in_codes(places == place))
-        outlier_name = str(names[outlier][0])
-        single = _outlier_deviation(outlier_name, fit, outlier, fit_of(names[~outlier]), linearize)
-        if single is None:
-            break
-        deviations.append(single)
-        names = names[~outlier]
+        if not _is_large(few[~unsure]) and np.count_nonzero(few) <= most_deviations - len(deviations):
+            # Only what has a standard error leaves a shot out; primaries have none.
+            measured = _deviations(names.tolist(), fit, _singles(few), linearize)
+            clear = [deviation for deviation in measured if any(deviation.clear)]
+            if not clear:
+                break
+            deviations += clear
+            names = np.setdiff1d(names, [deviation.shot for deviation in clear])
+        else:
+            (deviation,) = _deviations(names.tolist(), fit, [split], linearize)
+            if deviations or not deviation.is_known:
+                break
+            first, second, either = (tuple(str(name) for name in names[rows]) for rows in (others, few, unsure))
+            return ShotCheck(groups=(ShotGroups(first, second, deviation, either),))
     return ShotCheck(tuple(deviations))
 
 
-def _drawn_colours(rendered: Array, encoded: Array, shot: NDArray[np.str_], names: NDArray[np.str_]) -> ComparedColours:
+def _groups_apart(fit: SharedFunctionFit) -> Mask | None:
+    """The smaller (s,) of two groups of shots that are apart, or a single shot that is; None where none is."""
+    count = len(fit.colours.rows_of_shots)
+    smaller = _minority(best_split(count, fit.error_saved))
+    single = max(_singles(np.ones(count, dtype=np.bool_)), key=fit.error_saved)
+    return next((group for group in (smaller, single) if _are_apart(fit, group)), None)
+
+
+def _are_apart(fit: SharedFunctionFit, group: Mask) -> bool:
+    """True where a group of shots (s,) is far from the others, also by the colours that both show.
+
+    Far is compared with how far single shots usually are.
+    """
+    least = max(LEAST_DIFFERENCE, TIMES_USUAL_DIFFERENCE * _usual_difference(fit, group))
+    if _difference(fit, group) <= least:
+        return False
+    common, enough = fit.colours.common(group, COMMON_DISTANCE, LEAST_OF_SHOT)
+    remaining = group[enough]
+    if remaining.all() or not remaining.any():
+        return False
+    return _difference(fit_shared_function(common), remaining) > least
+
+
+def _difference(fit: SharedFunctionFit, group: Mask) -> float:
+    """How far a group of shots (s,) is from the others, in codes."""
+    return fit.difference_in_codes(fit.error_saved(group), group, ~group)
+
+
+def _usual_difference(fit: SharedFunctionFit, group: Mask) -> float:
+    """How far single shots are from the others of their own side, a group of shots (s,) or not, in codes.
+
+    The median of the shots, and what is usual beforehand as one more difference to those within groups.
+    """
+    saved, found = fit.error_saved(group), []
+    for single in _singles(np.ones(len(group), dtype=np.bool_)):
+        others = (group == group[single]) & ~single
+        if others.any():
+            found.append(fit.difference_in_codes(fit.error_saved(group, single) - saved, single, others))
+    within = len(group) - 2
+    squared = within * float(np.median(found)) ** 2 if found else 0.0
+    return float(np.sqrt((USUAL_DIFFERENCE**2 + squared) / (1 + within)))
+
+
+def _unsure(fit: SharedFunctionFit, group: Mask) -> Mask:
+    """The shots (s,) that fit a group (s,) about as well as the others."""
+    saved, least = fit.error_saved(group), SURE_OF_GROUP * _usual_difference(fit, group)
+    return np.array(
+        [
+            fit.difference_in_codes(saved - fit.error_saved(group ^ single), single, ~single) < least
+            for single in _singles(np.ones(len(group), dtype=np.bool_))
+        ]
+    )
+
+
+def _singles(shots: Mask) -> list[Mask]:
+    """A group (s,) of its own for each of some shots (s,)."""
+    return [np.arange(len(shots)) == place for place in np.flatnonzero(shots)]
+
+
+def _drawn_colours(
+    rendered: Array, encoded: Array, shot: NDArray[np.str_], names: NDArray[np.str_], *, tinted: bool
+) -> ComparedColours:
     """The colours of the shots of these names (s,), of each shot as many as are compared."""
     most = min(MOST_OF_SHOT, max(LEAST_OF_SHOT, MOST_TOGETHER // len(names)))
     rng = np.random.default_rng(0)
     drawn = [np.sort(rng.permutation(np.flatnonzero(shot == name))[:most]) for name in names]
     rows = np.concatenate(drawn)
     ends_of_shots = np.cumsum([len(of_shot) for of_shot in drawn])
-    return ComparedColours.of(rendered[rows], encoded[rows], np.split(np.arange(len(rows)), ends_of_shots[:-1]))
-
-
-def _are_apart(fit: SharedFunctionFit, group: Mask) -> bool:
-    """True where a group of shots (s,) and the others fit much better apart."""
-    together, apart = fit.errors_together_and_apart(group)
-    return together > GROUPS_ERROR_RATIO * apart and together - apart > GROUPS_ERROR_SAVED
-
-
-def _outlier_deviation(
-    name: str,
-    fit: SharedFunctionFit,
-    outlier: Mask,
-    fit_without_outlier: SharedFunctionFit,
-    linearize: Callable[[Array], Array],
-) -> Deviation | None:
-    """The deviation of one shot, a mask (s,), from the others; None where it is not clear.
-
-    The others' deviations from each other, in a fit without the shot, are what is usual.
-    """
-    places = np.arange(len(outlier) - 1)
-    singles = [places == place for place in np.random.default_rng(0).permutation(len(places))[:MOST_FOR_SPREAD]]
-    usual = float(np.median([fit_without_outlier.deviation_in_codes(single) for single in singles]))
-    if fit.deviation_in_codes(outlier) < max(LEAST_DEVIATION, TIMES_USUAL_DEVIATION * usual):
-        return None
-
-    of_others = [_deviation("", fit_without_outlier, single, linearize).values for single in singles]
-    spread = 1.4826 * np.median(np.abs(of_others), axis=0)  # the standard deviation, by the median
-    deviation = _deviation(name, fit, outlier, linearize, spread)
-    return deviation if any(deviation.clear) else None
+    rows_of_shots = np.split(np.arange(len(rows)), ends_of_shots[:-1])
+    return ComparedColours.of(rendered[rows], encoded[rows], rows_of_shots, tinted=tinted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,12 +387,15 @@ class _ChangeMeter:
     linearize: Callable[[Array], Array]
 
     @classmethod
-    def of(cls, rendered: Array, basis: Array, linearize: Callable[[Array], Array]) -> "_ChangeMeter":
-        """The meter for rendered colours (n, 3) with the basis of their changes (n, 3, q)."""
+    def of(cls, colours: ComparedColours, group: Mask, linearize: Callable[[Array], Array]) -> "_ChangeMeter":
+        """The meter for the colours of a group of shots (s,)."""
+        rows = colours.rows(group)
+        rendered, basis = colours.rendered[rows], colours.basis[rows]
         chroma = rendered - rendered.mean(axis=1, keepdims=True)
         darkest, brightest = np.maximum(np.percentile(rendered.mean(axis=1), (10, 90)), DARKEST_GREYS)
         greys = np.repeat(np.linspace(darkest, brightest, GREYS)[:, None], 3, axis=1)
-        return cls(chroma, basis, greys, _stops(linearize(greys)), change_basis(greys), linearize)
+        tones = _stops(linearize(greys).sum(axis=1))
+        return cls(chroma, basis, greys, tones, change_basis(greys, tinted=colours.tinted), linearize)
 
     @property
     def strength(self) -> float:
@@ -328,20 +403,17 @@ class _ChangeMeter:
         return max(float(np.sum(self.chroma**2)), LEAST_STRENGTH)
 
     def values(self, change: Array) -> Array:
-        """The difference (3,) of shots with + change (q,) from shots with − change.
-
-        It is of exposure in EV, contrast in EV per EV, and a share of the saturation.
-        """
+        """How shots with + change (q,) differ from shots with − change (5,): the values of a `Deviation`."""
         step = self.basis_of_greys @ change
-        brighter, darker = (
-            _stops(self.linearize(np.clip(greys, 0.0, 1.0))) for greys in (self.greys + step, self.greys - step)
-        )
-        contrast, exposure = np.polyfit(self.tones - np.median(self.tones), brighter - darker, 1)
+        more, less = (self.linearize(np.clip(greys, 0.0, 1.0)) for greys in (self.greys + step, self.greys - step))
+        brighter = _stops(more.sum(axis=1)) - _stops(less.sum(axis=1))
+        contrast, exposure = np.polyfit(self.tones - np.median(self.tones), brighter, 1)
         saturation = float(np.sum(self._moved_colours(change) * self.chroma)) / self.strength
-        return np.array([exposure, contrast, saturation])
+        red, green, blue = (_stops(more) - _stops(less)).mean(axis=0)
+        return np.array([exposure, contrast, saturation, red - green, blue - green])
 
     def slopes(self, change: Array) -> Array:
-        """The derivatives (3, q) of the values by the numbers of a change (q,)."""
+        """The derivatives (5, q) of the values by the numbers of a change (q,)."""
         values = self.values(change)
         steps = DERIVATIVE_STEP * np.eye(len(change))
         return np.stack([(self.values(change + step) - values) / DERIVATIVE_STEP for step in steps], axis=1)
@@ -352,34 +424,39 @@ class _ChangeMeter:
         return float(np.sqrt(np.sum(remaining**2) / self.strength))
 
     def _moved_colours(self, change: Array) -> Array:
-        """The difference (n, 3) of colours with + change (q,) from those with − change, apart from tone."""
-        return np.asarray(2.0 * (self.basis[..., TONES:] @ change[TONES:]))
+        """How far (n, 3) colours with + change (q,) are from those with − change, apart from tone."""
+        return np.asarray(2.0 * (self.basis[..., -MATRIX:] @ change[-MATRIX:]))
 
 
 def _stops(linear: Array) -> Array:
-    """The brightness of linear colours (m, 3) → (m,), in stops."""
-    return np.asarray(np.log2(np.maximum(linear.sum(axis=1), DARKEST_LINEAR)))
+    """Linear values of any shape in stops."""
+    return np.asarray(np.log2(np.maximum(linear, DARKEST_LINEAR)))
 
 
-def _deviation(
-    name: str,
-    fit: SharedFunctionFit,
-    group: Mask,
-    linearize: Callable[[Array], Array],
-    spread: Array | float = 0.0,
-) -> Deviation:
-    """Measure how the shots of a group (s,) deviate from the others. spread: (3,), of other shots' values."""
-    change = fit.fitted_change(group)
-    rows = fit.colours.rows(group)
-    meter = _ChangeMeter.of(fit.colours.rendered[rows], fit.colours.basis[rows], linearize)
-    values = meter.values(change.numbers)
+def _deviations(
+    names: Sequence[str], fit: SharedFunctionFit, groups: Sequence[Mask], linearize: Callable[[Array], Array]
+) -> list[Deviation]:
+    """Measure how the shots of each of some groups (s,) deviate from the shots of none. names: of all shots."""
+    changes = fit.fitted_changes(*groups)
+    scores = fit.scores(changes, HUE_GROUPS)
+    rows_of_inverse = np.split(changes.inverse, len(groups))
+    deviations = []
+    for group, change, inverse in zip(groups, changes.numbers, rows_of_inverse, strict=True):
+        meter = _ChangeMeter.of(fit.colours, group, linearize)
+        values = meter.values(change)
 
-    # Variances by the scores of groups of hue, corrected for the number of groups and of samples
-    by_hue_group = meter.slopes(change.numbers) @ change.inverse @ fit.scores(change, HUE_GROUPS)
-    within = np.square(by_hue_group).sum(axis=1) * HUE_GROUPS / (HUE_GROUPS - 1)
-    errors = np.hypot(np.sqrt(within * len(rows) / (len(rows) - len(change.numbers))), spread)
+        # Variances by the scores of groups of hue, corrected for their number
+        by_hue_group = meter.slopes(change) @ inverse @ scores
+        errors = np.sqrt(np.square(by_hue_group).sum(axis=1) * HUE_GROUPS / (HUE_GROUPS - 1))
 
-    least = np.array([LEAST_EXPOSURE, LEAST_CONTRAST, LEAST_SATURATION])
-    clear = (np.abs(values) > least) & (np.abs(values) > CLEAR_STANDARD_ERRORS * errors)
-    primaries = meter.primaries(change.numbers, float(values[2]))
-    return Deviation(name, tuple(values.tolist()), tuple(errors.tolist()), tuple(clear.tolist()), primaries)
+        clear = (np.abs(values) > LEAST_DEVIATION) & (np.abs(values) > CLEAR_STANDARD_ERRORS * errors)
+        deviations.append(
+            Deviation(
+                _listed([names[place] for place in np.flatnonzero(group)]),
+                tuple(values.tolist()),
+                tuple(errors.tolist()),
+                tuple(clear.tolist()),
+                meter.primaries(change, float(values[2])),
+            )
+        )
+    return deviations

@@ -150,11 +150,11 @@ def _without_outliers(state: CalibrationState, comparison: ShotCheck) -> Calibra
 
 
 def _causes_of_all_groups(state: CalibrationState, comparison: ShotCheck) -> set[str]:
-    """The causes that were diagnosed, and that each of two groups of shots, where there are such, shows by itself."""
+    """The causes that were diagnosed, and that each of two groups of shots shows, with those that may be of either."""
     causes = {diagnosis.cause for diagnosis in state.diagnoses} - {NOT_ONE_CAMERA}
     for groups in comparison.groups if causes else ():
         for names in (groups.first, groups.second):
-            group = diagnose(state.select(np.isin(state.samples.shot, names)))
+            group = diagnose(state.select(np.isin(state.samples.shot, (*names, *groups.either))))
             causes &= {diagnosis.cause for diagnosis in group.diagnoses}
     return causes
 

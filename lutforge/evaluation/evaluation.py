@@ -13,8 +13,8 @@ The result is records, and one JSON document with stable keys.
     edited        ΔE00 after exposure and white balance are changed: style, method, held_out, count, and de00, the means
                   by edit ("+2 EV", "warmer" …)
     refinish      Fig. 6.2: source, target (STYLE/WB), method, held_out, shots, and figures as in rows
-    departures    shots that deviate from the fixed rendering: shot, values and errors (exposure, contrast, saturation),
-                  clear (which of them are significant)
+    departures    shots that deviate from the fixed rendering: shot, values and errors (exposure, contrast, saturation,
+                  red and blue of the white balance), clear (which of them are significant)
     notes         sentences
 
 Directions are "render" (RAW → JPEG) and "linearize" (JPEG → white-balanced RAW). Methods are "camera model" and
@@ -235,7 +235,9 @@ def compare_with_profile(profile: CameraProfile, samples: SampleSet, multipliers
         balanced = samples.raw[rows] * multipliers[rows]
         encoded = samples.srgb[rows]
         if not is_monochrome(balanced, encoded):
-            checks.append(compare_shots(style.render(balanced), encoded, samples.shot[rows], style.linearize))
+            known = bool(np.isfinite(samples.wb[rows]).all())
+            rendered, shot = style.render(balanced), samples.shot[rows]
+            checks.append(compare_shots(rendered, encoded, shot, style.linearize, balances_known=known))
     return ShotCheck.of(checks)
 
 

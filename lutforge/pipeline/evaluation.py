@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.calibration.shot_comparison import COLUMNS
 from lutforge.calibration.vignetting import at_the_centre
 from lutforge.calibration.white_balance import fill_in_known_multipliers
 from lutforge.evaluation.evaluation import Evaluation, known_styles, scene_deviations
@@ -62,7 +63,7 @@ def evaluate(
 def inspect_scene(
     profile: CameraProfile | str | Path, shots: Paths, progress: Progress = silent
 ) -> tuple[Table, tuple[str, ...]]:
-    """Compare three shots or more with a profile's rendering: vignetting, exposure, contrast, saturation.
+    """Compare three shots or more with a profile's rendering: vignetting, tone, saturation, white balance.
 
     shots: RAW files, folders, or sample tables. Only significant deviations are reported. Returned are a table with a
     row for each shot, and a line for each shot that was left out.
@@ -78,8 +79,8 @@ def inspect_scene(
             camera.vignettings, str(shot.lens[0]), float(shot.focal_mm[0]), float(shot.aperture[0])
         )
         corners = "–" if vignetting is None else f"{vignetting.corner_ev:+.2f} EV"
-        rows.append((name, corners, *deviations.get(name, ("–",) * 3)))
-    header = ("shot", "corners", "exposure, EV", "contrast", "saturation")
+        rows.append((name, corners, *deviations.get(name, ("–",) * len(COLUMNS))))
+    header = ("shot", "corners", *COLUMNS)
     return Table(f"Beyond the rendering of {profile}", header, rows), gathered.left_out
 
 

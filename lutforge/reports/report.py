@@ -11,6 +11,7 @@ from lutforge.calibration.brightness_transfer import transfer_functions
 from lutforge.calibration.lattice.fit import squares
 from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_verdict import judge
+from lutforge.calibration.shot_comparison import COLUMNS
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, evaluate
@@ -75,7 +76,7 @@ def build_report(
         if evaluation.deviations:
             title = "Shots that deviate from the fixed rendering, with standard errors"
             rows = [(deviation.shot, *deviation.cells) for deviation in evaluation.deviations]
-            lens.append(Table(title, ("shot", "exposure, EV", "contrast", "saturation"), rows))
+            lens.append(Table(title, ("shot", *COLUMNS), rows))
         pictures = tuple(shot_pictures(profile, method, evaluation, files or {}))
     progress("models", 0.9)
     sections["Lens and scene"] = tuple(lens)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 import pytest
@@ -170,7 +170,7 @@ def test_an_exposure_that_is_off_is_found_with_its_size() -> None:
     name = _names(samples)[3]
     (deviation,) = _found(with_scene_tone(samples, [name], np.full(len(samples), 0.3), CAMERA)).values()
     assert deviation.shot == name
-    assert deviation.clear == (True, False, False)
+    assert deviation.clear == (True, False, False, False, False)
     assert deviation.values[0] == pytest.approx(0.3, abs=0.06)
 
 
@@ -208,6 +208,23 @@ def _adobe_rgb(encoded: Array) -> Array:
     return np.asarray(np.clip(srgb_decode(encoded) @ (from_xyz @ SRGB_TO_XYZ).T, 0.0, 1.0) ** (1 / 2.2))
 
 
+def _redder(samples: SampleSet) -> Array:
+    return brightened(samples, np.tile([1.12, 1.0, 1.0], (len(samples), 1)))
+
+
+def _sepia(encoded: Array) -> Array:
+    return np.clip((encoded @ [0.3, 0.59, 0.11])[:, None] * [1.07, 0.95, 0.75], 0.0, 1.0)
+
+
+def _hues_turned(encoded: Array, degrees: float) -> Array:
+    """Colours whose chroma is turned about the axis of greys."""
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    across = np.array([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]]) / np.sqrt(3.0)
+    turn = cos * np.eye(3) + sin * across + (1.0 - cos) / 3.0
+    grey = (encoded @ [0.3, 0.59, 0.11])[:, None]
+    return np.asarray(np.clip(grey + (encoded - grey) @ turn.T, 0.0, 1.0))
+
+
 OTHERWISE: dict[str, tuple[str, Callable[[SampleSet], Array]]] = {
     "lifted shadows": ("contrast", lambda samples: brightened(samples, 2.0 ** shadow_stops(samples, 1.0))),
     "vivid": ("saturation", lambda samples: livelier(samples.srgb)),
@@ -239,8 +256,9 @@ def test_two_groups_of_shots_are_named_and_none_is_left_out(five: dict[str, Samp
         checked = _checked(spoilt)
         assert checked.deviations == ()
         (groups,) = checked.groups
-        assert sorted((*groups.first, *groups.second)) == names
-        assert others in (sorted(groups.first), sorted(groups.second))
+        assert sorted((*groups.first, *groups.second, *groups.either)) == names
+        divided = [set(groups.first), set(groups.second)]
+        assert any(one <= set(others) and not other & set(others) for one, other in (divided, divided[::-1]))
         assert any(word in str(groups.diagnosis) for word in (words, "exposure"))
 
 
@@ -255,6 +273,53 @@ def test_of_five_shots_only_the_one_that_deviates_is_named(five: dict[str, Sampl
         found += [each.shot for each in checked.deviations]
     least = 2 if name == "S40" else 5  # these photographs have few colours in common
     assert len(found) >= least
+
+
+SUBTLE: dict[str, tuple[str, Callable[[SampleSet], Array]]] = {
+    "white balance": ("white balance: red", _redder),
+    "sepia": ("saturation", lambda samples: _sepia(samples.srgb)),
+    "hues": ("primaries", lambda samples: _hues_turned(samples.srgb, 8.0)),
+}
+"""Changes that leave exposure and contrast as they are, or all but."""
+
+
+def _well_exposed(count: int) -> SampleSet:
+    return photograph_patches(
+        CAMERA, chart_140()[:60], balances=("daylight",), stops=np.linspace(-2, 0, count).tolist()
+    )
+
+
+@pytest.mark.parametrize("case", SUBTLE)
+def test_half_of_the_shots_of_other_white_balance_tone_or_hues_are_named(case: str) -> None:
+    samples, (words, change) = _well_exposed(5), SUBTLE[case]
+    names, changed = _names(samples), change(samples)
+    for others in (names[:3], names[::2]):
+        spoilt = replace(samples, srgb=np.where(np.isin(samples.shot, others)[:, None], changed, samples.srgb))
+        checked = _checked(spoilt)
+        assert checked.deviations == ()
+        (groups,) = checked.groups
+        assert others in (sorted(groups.first), sorted(groups.second))
+        assert words in str(groups.diagnosis)
+
+
+@pytest.mark.parametrize("count", [6, 7])
+@pytest.mark.parametrize("case", ["white balance", "sepia"])
+def test_two_of_six_or_seven_shots_are_named(case: str, count: int) -> None:
+    samples = _well_exposed(count)
+    names, changed = _names(samples), SUBTLE[case][1](samples)
+    spoilt = replace(samples, srgb=np.where(np.isin(samples.shot, names[1:3])[:, None], changed, samples.srgb))
+    assert sorted(_found(spoilt)) == names[1:3]
+
+
+def test_hues_that_some_photographs_show_too_little_of_name_no_wrong_groups(s40_samples: SampleSet) -> None:
+    names, turned = _names(s40_samples), _hues_turned(s40_samples.srgb, 8.0)
+    for others in combinations(names, 2):
+        within = np.isin(s40_samples.shot, others)[:, None]
+        checked = _checked(replace(s40_samples, srgb=np.where(within, turned, s40_samples.srgb)))
+        assert {each.shot for each in checked.deviations} <= set(others)
+        for groups in checked.groups:
+            divided = [set(groups.first), set(groups.second)]
+            assert any(one <= set(others) and not other & set(others) for one, other in (divided, divided[::-1]))
 
 
 def test_a_power_that_is_too_small_to_be_sure_of_blames_no_other_shot(s40_samples: SampleSet) -> None:

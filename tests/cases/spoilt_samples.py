@@ -62,12 +62,16 @@ def _raw(change: Callable[[Array, Array], Array]) -> Case:
 
 
 def brightened(samples: SampleSet, factor: Array) -> Array:
-    """JPEG values (n, 3) developed brighter by factors (n,): by the simulated camera, else by the curve they tell."""
+    """JPEG values (n, 3) developed brighter by factors, (n,) or of each channel (n, 3).
+
+    By the simulated camera, else by the curve that the samples tell.
+    """
+    factor = factor.reshape(len(samples), -1)
     for camera in (nikon_d5100(), sigma_sd_merrill()):
         if camera.name == samples.camera[0]:
-            return camera.render(samples.raw * samples.wb * factor[:, None], "standard", np.ones(3))
+            return camera.render(samples.raw * samples.wb * factor, "standard", np.ones(3))
     response = fit_matrix_and_response(samples.raw * samples.wb, samples.srgb).response
-    return response.encode(response.linearize(samples.srgb) * factor[:, None])
+    return response.encode(response.linearize(samples.srgb) * factor)
 
 
 def _one_brightened(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
