@@ -452,7 +452,7 @@ def _deviations(
         clear = (np.abs(values) > LEAST_DEVIATION) & (np.abs(values) > CLEAR_STANDARD_ERRORS * errors)
         deviations.append(
             Deviation(
-                _listed([names[place] for place in np.flatnonzero(group)]),
+                _listed([names[place] for place in np.flatnonzero(group).tolist()]),
                 tuple(values.tolist()),
                 tuple(errors.tolist()),
                 tuple(clear.tolist()),
