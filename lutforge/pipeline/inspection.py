@@ -241,7 +241,7 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
     problems = [str(problem) for problem in faults]
     if files:
         missing = [str(problem) for problem in faults if problem.is_missing_file]
-        lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all faults'}")
+        lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all found'}")
         # OpenColorIO's errors on the same files are left out.
         other_problems = [str(problem) for problem in faults if not problem.is_missing_file]
         problems = [*missing, *(text for text in other_problems if "could not be located" not in text)]
