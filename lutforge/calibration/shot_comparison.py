@@ -307,18 +307,18 @@ def _groups_apart(fit: SharedFunctionFit) -> Mask | None:
 
 
 def _are_apart(fit: SharedFunctionFit, group: Mask) -> bool:
-    """True where a group of shots (s,) is far from the others, also by the colours that both show.
+    """True where a group of shots (s,) is far from the others, compared with how far single shots usually are.
 
-    Far is compared with how far single shots usually are.
+    By the colours that both show it has to be farther than usual, too: strong colours may be missing among these.
     """
-    least = max(LEAST_DIFFERENCE, TIMES_USUAL_DIFFERENCE * _usual_difference(fit, group))
-    if _difference(fit, group) <= least:
+    usual = _usual_difference(fit, group)
+    if _difference(fit, group) <= max(LEAST_DIFFERENCE, TIMES_USUAL_DIFFERENCE * usual):
         return False
     common, enough = fit.colours.common(group, COMMON_DISTANCE, LEAST_OF_SHOT)
     remaining = group[enough]
     if remaining.all() or not remaining.any():
         return False
-    return _difference(fit_shared_function(common), remaining) > least
+    return _difference(fit_shared_function(common), remaining) > max(LEAST_DIFFERENCE, usual)
 
 
 def _difference(fit: SharedFunctionFit, group: Mask) -> float:
