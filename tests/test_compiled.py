@@ -114,6 +114,7 @@ def python(*words: object, **settings: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
 
 
+@pytest.mark.slow
 def test_every_module_imports_where_windows_has_less() -> None:
     ran = python("-c", AS_ON_WINDOWS)
     assert ran.returncode == 0, ran.stderr[-2000:]

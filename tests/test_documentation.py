@@ -142,6 +142,7 @@ def test_each_python_has_one_line_of_dependencies_per_package() -> None:
         assert sorted(applied) == sorted({one.name for one in requirements}), minor
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_inverses")
 def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code = README.split("```python\n", 1)[1].split("```", 1)[0]

@@ -189,6 +189,7 @@ def test_a_table_that_is_named_twice_counts_once(tmp_path: Path) -> None:
     assert len(found.samples) == len(samples)
 
 
+@pytest.mark.slow
 def test_a_folder_beside_its_own_table_counts_once(tmp_path: Path) -> None:
     camera = nikon_d5100()
     for name in ("first", "second"):

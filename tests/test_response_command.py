@@ -198,6 +198,7 @@ def test_the_refusal_of_four_pictures_names_those_without_a_chart_in_two_lines(t
     assert len(message) <= 2 * 120
 
 
+@pytest.mark.slow
 def test_light_that_falls_over_the_chart_is_named_and_removed(tmp_path: Path) -> None:
     camera, kind = nikon_d5100(), chart_kind("classic")
     shade = 1.0 - 0.3 * (kind.places[:, :1] + 1.0) / 2.0

@@ -58,7 +58,14 @@ def test_the_cause_is_named(sets: dict[str, SampleSet], case: str, name: str) ->
 
 @pytest.mark.parametrize("name", ["D5100", pytest.param("S40", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("side", ["srgb", "raw"])
-@pytest.mark.parametrize("order", [order for order in permutations(range(3)) if order != (0, 1, 2)])
+@pytest.mark.parametrize(
+    "order",
+    [
+        pytest.param(order, marks=() if order == (2, 1, 0) else pytest.mark.slow)
+        for order in permutations(range(3))
+        if order != (0, 1, 2)
+    ],
+)
 def test_every_order_of_channels_is_named(
     sets: dict[str, SampleSet], three: SampleSet, order: tuple[int, ...], side: str, name: str
 ) -> None:
@@ -71,7 +78,8 @@ def test_every_order_of_channels_is_named(
     assert ("swapped" if order == (2, 1, 0) else f"are {letters}:") in found
 
 
-@pytest.mark.parametrize("name", ["S40", *(pytest.param(name, marks=pytest.mark.slow) for name in ("D5100", "D40"))])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["S40", "D5100", "D40"])
 def test_a_cause_is_named_only_where_it_explains_the_samples(sets: dict[str, SampleSet], name: str) -> None:
     (found,) = diagnosed(replace(sets[name], wb=1.0 / sets[name].wb))
     assert "multipliers are inverted" in found
@@ -262,7 +270,9 @@ def test_two_groups_of_shots_are_named_and_none_is_left_out(five: dict[str, Samp
         assert any(word in str(groups.diagnosis) for word in (words, "exposure"))
 
 
-@pytest.mark.parametrize("name", ["S40", "D5100", "Merrill"])
+@pytest.mark.parametrize(
+    "name", ["D5100", *(pytest.param(name, marks=pytest.mark.slow) for name in ("S40", "Merrill"))]
+)
 @pytest.mark.parametrize("case", OTHERWISE)
 def test_of_five_shots_only_the_one_that_deviates_is_named(five: dict[str, SampleSet], case: str, name: str) -> None:
     samples, changed = five[name], OTHERWISE[case][1](five[name])
@@ -327,6 +337,7 @@ def test_a_power_that_is_too_small_to_be_sure_of_blames_no_other_shot(s40_sample
         assert list(_found(with_gamma(s40_samples, [name], 1.1))) in ([], [name])
 
 
+@pytest.mark.slow
 def test_colour_among_black_and_white_calibrates_with_both_named(five: dict[str, SampleSet]) -> None:
     samples, grey = five["S40"], OTHERWISE["grey"][1](five["S40"])
     others = np.isin(samples.shot, _names(samples)[:3])
@@ -422,7 +433,7 @@ def test_one_exposure_only(preset: str) -> None:
     assert "one exposure only: shoot the same at" in notes and "one shot only" in notes
 
 
-@pytest.mark.parametrize("preset", list(OPTIONS))
+@pytest.mark.parametrize("preset", ["lutforge", pytest.param("thesis", marks=pytest.mark.slow)])
 def test_two_contradicting_shots(preset: str) -> None:
     samples = _shots(-1, 0)
     bright = samples.shot == "standard daylight -1"
@@ -469,6 +480,7 @@ def test_samples_that_suffice_make_no_such_notes() -> None:
     assert "unsaturated" not in notes and "grey" not in notes and "one exposure" not in notes
 
 
+@pytest.mark.slow
 def test_shots_of_one_scene_say_that_the_error_on_others_is_not_known(s40_samples: SampleSet) -> None:
     few = s40_samples.select(np.arange(0, len(s40_samples), 4))  # of each shot a hundred and more
     one, rng = few.select(few.shot == _names(few)[0]), np.random.default_rng(0)

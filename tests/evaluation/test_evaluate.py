@@ -132,6 +132,7 @@ def test_refinish_pairs_are_told_by_raw_not_by_names(samples: SampleSet, profile
     assert {(row.source, row.shots) for row in unchanged} == {("standard/daylight", 2), ("vivid/daylight", 2)}
 
 
+@pytest.mark.slow
 def test_a_shot_that_the_profile_has_not_seen_is_predicted_as_it_is(samples: SampleSet) -> None:
     samples = samples.select(samples.style == "standard")
     seen = samples.select(samples.shot != "standard daylight -1")

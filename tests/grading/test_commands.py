@@ -67,7 +67,9 @@ def recipe_of(kind: str, folder: Path) -> Recipe:
     return recipes[kind]
 
 
-@pytest.mark.parametrize("version", OIIOTOOLS)
+@pytest.mark.parametrize(
+    "version", [*(pytest.param(version, marks=pytest.mark.slow) for version in OIIOTOOLS[:-1]), OIIOTOOLS[-1]]
+)
 @pytest.mark.parametrize(
     ("kind", "with_config"),
     [

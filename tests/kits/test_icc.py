@@ -112,6 +112,7 @@ def test_a_profile_is_read_as_little_cms_reads_it(icc: Path) -> None:
     assert "Little CMS: reads it, within 0." in text
 
 
+@pytest.mark.slow
 def test_an_icc_profile_is_a_format_of_bake(profile: CameraProfile, tmp_path: Path, lutforge: CommandLine) -> None:
     profile.save(tmp_path / "camera.npz")
     words = ("bake", "camera.npz", "render", "--to", "standard")

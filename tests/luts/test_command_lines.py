@@ -118,8 +118,11 @@ def run(line: str, folder: Path) -> None:
 QUALITY = {"ffmpeg": ("-c:a copy", "-crf 1"), "mlt": ("mlt_image_format", "crf=1 an=1 mlt_image_format")}
 
 
-@pytest.mark.parametrize(("bits", "full", "within"), [(8, False, 0.7), (10, False, 0.25), (8, True, 0.7)])
-@pytest.mark.parametrize("program", ["ffmpeg", "mlt"])
+@pytest.mark.parametrize(
+    ("bits", "full", "within"),
+    [(8, False, 0.7), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((10, False, 0.25), (8, True, 0.7)))],
+)
+@pytest.mark.parametrize("program", ["ffmpeg", pytest.param("mlt", marks=pytest.mark.slow)])
 def test_a_film_is_graded_as_the_cube_says(program: str, bits: int, full: bool, within: float, tmp_path: Path) -> None:
     need("melt" if program == "mlt" else program)
     x = write_film(tmp_path / "IN.mov", bits, full)
@@ -132,6 +135,7 @@ def test_a_film_is_graded_as_the_cube_says(program: str, bits: int, full: bool, 
     assert error.max() < 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bits", [8, 10])
 def test_a_film_is_shown_as_the_cube_says(bits: int, tmp_path: Path) -> None:
     need("mpv")
@@ -144,6 +148,7 @@ def test_a_film_is_shown_as_the_cube_says(bits: int, tmp_path: Path) -> None:
     assert delta_e_2000(seen.astype(np.float64), look(x)).mean() < 0.25
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bits", [8, 16])
 def test_a_picture_is_graded_as_the_cube_says(bits: int, tmp_path: Path) -> None:
     top = 2**bits - 1

@@ -108,6 +108,7 @@ def test_files_without_a_range_are_refused(tmp_path: Path, footage: Transform, n
         bake(footage, form="shaper", size=9).write(tmp_path / name)
 
 
+@pytest.mark.slow
 def test_any_function_of_light(tmp_path: Path) -> None:
     def tone(x: ArrayLike) -> Array:
         values = np.maximum(np.asarray(x, dtype=np.float64), 0.0)

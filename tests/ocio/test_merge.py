@@ -43,6 +43,7 @@ def assert_kept(base: OCIO.Config, config: OCIO.Config, skip: tuple[str, ...] = 
         assert base.getColorSpaceFromFilepath(path)[0] == config.getColorSpaceFromFilepath(path)[0]
 
 
+@pytest.mark.slow
 def test_the_studio_config_with_two_cameras(tmp_path: Path) -> None:
     path = write_config(two_cameras(), tmp_path / "studio", merge=STUDIO)
     output = ociocheck(path)

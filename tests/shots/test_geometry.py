@@ -54,10 +54,16 @@ def error(shot: Shot) -> float:
 
 @pytest.mark.parametrize(
     "drawn",
-    [lens(-0.06), lens(0.06), lens(-0.02), lens(-0.15), lens(-0.08, 0.07), lens(-0.06, x=0.03, y=-0.02),
-     lens(red=0.002, blue=-0.001)],
-    ids=["barrel", "pincushion", "weak", "strong", "moustache", "off-centre", "fringes"],
-)  # fmt: skip
+    [
+        pytest.param(lens(-0.06), id="barrel"),
+        pytest.param(lens(0.06), id="pincushion", marks=pytest.mark.slow),
+        pytest.param(lens(-0.02), id="weak", marks=pytest.mark.slow),
+        pytest.param(lens(-0.15), id="strong", marks=pytest.mark.slow),
+        pytest.param(lens(-0.08, 0.07), id="moustache", marks=pytest.mark.slow),
+        pytest.param(lens(-0.06, x=0.03, y=-0.02), id="off-centre", marks=pytest.mark.slow),
+        pytest.param(lens(red=0.002, blue=-0.001), id="fringes"),
+    ],
+)
 def test_samples_of_straightened_pictures_are_as_good(drawn: Distortion, tmp_path: Path) -> None:
     plain, bent = shot_of(tmp_path, None), shot_of(tmp_path, drawn)
     assert plain.before_straightening is None

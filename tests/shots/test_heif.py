@@ -93,7 +93,7 @@ def test_what_is_none_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.Monk
         read_heif(broken)
 
 
-@pytest.mark.parametrize(("transfer", "name"), [(16, "PQ"), (18, "HLG")])
+@pytest.mark.parametrize(("transfer", "name"), [(16, "PQ"), pytest.param(18, "HLG", marks=pytest.mark.slow)])
 def test_a_picture_for_hdr_displays_is_passed_over_and_said_once(tmp_path: Path, transfer: int, name: str) -> None:
     _, dng = pair(tmp_path, "shot", CameraSettings(exposure_s=1 / 30), "still-life", 1)
     write_heif(dng.with_suffix(".HIF"), np.full((440, 648, 3), 0.5), transfer=transfer)

@@ -70,6 +70,7 @@ def test_passes_over_a_jpeg_of_another_scene(folder: Path) -> None:
     assert any(note.startswith("wrong: passed over: ") and "does not match" in note for note in notes)
 
 
+@pytest.mark.slow
 def test_commands_tell_a_note_once_for_all_that_share_it(folder: Path, tmp_path: Path, lutforge: CommandLine) -> None:
     for name in ("one", "two"):
         for kind in ("dng", "jpeg"):

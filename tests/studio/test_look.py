@@ -232,6 +232,7 @@ def test_a_look_is_drawn_once_and_then_measured(look: Served) -> None:
     assert look.root.evaluate(told)[1] > scoped
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_scopes_follow_a_look_that_moves(look: Served) -> None:
     """They are not left for the end of the move, while one look follows the other at once."""
@@ -285,6 +286,7 @@ def test_a_table_is_sent_once(look: Served) -> None:
     assert np.abs(look.pixels() - graded).max() < 0.51
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_wipe_and_sides(look: Served) -> None:
     lut = bent()
@@ -326,6 +328,7 @@ def test_wipe_and_sides(look: Served) -> None:
     expect(look.page.locator(".side.right")).to_be_visible()
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_pipette_and_zoom(look: Served) -> None:
     lut = bent()
@@ -349,6 +352,7 @@ def test_pipette_and_zoom(look: Served) -> None:
     expect(look.page.locator(".zoomed")).to_have_text(re.compile("2[45]. %"))
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_overlays_and_waveform(look: Served) -> None:
     look.do(lambda view: view.grade(Lut((Range(),)), "as it is"))
@@ -373,6 +377,7 @@ def test_overlays_and_waveform(look: Served) -> None:
     assert look.page.get_by_role("img", name="Waveform").evaluate(lit)
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_a_browser_without_webgl_is_told(browsers: Callable[..., Browser], served: tuple[str, Places]) -> None:
     page = browsers("--disable-software-rasterizer").new_page()

@@ -260,6 +260,7 @@ def test_what_is_started_meanwhile_waits_for_its_turn(served: tuple[Page, Docume
     assert results == [2, 4] and not session.work.cancel_button.visible
 
 
+@pytest.mark.slow
 def test_a_lattice_that_waits_for_a_matrix_builds_on_it(served: tuple[Page, Document]) -> None:
     """It takes the stages, and the samples, of when its turn has come, not of when it was asked for."""
     session = served[0].session
@@ -436,6 +437,7 @@ def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
         assert all(len(plot.source.data["x"]) for plot in (view.left, view.right))
 
 
+@pytest.mark.slow
 def test_a_profile_without_raw_works_in_every_step(tmp_path: Path) -> None:
     samples = chart_samples(patches=45)
     reference = replace(samples, raw_camera=np.full(len(samples), "Reference"), wb=np.full((len(samples), 3), np.nan))

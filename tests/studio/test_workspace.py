@@ -181,6 +181,7 @@ def test_limits_that_mean_nothing_are_refused(samples: SampleSet, wrong: dict[st
         Workspace(samples, limits=wrong)
 
 
+@pytest.mark.slow
 def test_the_profile_is_the_one_of_the_command_line(samples: SampleSet, tmp_path: Path) -> None:
     """Of a camera, too, that brings RAW up by 2 % on one setting."""
     brighter = np.where(samples.white_balance == "tungsten", 1.02, 1.0)

@@ -172,7 +172,9 @@ def test_closed_streams_are_no_fault(profile: Path) -> None:
     assert subprocess.run(f"{words} >&- 2>&-", shell=True).returncode == 0
 
 
-@pytest.mark.parametrize("closed", ["<&- 2>&-", "<&- >&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "closed", ["<&- 2>&-", *(pytest.param(words, marks=pytest.mark.slow) for words in ("<&- >&-", "<&- >&- 2>&-"))]
+)
 def test_pictures_are_graded_while_any_streams_are_closed(tmp_path: Path, closed: str) -> None:
     Lut((Cube(grid(uniform_levels(3)) ** 0.9),)).write(tmp_path / "look.cube")
     picture(tmp_path / "a.jpg")
@@ -208,7 +210,7 @@ def test_tables_and_luts_on_a_full_disk(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("small_inverses")
-@pytest.mark.parametrize("name", ["ocio", "a.ocioz"])
+@pytest.mark.parametrize("name", ["ocio", pytest.param("a.ocioz", marks=pytest.mark.slow)])
 def test_a_config_on_a_full_disk_leaves_nothing(
     tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, name: str
 ) -> None:

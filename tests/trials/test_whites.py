@@ -107,6 +107,7 @@ def _codes(processor: OCIO.CPUProcessor, colours: Array) -> Array:
     return np.asarray(np.clip(pixels, 0.0, 1.0) * 255, dtype=np.float64)
 
 
+@pytest.mark.slow
 def test_white_is_white_by_every_way(tmp_path: Path) -> None:
     found = list(measured(small_profile(), tmp_path, 12, 17, 17))
     assert any("view" in ways.apart for ways in found)
