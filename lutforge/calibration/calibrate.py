@@ -100,7 +100,7 @@ def calibrate_base(
 
 
 def prepared(samples: SampleSet, options: CalibrationOptions, given: CameraProfile | None = None) -> CalibrationState:
-    """The samples after all steps. Raises CalibrationError."""
+    """The state after all steps. Raises CalibrationError."""
     state = CalibrationState(samples, samples.wb, options.beta, options.curves, given)
     for step in STEPS:
         state = step(state)
@@ -127,7 +127,11 @@ def assembled(
     balances = named_white_balances(state.samples, state.multipliers, matrix)
     computed = [name for name in balances if name not in state.samples.white_balance]
     colorimetric = colorimetric_matrix(state.samples)
-    by = "the camera's matrix" if colorimetric is not None else "the fitted matrix, which has warm light less warm"
+    by = (
+        "the camera's matrix"
+        if colorimetric is not None
+        else "the fitted matrix, which takes warm light for less warm than it is"
+    )
     by_matrix = f"white balances {', '.join(computed)} are computed by {by}: no shot was taken with them"
     return CameraProfile(
         camera=str(state.samples.camera[0]),

@@ -29,9 +29,9 @@ MOST_COMPARED = 1000
 """The largest number of samples that a hypothesis is fitted to."""
 
 FAR_BETTER = 2.5
-"""A cause is named only if its correction divides the misfit by so much; causes of good sets do not."""
+"""A cause is named only if its correction divides the misfit by so much; on good sets no correction does."""
 LEAST_CODES_BETTER = 4.0
-"""A cause is named only if its correction lowers the misfit by so many codes; causes of good sets do not."""
+"""A cause is named only if its correction lowers the misfit by so many codes; on good sets no correction does."""
 NOT_ONE_CAMERA = "these samples do not look like one camera's rendering"
 """The cause where none is known; single shots may be to blame."""
 NO_CAMERA = 12.0
@@ -139,7 +139,7 @@ def _no_camera(colour_misfit: float) -> Diagnosis:
     """The diagnosis of colours that lie as far off as no camera's, where no cause is known."""
     return Diagnosis(
         NOT_ONE_CAMERA,
-        f"samples are {colour_misfit:.0f} codes off what cameras make, whose own are at most 8",
+        f"samples are {colour_misfit:.0f} codes off what cameras make; samples of real cameras are at most 8 off",
         "look at pictures and settings: one style, no automatic tone, RAW and JPEG of the same shots",
     )
 

@@ -48,7 +48,7 @@ def change_basis(rendered: Array, *, tinted: bool) -> Array:
     middle = mean * (1.0 - mean)
     tones = np.stack([middle * (2.0 * mean - 1.0) ** power for power in range(TONES)], axis=1)
     chroma = rendered[:, [0, 2]] - mean[:, None]
-    # i is a power, or red or blue, whose chroma moves each channel c by a number o of its own.
+    # i is a power, or red or blue, whose chroma moves each channel c by number o of the change.
     channels = np.eye(3) if tinted else np.ones((3, 1))
     parts = np.einsum("ni,co->ncio", tones, channels), np.einsum("ni,co->ncio", chroma, np.eye(3))
     return np.concatenate([part.reshape(len(rendered), 3, -1) for part in parts], axis=2)
@@ -117,7 +117,7 @@ class ComparedColours:
         ), enough
 
     def by_shot(self, values: Array) -> Array:
-        """The samples' values (n,) of values by shot (s,)."""
+        """Values by shot (s,), repeated for the samples (n,)."""
         return np.repeat(values, [len(rows) for rows in self.rows_of_shots])
 
 

@@ -7,10 +7,10 @@ change saves states how much better shots fit apart. Shots with few tones in com
 since the function joins them.
 
 Of all divisions of the shots into two groups, the one that fits best is judged by a single measure: how far the groups
-are apart, compared with how far single shots are from others of their own group. Where they are not, so is the single
-shot that fits best apart. What is found has to hold on the colours that both sides show: nothing tells a change of
-other colours from what the function does there. A third of the shots or fewer deviate from the others; of larger groups
-nothing says which is right.
+are apart, compared with how far single shots are from others of their own group. Where they are not apart, the single
+shot that fits best apart is judged in the same way. What is found has to hold on the colours that both sides show:
+nothing tells a change of other colours from what the function does there. A third of the shots or fewer deviate from
+the others; of larger groups nothing says which is right.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -69,7 +69,7 @@ WITHOUT_COLOUR = 2.0 * CODE
 """Channels of a black-and-white picture differ by at most this, but for a twentieth of it."""
 
 DARKEST_LINEAR = 1e-6
-"""Least linear value that has a logarithm."""
+"""Smaller linear values are raised to this before a logarithm."""
 DARKEST_GREYS = (0.04, 0.08)
 """The darkest grey that a change is measured at is no darker than the first, and the brightest than the second."""
 GREYS = 9
@@ -77,7 +77,7 @@ GREYS = 9
 DERIVATIVE_STEP = 1e-4
 """Step of a numerical derivative by a number of a change."""
 LEAST_STRENGTH = 1e-12
-"""Least sum of squares of what differs from grey, so that colours without any divide."""
+"""Least sum of squares of what differs from grey, so that nothing is divided by 0 where all colours are grey."""
 ADVICE = "shoot in manual mode with one picture style, scene-dependent features (D-Lighting, HDR, auto tone) off"
 
 

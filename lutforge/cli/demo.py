@@ -98,7 +98,7 @@ def _write_config(profile: "lf.CameraProfile", folder: Path) -> str:
     written = lf.write_config([profile], folder, replace=True)
     program = Path(sys.executable).with_name("ociocheck")
     if not program.exists():
-        return f"sound: {written.path}"
+        return f"checked: {written.path}"
     result = child_processes.run([str(program), "--iconfig", str(written.path)], 120)
     return f"ociocheck {'passed' if result.returncode == 0 else 'FAILED'}: {written.path}"
 

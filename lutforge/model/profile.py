@@ -160,10 +160,10 @@ class ProfileData:
     shots: the names of those that it was calibrated from; options: those of the calibration, as plain JSON values;
     provenance: the origin of the samples' linear values. vignettings: by lens setting, how much brighter JPEGs are
     towards the corners than in the middle, for which the styles hold. diagnoses: of samples that no camera makes.
-    dng_camera: the UniqueCameraModel of its
-    DNG files, by which developers match camera profiles; "" where unknown. from_xyz: (3, 3) XYZ → RAW of any
-    scale, as LibRaw or a DNG file has it, for temperatures; None where unknown. Raises ProfileError where there is
-    no style or no white balance, a name is not one line of text, or a matrix is singular.
+    dng_camera: the UniqueCameraModel of its DNG files, by which developers match camera profiles; "" where unknown.
+    from_xyz: (3, 3) XYZ → RAW of any scale, as LibRaw or a DNG file has it, for temperatures; None where unknown.
+    Raises ProfileError where there is no style or no white balance, a name is not one line of text, or a matrix is
+    singular.
     """
 
     camera: str

@@ -23,7 +23,7 @@ from lutforge.progress import Progress, silent, with_compilation
 
 @dataclass(frozen=True)
 class WrittenConfig:
-    """A config that was written. spaces: the cameras' colour spaces; notes: on faults that the base had already."""
+    """A config that was written. spaces: the cameras' colour spaces; notes: on problems that the base had already."""
 
     path: Path
     config: OCIO.Config
@@ -68,14 +68,14 @@ def write_config(
     with with_compilation(progress) as reporting:
         # The base is checked before anything is written, since it may be replaced.
         with open_base(merge) as base:
-            faults = {} if base is None else {problem.where: problem for problem in check_config(base.config)}
+            known_problems = {} if base is None else {problem.where: problem for problem in check_config(base.config)}
         path = write(
             loaded, output, merge=merge, replace=replace, looks=looks, profile_version=profile_version,
             progress=reporting,
         )  # fmt: skip
 
     config = load_config(path)
-    if problems := [problem for problem in check_config(config) if problem.where not in faults]:
+    if problems := [problem for problem in check_config(config) if problem.where not in known_problems]:
         listed = "; ".join(map(str, problems))
         raise ConfigError(f"{path}: the config was written, but does not pass its check: {listed}")
     return WrittenConfig(
@@ -85,7 +85,7 @@ def write_config(
         tuple(space.getName() for space in config.getColorSpaces() if space.getFamily().startswith("Input/")),
         tuple(config.getViewTransformNames()),
         tuple(config.getLookNames()),
-        tuple(f"{merge}: {problem}; it was so before, and stays" for problem in faults.values()),
+        tuple(f"{merge}: {problem}; it was so before, and stays" for problem in known_problems.values()),
     )
 
 

@@ -217,7 +217,7 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
 
     from lutforge.ocio.check import check_config, file_names, load_config
 
-    OCIO.ClearAllCaches()  # without this a file that was deleted since the last call would still be faults
+    OCIO.ClearAllCaches()  # without this a file that was deleted since the last call would still be found
     config = load_config(path)
     version = config.getMajorVersion(), config.getMinorVersion()
     lines = [f"{path}: OpenColorIO config, profile version {version[0]}.{version[1]}"]
@@ -237,17 +237,17 @@ def _config_report(path: Path, with_transforms: bool) -> list[str]:
             lines.append(f"  {title:<9} {len(names)}: {one_line(', '.join(names), 240)}")
 
     files = file_names(config)
-    faults = check_config(config) if with_transforms else []
-    problems = [str(problem) for problem in faults]
+    problems = check_config(config) if with_transforms else []
+    shown = [str(problem) for problem in problems]
     if files:
-        missing = [str(problem) for problem in faults if problem.is_missing_file]
+        missing = [str(problem) for problem in problems if problem.is_missing_file]
         lines.append(f"  files     {len(files)}, {f'{len(missing)} missing' if missing else 'all found'}")
         # OpenColorIO's errors on the same files are left out.
-        other_problems = [str(problem) for problem in faults if not problem.is_missing_file]
-        problems = [*missing, *(text for text in other_problems if "could not be located" not in text)]
-    lines += [f"  problem   {one_line(text, 300)}" for text in problems[:20]]
-    if len(problems) > 20:
-        lines.append(f"  problem   and {len(problems) - 20} others")
+        others = [str(problem) for problem in problems if not problem.is_missing_file]
+        shown = [*missing, *(text for text in others if "could not be located" not in text)]
+    lines += [f"  problem   {one_line(text, 300)}" for text in shown[:20]]
+    if len(shown) > 20:
+        lines.append(f"  problem   and {len(shown) - 20} others")
 
     needed = max(version, (2, 2)) if path.suffix.lower() == ".ocioz" else version
     since = f" ({OCIO_RELEASES[needed]})" if needed in OCIO_RELEASES else ""

@@ -178,7 +178,7 @@ class Session:
         return self.opened.profile if fitted is None else fitted.profile
 
     def require_workspace(self) -> Workspace:
-        """The present state. Raises WorkspaceError before samples are open."""
+        """The workspace. Raises WorkspaceError before samples are open."""
         if self.workspace is None:
             raise WorkspaceError("no samples are open: open a folder of shots or a sample table under Shots")
         return self.workspace
@@ -205,7 +205,7 @@ class Session:
         return self.is_stale or written.profile is not self.profile or written.look != self.look
 
     def start_over(self, workspace: Workspace | None) -> None:
-        """Make this the first workspace, with nothing selected and nothing to undo."""
+        """Begin with this workspace, or with none, with nothing selected and nothing to undo."""
         self.state = replace(self.state, workspace=workspace)
         self.history = History()
         self.selected = np.zeros(0 if workspace is None else len(workspace.samples), dtype=np.bool_)

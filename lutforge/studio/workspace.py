@@ -1,4 +1,4 @@
-"""The state of one calibration at work, as values: samples, outliers, models; undo and redo; and the file of it.
+"""The state of one calibration at work, as values: samples, outliers and models; and the file of it.
 
 The file is a zip of JSON, a sample table, marks and profiles; read with limits, not unpickled.
 """
@@ -213,7 +213,7 @@ class Workspace:
     def outliers(self) -> Mask:
         """(n,): rows that take no part in the fits of response, matrix and white balance.
 
-        They are removed, outside the limits, or in none of the exposure pairs that are ticked, where some are not.
+        They are excluded, outside the limits, or in none of the exposure pairs that are ticked, where some are not.
         """
         rows = np.logical_or.reduce(list(self.filtered.values()))
         ticked = self.response_pairs

@@ -116,7 +116,7 @@ def calibrate_base(
 
 
 def prepared(samples: SampleSet, options: ThesisOptions, given: CameraProfile | None = None) -> CalibrationState:
-    """The samples after all steps. Raises CalibrationError."""
+    """The state after all steps. Raises CalibrationError."""
     state = CalibrationState(samples, samples.wb, options.beta, options.curves, given)
     for step in thesis_steps(options):
         state = step(state)

@@ -59,7 +59,9 @@ def test_grading_with_a_lut_loads_what_reads_grades_and_writes(tmp_path: Path, s
 
 
 @pytest.mark.slow
-def test_commands_of_the_journey_load_nothing_of_reports_and_charts(tmp_path: Path, s40_samples: SampleSet) -> None:
+def test_commands_on_the_way_of_the_data_load_nothing_of_reports_and_charts(
+    tmp_path: Path, s40_samples: SampleSet
+) -> None:
     s40_samples.save(tmp_path / "samples.csv")
     write_picture(tmp_path / "a.jpg")
     tables = {"colour", "pandas", "polars", "matplotlib", "jinja2", "pydantic", "panel", "bokeh", "distributed", "cv2"}

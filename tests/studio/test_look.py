@@ -116,7 +116,7 @@ class Tab:
         self._place, self._document = places.get(timeout=30)
 
     def do(self, action: Callable[[], Any]) -> Any:
-        """Act as `Session.guarded` does, with all changes as one message; return what the action returns.
+        """Act as `PageLink.guarded` does, with all changes as one message; return what the action returns.
 
         Without the hold Panel may keep back what changes while an earlier message is being written.
         """

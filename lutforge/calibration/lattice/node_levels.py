@@ -27,8 +27,8 @@ def equidistributed_levels(x: Array, error: Array, levels: Levels, floor: Array 
 
     An interval of width h with curvature κ and sample density ρ carries a squared error e ≈ ρ κ² h⁴ per unit length; at
     a fixed number of intervals the total is least where 1/h ∝ (ρ κ²)^(1/5) (de Boor 1973,
-    https://doi.org/10.1007/BFb0069390, for weighted L2). So the error histogram and the present spacing give ρ κ², and
-    that the spacing which balances it. A few rounds converge; (5.6 – 5.9) is one such round with exponent 1.
+    https://doi.org/10.1007/BFb0069390, for weighted L2). So the error histogram and the present spacing give ρ κ², from
+    which follows the spacing that balances it. A few rounds converge; (5.6 – 5.9) is one such round with exponent 1.
 
     floor: (BINS,), the density of the share of the levels that lies there whatever the errors. Beyond 0 and 1 no errors
     are assumed: with mirrored ones the ends take levels that the middle needs more (D40, 17³: 0.0042 for 0.0040).
