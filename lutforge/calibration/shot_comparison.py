@@ -20,16 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.deviations import QUANTITIES, Deviation, listed, measured_deviations
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
-from lutforge.calibration.shared_function import (
-    CODE,
-    MATRIX,
-    ComparedColours,
-    SharedFunctionFit,
-    change_basis,
-    fit_shared_function,
-)
+from lutforge.calibration.shared_function import CODE, ComparedColours, SharedFunctionFit, fit_shared_function
 from lutforge.calibration.split_search import best_split
 from lutforge.model.profile import Diagnosis
 from lutforge.samples.sample_set import SampleSet
@@ -53,75 +47,10 @@ TIMES_USUAL_DIFFERENCE = 1.9
 SURE_OF_GROUP = 1.0
 """A shot is surely of its group if the other group fits it worse by so many times what is usual."""
 
-QUANTITIES = ("exposure", "contrast", "saturation", "red", "blue")
-COLUMNS = ("exposure, EV", "contrast", "saturation", "red, EV", "blue, EV")
-"""What is measured of a deviation; red and blue are those of the white balance, compared with green."""
-LEAST_DEVIATION = np.array([0.1, 0.06, 0.12, 0.08, 0.08])
-"""A quantity deviates clearly only by this: EV, EV per EV, share of the saturation, EV, EV."""
-CLEAR_STANDARD_ERRORS = 4.0
-"""A quantity deviates clearly only by so many standard errors."""
-HUE_GROUPS = 5
-"""Errors of similar colours of a shot are alike: standard errors come from its residuals by groups of hue (Liang &
-Zeger 1986, https://doi.org/10.1093/biomet/73.1.13)."""
-OTHER_PRIMARIES = 0.12
-"""Share of the colours' strength from which on primaries are named."""
 WITHOUT_COLOUR = 2.0 * CODE
 """Channels of a black-and-white picture differ by at most this, but for a twentieth of it."""
 
-DARKEST_LINEAR = 1e-6
-"""Smaller linear values are raised to this before a logarithm."""
-DARKEST_GREYS = (0.04, 0.08)
-"""The darkest grey that a change is measured at is no darker than the first, and the brightest than the second."""
-GREYS = 9
-"""The number of greys that a change is measured at."""
-DERIVATIVE_STEP = 1e-4
-"""Step of a numerical derivative by a number of a change."""
-LEAST_STRENGTH = 1e-12
-"""Least sum of squares of what differs from grey, so that nothing is divided by 0 where all colours are grey."""
 ADVICE = "shoot in manual mode with one picture style, scene-dependent features (D-Lighting, HDR, auto tone) off"
-
-
-@dataclass(frozen=True)
-class Deviation:
-    """The deviation of a shot, or of a group of shots, from the others.
-
-    values, errors: exposure in EV, contrast in EV per EV, change of saturation, red and blue of greys compared with
-    green in EV, and their standard errors; clear: which of them are beyond chance. primaries: the share of their
-    strength by which colours deviate besides. without_colour: the shot is black and white, and others are not.
-    """
-
-    shot: str
-    values: tuple[float, ...]
-    errors: tuple[float, ...]
-    clear: tuple[bool, ...]
-    primaries: float = 0.0
-    without_colour: bool = False
-
-    @property
-    def is_known(self) -> bool:
-        """True where it is known what deviates."""
-        return any(self.clear) or self.primaries > OTHER_PRIMARIES or self.without_colour
-
-    @property
-    def cells(self) -> tuple[str, ...]:
-        """The values as cells of a table, under `COLUMNS`."""
-        return tuple(f"{value:+.2f} ± {error:.2f}" for value, error in zip(self.values, self.errors, strict=True))
-
-    @property
-    def words(self) -> str:
-        """The quantities that deviate clearly, in words, with standard errors."""
-        if self.without_colour:
-            return "black and white"
-        shown = []
-        for name, value, error, clear in zip(QUANTITIES, self.values, self.errors, self.clear, strict=True):
-            if not clear:
-                continue
-            is_share = name in ("contrast", "saturation")
-            number = f"{value:+.0%} ± {error:.0%}" if is_share else f"{value:+.2f} ± {error:.2f} EV"
-            shown.append(f"white balance: {name} {number}" if name in ("red", "blue") else f"{name} {number}")
-        if self.primaries > OTHER_PRIMARIES:
-            shown.append("primaries")
-        return ", ".join(shown) or "tones and colours"
 
 
 @dataclass(frozen=True)
@@ -139,18 +68,12 @@ class ShotGroups:
     @property
     def diagnosis(self) -> Diagnosis:
         """The groups as a cause that spoils the whole set: it is not known which are right."""
-        either = f"; {_listed(self.either)} may be of either" if self.either else ""
+        either = f"; {listed(self.either)} may be of either" if self.either else ""
         return Diagnosis(
             "the shots are of two groups that the camera rendered in two ways",
-            f"{_listed(self.second)} differ from {_listed(self.first)}: {self.deviation.words}{either}",
+            f"{listed(self.second)} differ from {listed(self.first)}: {self.deviation.words}{either}",
             "calibrate from one group alone, or give the groups two names of styles",
         )
-
-
-def _listed(shots: Sequence[str], most: int = 12) -> str:
-    """Names of shots in words."""
-    more = f" and {len(shots) - most} more" if len(shots) > most else ""
-    return ", ".join(shots[:most]) + more
 
 
 @dataclass(frozen=True)
@@ -219,7 +142,7 @@ def _colourless(balanced: Array, encoded: Array, shot: NDArray[np.str_]) -> Shot
 
     if _is_large(_minority(grey)):
         first, second = (tuple(str(name) for name in names[rows]) for rows in (~grey, grey))
-        return ShotCheck(groups=(ShotGroups(first, second, _black_and_white(_listed(second))),))
+        return ShotCheck(groups=(ShotGroups(first, second, _black_and_white(listed(second))),))
     if 2 * np.count_nonzero(grey) <= len(grey):
         return ShotCheck(tuple(_black_and_white(str(name)) for name in names[grey]))
     return ShotCheck(tuple(_in_colour(str(name)) for name in names[~grey]))
@@ -283,14 +206,14 @@ def compare_shots(
 
         if not _is_large(few[~unsure]) and np.count_nonzero(few) <= most_deviations - len(deviations):
             # Only what has a standard error leaves a shot out; primaries have none.
-            measured = _deviations(names.tolist(), fit, _singles(few), linearize)
+            measured = measured_deviations(names.tolist(), fit, _singles(few), linearize)
             clear = [deviation for deviation in measured if any(deviation.clear)]
             if not clear:
                 break
             deviations += clear
             names = np.setdiff1d(names, [deviation.shot for deviation in clear])
         else:
-            (deviation,) = _deviations(names.tolist(), fit, [split], linearize)
+            (deviation,) = measured_deviations(names.tolist(), fit, [split], linearize)
             if deviations or not deviation.is_known:
                 break
             first, second, either = (tuple(str(name) for name in names[rows]) for rows in (others, few, unsure))
@@ -368,95 +291,3 @@ def _drawn_colours(
     ends_of_shots = np.cumsum([len(of_shot) for of_shot in drawn])
     rows_of_shots = np.split(np.arange(len(rows)), ends_of_shots[:-1])
     return ComparedColours.of(rendered[rows], encoded[rows], rows_of_shots, tinted=tinted)
-
-
-@dataclass(frozen=True, eq=False)
-class _ChangeMeter:
-    """Measures a change by its effect on the greys and colours of some shots.
-
-    chroma: (n, 3) by how much the shots' colours differ from grey; basis: (n, 3, q) what the numbers of a change add to
-    the colours. greys: (g, 3) encoded, over the shots' tones; tones: (g,) their brightness in stops; basis_of_greys:
-    (g, 3, q).
-    """
-
-    chroma: Array
-    basis: Array
-    greys: Array
-    tones: Array
-    basis_of_greys: Array
-    linearize: Callable[[Array], Array]
-
-    @classmethod
-    def of(cls, colours: ComparedColours, group: Mask, linearize: Callable[[Array], Array]) -> "_ChangeMeter":
-        """The meter for the colours of a group of shots (s,)."""
-        rows = colours.rows(group)
-        rendered, basis = colours.rendered[rows], colours.basis[rows]
-        chroma = rendered - rendered.mean(axis=1, keepdims=True)
-        darkest, brightest = np.maximum(np.percentile(rendered.mean(axis=1), (10, 90)), DARKEST_GREYS)
-        greys = np.repeat(np.linspace(darkest, brightest, GREYS)[:, None], 3, axis=1)
-        tones = _stops(linearize(greys).sum(axis=1))
-        return cls(chroma, basis, greys, tones, change_basis(greys, tinted=colours.tinted), linearize)
-
-    @property
-    def strength(self) -> float:
-        """The sum of squares of what the colours differ from grey by."""
-        return max(float(np.sum(self.chroma**2)), LEAST_STRENGTH)
-
-    def values(self, change: Array) -> Array:
-        """How shots with + change (q,) differ from shots with − change (5,): the values of a `Deviation`."""
-        step = self.basis_of_greys @ change
-        more, less = (self.linearize(np.clip(greys, 0.0, 1.0)) for greys in (self.greys + step, self.greys - step))
-        brighter = _stops(more.sum(axis=1)) - _stops(less.sum(axis=1))
-        contrast, exposure = np.polyfit(self.tones - np.median(self.tones), brighter, 1)
-        saturation = float(np.sum(self._moved_colours(change) * self.chroma)) / self.strength
-        red, green, blue = (_stops(more) - _stops(less)).mean(axis=0)
-        return np.array([exposure, contrast, saturation, red - green, blue - green])
-
-    def slopes(self, change: Array) -> Array:
-        """The derivatives (5, q) of the values by the numbers of a change (q,)."""
-        values = self.values(change)
-        steps = DERIVATIVE_STEP * np.eye(len(change))
-        return np.stack([(self.values(change + step) - values) / DERIVATIVE_STEP for step in steps], axis=1)
-
-    def primaries(self, change: Array, saturation: float) -> float:
-        """The share of their strength by which a change (q,) moves colours other than by its change of saturation."""
-        remaining = self._moved_colours(change) - saturation * self.chroma
-        return float(np.sqrt(np.sum(remaining**2) / self.strength))
-
-    def _moved_colours(self, change: Array) -> Array:
-        """How far (n, 3) colours with + change (q,) are from those with − change, apart from tone."""
-        return np.asarray(2.0 * (self.basis[..., -MATRIX:] @ change[-MATRIX:]))
-
-
-def _stops(linear: Array) -> Array:
-    """Linear values of any shape in stops."""
-    return np.asarray(np.log2(np.maximum(linear, DARKEST_LINEAR)))
-
-
-def _deviations(
-    names: Sequence[str], fit: SharedFunctionFit, groups: Sequence[Mask], linearize: Callable[[Array], Array]
-) -> list[Deviation]:
-    """Measure how the shots of each of some groups (s,) deviate from the shots of none. names: of all shots."""
-    changes = fit.fitted_changes(*groups)
-    scores = fit.scores(changes, HUE_GROUPS)
-    rows_of_inverse = np.split(changes.inverse, len(groups))
-    deviations = []
-    for group, change, inverse in zip(groups, changes.numbers, rows_of_inverse, strict=True):
-        meter = _ChangeMeter.of(fit.colours, group, linearize)
-        values = meter.values(change)
-
-        # Variances by the scores of groups of hue, corrected for their number
-        by_hue_group = meter.slopes(change) @ inverse @ scores
-        errors = np.sqrt(np.square(by_hue_group).sum(axis=1) * HUE_GROUPS / (HUE_GROUPS - 1))
-
-        clear = (np.abs(values) > LEAST_DEVIATION) & (np.abs(values) > CLEAR_STANDARD_ERRORS * errors)
-        deviations.append(
-            Deviation(
-                _listed([names[place] for place in np.flatnonzero(group).tolist()]),
-                tuple(values.tolist()),
-                tuple(errors.tolist()),
-                tuple(clear.tolist()),
-                meter.primaries(change, float(values[2])),
-            )
-        )
-    return deviations

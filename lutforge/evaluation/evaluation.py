@@ -32,9 +32,10 @@ from typing import Any
 import numpy as np
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.deviations import Deviation
 from lutforge.calibration.lattice.monochrome import is_monochrome, monochrome_note
 from lutforge.calibration.setting_gains import gains_of, multiplied_by_gains
-from lutforge.calibration.shot_comparison import Deviation, ShotCheck, compare_shots
+from lutforge.calibration.shot_comparison import ShotCheck, compare_shots
 from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.calibration.vignetting import at_the_centre
 from lutforge.calibration.white_balance import complete_multipliers

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.shot_comparison import COLUMNS
+from lutforge.calibration.deviations import COLUMNS
 from lutforge.calibration.vignetting import at_the_centre
 from lutforge.calibration.white_balance import fill_in_known_multipliers
 from lutforge.evaluation.evaluation import Evaluation, known_styles, scene_deviations

@@ -8,10 +8,10 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.brightness_transfer import transfer_functions
+from lutforge.calibration.deviations import COLUMNS
 from lutforge.calibration.lattice.fit import squares
 from lutforge.calibration.pairs_of_samples import pairs_of_samples
 from lutforge.calibration.response_verdict import judge
-from lutforge.calibration.shot_comparison import COLUMNS
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, evaluate

@@ -11,8 +11,9 @@ import lutforge as lf
 from lutforge.arrays import Array
 from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.calibration.dark_greys import dark_end_notes
+from lutforge.calibration.deviations import Deviation
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.shot_comparison import Deviation, ShotCheck, check_shots
+from lutforge.calibration.shot_comparison import ShotCheck, check_shots
 from lutforge.calibration.steps import complete_white_balances, diagnose
 from lutforge.calibration.style import unclipped
 from lutforge.colour.rgb_spaces import to_xyz
