@@ -150,6 +150,7 @@ def test_what_changes_from_side_to_side_is_no_vignetting() -> None:
     assert _fitted(with_dark_corners(samples, 0.5 * samples.position[:, 0])) == ()
 
 
+@pytest.mark.slow
 def test_unseen_shots_are_predicted_as_without(tmp_path: Path) -> None:
     options = CalibrationOptions(size=9)
     errors, noted = [], []

@@ -377,6 +377,7 @@ def test_spaces_of_a_camera_without_raw_are_of_the_light_of_its_jpegs() -> None:
     assert any("daylight" in name and "linear" not in name for name in names if own.camera in name)
 
 
+@pytest.mark.slow
 def test_a_config_in_memory_converts_as_the_written_one(tmp_path: Path) -> None:
     """Also copies of it, once nothing else holds it, and beside another camera of the same name."""
     profile = made_profile()

@@ -103,6 +103,7 @@ def written(report: Report, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_tables_are_those_of_evaluate(hostile: tuple[CameraProfile, SampleSet], report: Report) -> None:
     profile, samples = hostile
     evaluated = evaluate(profile, samples).rows

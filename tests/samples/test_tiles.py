@@ -81,6 +81,7 @@ def test_all_parts_of_the_picture_are_sampled() -> None:
     assert choose_evenly(codes, places, level, roughness).tolist() == [*range(6), *range(80, 86)]
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32), st.sampled_from([1, 60, 20_000]))
 def test_a_choice_covers_the_colours_and_never_depends_on_chance(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)

@@ -250,6 +250,7 @@ def test_scopes_follow_a_look_that_moves(look: Served) -> None:
         pytest.fail("no scope was drawn while the look moved")
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_a_table_is_sent_once(look: Served) -> None:
     """A step of a slider sends what it changes; what the page has lost it asks for."""

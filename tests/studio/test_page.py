@@ -254,6 +254,7 @@ def expected(samples: SampleSet, saturation: float = 1.0) -> str:
     return f"{int(kept.sum()):,} of {len(samples):,} samples are inliers"
 
 
+@pytest.mark.slow
 def test_a_page_that_loads_slowly_has_its_styles_from_its_own_server(url: str) -> None:
     """Its session has ended meanwhile, so that it begins another one without asking for the page again."""
     session = pull_session(url=url)
