@@ -255,7 +255,7 @@ def five(s40_samples: SampleSet) -> dict[str, SampleSet]:
     }
 
 
-@pytest.mark.parametrize("name", ["S40", "D5100", "Merrill"])
+@pytest.mark.parametrize("name", ["S40", "D5100", pytest.param("Merrill", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", OTHERWISE)
 def test_two_groups_of_shots_are_named_and_none_is_left_out(five: dict[str, SampleSet], case: str, name: str) -> None:
     samples, (words, change) = five[name], OTHERWISE[case]

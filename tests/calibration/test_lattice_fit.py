@@ -47,6 +47,7 @@ def test_unseen_colours_of_the_simulated_camera() -> None:
     assert difference.max() <= 4.0
 
 
+@pytest.mark.slow
 def test_there_and_back() -> None:
     """A quarter of what matrix and response alone are off."""
     x, y = colours_in_gamut(5000, 3)

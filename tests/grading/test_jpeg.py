@@ -169,6 +169,7 @@ def test_headers_of_strangers_raise_nothing(tmp_path: Path) -> None:
     assert exif_places(header_of(tmp_path / "a.jpg").exif or b"") in places
 
 
+@pytest.mark.slow
 def test_real_photographs_keep_their_metadata(tmp_path: Path, shared_data: Path, grade: Grade) -> None:
     sources = sorted((shared_data / "chart_jpegs").glob("*.JPG"))
     result = apply_batch(LutRecipe(tmp_path / "look.cube"), sources, tmp_path / "out")

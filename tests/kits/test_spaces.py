@@ -66,6 +66,7 @@ def truth() -> Truth:
     return Truth(profile, balanced[inside] @ camera.matrix.T, jpeg[inside])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("space", SOME_LOGS)
 @pytest.mark.parametrize("suffix", [".clf", ".resolve.cube", ".cube"])
 def test_a_jpeg_in_a_log_space_is_as_good_as_in_linear(suffix: str, space: str, truth: Truth, tmp_path: Path) -> None:

@@ -51,10 +51,9 @@ def configs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["folder", "archive", "2.5"])
-@pytest.mark.parametrize(
-    "version", [VERSIONS[0], *(pytest.param(version, marks=pytest.mark.slow) for version in VERSIONS[1:])]
-)
+@pytest.mark.parametrize("version", VERSIONS)
 def test_colours_are_the_same(version: str, form: str, configs: dict[str, Path], tmp_path: Path) -> None:
     python = python_with_opencolorio(version)
     theirs = converted(python, configs[form], tmp_path)

@@ -110,6 +110,7 @@ def test_real_chart_against_its_own_tiles(shared_data: Path) -> None:
     np.testing.assert_allclose(density, [0, 0.18, 0.39, 0.65, 1.0, 1.45], atol=0.13)
 
 
+@pytest.mark.slow
 @needs_detector
 @pytest.mark.parametrize("name", [
     "chart_jpegs/Canon_PowerShot_G6_IMG_0003.JPG", "chart_jpegs/Kodak_DC280_DCP_4394.JPG",

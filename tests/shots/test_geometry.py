@@ -152,6 +152,7 @@ def test_places_of_samples_are_where_the_lens_drew_them(tmp_path: Path) -> None:
     assert np.linalg.norm(there - flat) > 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.02, 0.05, 0.15])
 def test_a_straightened_perspective_is_named(share: float, tmp_path: Path) -> None:
     """A keystone, in shares of the width, is nothing that a lens does: the preview, which has none, takes its place."""

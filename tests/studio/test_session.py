@@ -129,6 +129,7 @@ def opened(folder: Path, profile: CameraProfile | None = None, workspace: Worksp
     return page
 
 
+@pytest.mark.slow
 def test_what_the_look_shows_is_what_apply_makes(profile: CameraProfile, tmp_path: Path) -> None:
     photograph(tmp_path / "picture.png", 120, 180)
     pixels = read_small(tmp_path / "picture.png", 2_100_000)
