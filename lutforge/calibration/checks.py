@@ -124,7 +124,7 @@ def _cause_of_reading(colours: StyleColours, judgement: Judgement) -> Diagnosis 
 
 
 def _refitted_misfit(colours: StyleColours, fit: Callable[[Array, Array], MatrixAndResponse]) -> float:
-    """The misfit of samples to a base that `fit` makes of white-balanced RAW and JPEG values; infinite if it fails."""
+    """The misfit of samples to the base that `fit` fits to them; infinite where no base can be fitted."""
     drawn = np.random.default_rng(0).permutation(len(colours.raw))[:MOST_COMPARED]
     balanced = colours.balanced[drawn]
     encoded = np.clip(colours.encoded[drawn], 0.0, 1.0)

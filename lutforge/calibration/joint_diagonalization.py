@@ -44,7 +44,7 @@ def jointly_diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Ar
         ]
         return values[None], np.stack(slopes, axis=1)[None]
 
-    # Where Tc is the identity, the rows of Tz⁻¹ are those of Ts⁻¹, over the white balance.
+    # The search starts from Tc = identity: then Tz⁻¹ is Ts⁻¹, each row divided by a multiplier of the white balance.
     sums = inverses.sum(axis=2)
     first = inverses[0] / sums[0][:, None]
     start = np.concatenate([np.zeros(COUNT_OFF_DIAGONAL), first[OFF_DIAGONAL], -np.log(sums).ravel()])

@@ -131,7 +131,7 @@ class _Exposures:
 
 
 class _ExposuresByNoise(_Exposures):
-    """The same problem, with pairs weighed by the noise of their codes, which the curves of the last round state."""
+    """Exposures, with pairs weighted by the noise of their codes, as the slopes of the last round's curves give it."""
 
     def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
         """The channels share one scale of f⁻¹ at middle grey, within 2 %: pairs leave it to what lies beyond them."""
@@ -149,7 +149,7 @@ class _ExposuresByNoise(_Exposures):
 
 
 class _RobustExposures(_ExposuresByNoise):
-    """The same problem once curves are known, with pairs weighed by their residuals, too."""
+    """Exposures, with pairs weighted by noise and, once curves are known, by their residuals, too."""
 
     def __init__(self, solved: _ExposuresByNoise) -> None:
         super().__init__(solved.pairs, solved.unsaturated)

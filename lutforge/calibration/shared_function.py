@@ -106,8 +106,8 @@ class ComparedColours:
             rows[is_common[rows]] for rows, has_enough in zip(self.rows_of_shots, enough, strict=True) if has_enough
         ]
         rows = np.concatenate([*parts, np.zeros(0, dtype=np.intp)])
-        ends = np.cumsum([len(part) for part in parts])
-        rows_of_shots = np.split(np.arange(len(rows)), ends[:-1])
+        ends_of_shots = np.cumsum([len(part) for part in parts])
+        rows_of_shots = np.split(np.arange(len(rows)), ends_of_shots[:-1])
         return replace(
             self,
             rendered=self.rendered[rows],

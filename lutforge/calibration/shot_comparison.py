@@ -254,13 +254,14 @@ def _usual_difference(fit: SharedFunctionFit, group: Mask) -> float:
 
     The median of the shots, and what is usual beforehand as one more difference to those within groups.
     """
-    saved, found = fit.error_saved(group), []
+    saved = fit.error_saved(group)
+    differences = []
     for single in _singles(np.ones(len(group), dtype=np.bool_)):
         others = (group == group[single]) & ~single
         if others.any():
-            found.append(fit.difference_in_codes(fit.error_saved(group, single) - saved, single, others))
+            differences.append(fit.difference_in_codes(fit.error_saved(group, single) - saved, single, others))
     within = len(group) - 2
-    squared = within * float(np.median(found)) ** 2 if found else 0.0
+    squared = within * float(np.median(differences)) ** 2 if differences else 0.0
     return float(np.sqrt((USUAL_DIFFERENCE**2 + squared) / (1 + within)))
 
 

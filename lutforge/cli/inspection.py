@@ -14,7 +14,7 @@ def inspect(
         option("Compare shots with a profile's rendering: what the camera did beyond it, in stops.", metavar="PROFILE"),
     ] = None,
 ) -> None:
-    """Show what files are: a shot's or picture's camera and settings, what a profile, table or LUT holds."""
+    """Show the contents of files: camera and settings of shots and pictures; profiles, tables and LUTs."""
     from lutforge.pipeline import inspection
 
     if scene is not None:

@@ -81,7 +81,7 @@ class BrushedPlot:
             self.source.selected.indices = np.flatnonzero(selected[self.drawn]).tolist()
 
     def _select(self, event: SelectionGeometry | Tap) -> None:
-        """Select what a lasso or a box holds, by the even-odd rule, or the point nearest to a click, within reach."""
+        """Select the points inside a lasso (even-odd rule) or a box, or the point nearest to a click, if it is near."""
         dots = self.points
         if dots is None or len(dots) == 0:
             return

@@ -238,7 +238,7 @@ class LookPage:
         self._show_look(profile, look, lut)
 
     def _chosen_look(self, profile: CameraProfile, is_known: bool) -> ChosenLook | None:
-        """The look that the controls say; None where it is "as shot" and nobody knows how the photograph was shot.
+        """The look that the controls state; None where it is "as shot" and the settings of the photograph are unknown.
 
         is_known: whether the settings that it was taken with are. Raises WorkspaceError, SettingsError.
         """
@@ -261,7 +261,7 @@ class LookPage:
         self._grade()
 
     def _show_look(self, profile: CameraProfile, look: ChosenLook, lut: Lut | None) -> None:
-        """Show a look. lut: of the look; None shows the picture as it is, where nobody knows how it was taken."""
+        """Show a look. lut: of the look; None shows the picture as it is, where its settings are unknown."""
         title = f"{look.target}{f' {look.ev:+g} EV' if look.ev else ''}"
         self.view.grade(lut, "as it is" if lut is None else title)
         source = profile.selector(look.source) if look.source else None

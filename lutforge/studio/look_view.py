@@ -77,7 +77,7 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
 
     OF_VIEW = ("mode", "wipe", "beside_b", "clipping", "unsure", "scopes")
 
-    _debounce = 8  # ms; what the page changes is told so late
+    _debounce = 8  # ms by which the server learns of a change in the page later
     _esm = "\n".join((ui.HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
     _stylesheets = [(ui.HERE / "look.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own way to declare it
 

@@ -30,7 +30,7 @@ SPACES_OF = (JPEG_COLOURS, TRANSFORMED_RAW, "both")
 """The colours that are shown in CIE xy and XYZ."""
 
 NO_PAIRS = "no two shots show the same patches at different exposures"
-NO_MODEL_YET = "fit a model first: this plot shows what it makes of the values"
+NO_MODEL_YET = "fit a model first: this plot shows values that it computes"
 NO_VALUES = "no sample has these values"
 
 

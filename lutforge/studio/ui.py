@@ -64,7 +64,7 @@ def slider(label: str, value: float, start: float, end: float, step: float = 0.0
         label=label, value=value, start=start, end=end, step=step, size="small", **{**FULL_WIDTH, **more}
     )
     control.usual = value  # a double click sets the slider to it
-    control._priority_changes = ["value"]  # Panel's pause of 50 ms is what a picture would lag behind
+    control._priority_changes = ["value"]  # without Panel's pause of 50 ms, by which the picture would lag
     control._busy__ignore = ["value"]  # and the news that the server is busy
     return control
 
