@@ -30,6 +30,8 @@ class CurveBasis:
     """Curves offset (k,) + design (k, m) θ at k even encoded values 0 … 1.
 
     precision (m, m), shift (m,): the prior θ'·precision·θ − 2 shift·θ. rising (c, m) θ ≥ least (c,): the curve rises.
+    bends (b, m): the curve's bends are bends θ, in units of their standard deviation; none where the family has no
+    prior of them.
     """
 
     offset: Array
@@ -38,6 +40,7 @@ class CurveBasis:
     shift: Array
     rising: Array
     least: Array
+    bends: Array
 
     def at(self, encoded: Array) -> tuple[Array, Array]:
         """The offset (…) and the design (…, m) at encoded values (…)."""
@@ -53,7 +56,7 @@ class CurveBasis:
         offset, rising = self.offset + self.design[:, 0], self.rising[:-1]
         return CurveBasis(
             offset, self.design[:, 1:], self.precision[1:, 1:], self.shift[1:] - self.precision[1:, 0], rising[:, 1:],
-            self.least[:-1] - rising[:, 0],
+            self.least[:-1] - rising[:, 0], self.bends[:, 1:],
         )  # fmt: skip
 
     def with_white_by_one(self) -> "CurveBasis":
@@ -102,6 +105,7 @@ def emor_basis(count: int = 15) -> CurveBasis:
         shift=np.zeros(count + 1),
         rising=np.vstack([steps, np.eye(1, count + 1)]),
         least=np.append(np.zeros(len(steps)), OF_VALUES),
+        bends=np.zeros((0, count + 1)),
     )
 
 
@@ -119,18 +123,19 @@ def spline_basis(like: Array) -> CurveBasis:
     change, scale = np.diff(steps) / np.maximum(steps[1:] + steps[:-1], 1e-9), (knots - 1) / rate[1:-1]
     bend, place = np.zeros((knots - 2, knots)), np.arange(knots - 2)
     bend[place, place + 1], bend[place, place + 2] = (-1.0 - change) * scale, (1.0 - change) * scale
-    bend /= np.hypot(1.0, 0.5 * change / BEND_SPREAD)[:, None]
+    bend *= np.sqrt(OF_BENDS * SAMPLE) / np.hypot(1.0, 0.5 * change / BEND_SPREAD)[:, None]
     values = np.tril(np.ones((knots, knots)))
     relative = values / rate[:, None]
-    precision = OF_BENDS * bend.T @ bend + OF_VALUES * relative.T @ relative
-    precision[0, 0] += 1.0 / rate[0] ** 2  # black is black
+    precision = bend.T @ bend + OF_VALUES * SAMPLE * relative.T @ relative
+    precision[0, 0] += SAMPLE / rate[0] ** 2  # black is black
     return CurveBasis(
         offset=np.zeros(knots),
         design=values,
-        precision=precision * SAMPLE,
+        precision=precision,
         shift=OF_VALUES * SAMPLE * relative.T @ (shape / rate),
         rising=np.eye(knots),
         least=np.concatenate([[0.0], np.maximum(LEAST_SPLINE_SLOPE * steps, 0.0)]),
+        bends=bend,
     )
 
 
@@ -151,6 +156,7 @@ def log_emor_basis(count: int = 15) -> CurveBasis:
         shift=np.zeros(count),
         rising=np.diff(basis.curves[:, 1:], axis=1).T,
         least=(LEAST_SLOPE - 1.0) * steps,
+        bends=np.zeros((0, count)),
     )
 
 
@@ -175,6 +181,7 @@ def log_spline_basis() -> CurveBasis:
         shift=BEND * bend.T @ (bend @ shape),
         rising=rising,
         least=LEAST_RISE * (rising @ shape),
+        bends=np.zeros((0, knots)),
     )
 
 

