@@ -46,7 +46,7 @@ COLUMNS: Mapping[str, str] = {
     "more light: codes darker": "darker", "round trip: codes, 99.9 %": "trip",
     "render: held-out error / true": "held-out / true", "linearize: held-out error / true": "linearize",
     "match with the next camera: ΔE00 mean": "match", "vignetting: off by, EV": "vignetting",
-    "calibration: CPU seconds": "seconds",
+    "distortion: off by, RAW pixels": "distortion", "calibration: CPU seconds": "seconds",
 }  # fmt: skip
 """Figures of the tables, and the heads of their columns."""
 GUIDE: tuple[str, ...] = (
@@ -63,7 +63,7 @@ GUIDE: tuple[str, ...] = (
     "render: held-out error / that of unseen samples", "linearize: held-out error / that of unseen samples",
     "render: expected error / true, surest quarter", "render: expected error / true, least sure quarter",
     "linearize: expected error / true, surest quarter", "linearize: expected error / true, least sure quarter",
-    "vignetting: off by, EV",
+    "vignetting: off by, EV", "distortion, truth: RAW pixels", "distortion: off by, RAW pixels",
 )  # fmt: skip
 """Rows of the guide's table, per half as median (worst) of the cameras."""
 

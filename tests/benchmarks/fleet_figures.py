@@ -24,6 +24,7 @@ from lutforge.model.profile import Direction
 from lutforge.solvers.gauss_newton import gauss_newton
 from tests.benchmarks.common import HALF_CODE
 from tests.benchmarks.fleet_cameras import LIGHTS, STYLES, FleetCamera
+from tests.benchmarks.fleet_lens import distortion_error
 from tests.benchmarks.plain_kriging import kriging
 
 PER_SETTING = 1000
@@ -53,6 +54,7 @@ def measure(camera: FleetCamera, folder: Path) -> dict[str, float]:
     values |= written(camera, profile)
     values |= in_programs(camera, profile)
     values |= properties(camera, profile)
+    values |= distortion_error(camera, folder)
     if camera.sampling == "casual":
         corners = [vignetting.corner_ev for vignetting in profile.vignettings] or [0.0]
         values["vignetting: off by, EV"] = float(np.max(np.abs(np.array(corners) - camera.vignetting)))

@@ -24,6 +24,7 @@ from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scene import Scene
 from lutforge.simulate.scenes import SCENES
+from tests.cases.lenses import displacements
 
 SHAPE = (404, 608)
 MIDDLE, RADIUS = (304.0, 202.0), math.hypot(*SHAPE) / 2
@@ -72,11 +73,7 @@ def test_samples_of_straightened_pictures_are_as_good(drawn: Distortion, tmp_pat
     assert found is not None
     # Where the lens draws a place of the straight picture, up to a zoom, within half a RAW pixel: a quarter of a JPEG's
     # at half size; red and blue within a quarter of what they are off.
-    grid = np.stack(np.meshgrid(np.linspace(60, 548, 9), np.linspace(40, 364, 7)), axis=-1).reshape(-1, 2)
-    true, got = (each.distorted(grid) - (each.x, each.y) for each in (drawn, found))
-    centres = np.column_stack([np.ones(len(grid)), grid])
-    off = got - true
-    assert np.abs(off - centres @ np.linalg.lstsq(centres, off, rcond=None)[0]).max() < 0.5
+    assert np.abs(displacements(found, drawn, *SHAPE)).max() < 0.5
     assert found.red == pytest.approx(drawn.red, abs=5e-4)
     assert found.blue == pytest.approx(drawn.blue, abs=5e-4)
     assert error(bent) < 1.1 * error(plain)
