@@ -28,7 +28,7 @@ from scipy.spatial.distance import cdist
 
 from lutforge.arrays import Array
 from lutforge.calibration import gamut_map as kriging
-from lutforge.calibration import inverse_gamut_map
+from lutforge.calibration import inverse_gamut_map, matrix_and_response
 from lutforge.calibration.curve_basis import CurveBasis
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
@@ -210,6 +210,7 @@ PARTS: dict[str, Fit] = {
     "the camera model itself": model,
     "baseline of sixty lines": baseline,
     "matrix of unsaturated colours": around_unsaturated,
+    "channels that bend apart": without(matrix_and_response, BENDS_ALIKE=0.0),
     "without white at saturation": without(CurveBasis, with_white_by_one=lambda basis: basis),
     "without outlier weights": without(kriging, cauchy=np.ones_like),
     "without clipped samples": partial(model, clipped=None),
