@@ -15,11 +15,14 @@ from lutforge.inverse.linearization import INVERSE_SIZE
 from lutforge.luts.ocio_transforms import OCIO_ERRORS
 from lutforge.luts.writers.process_list import clf_text
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio import spaces
+from lutforge.ocio.camera_spaces import EqualityGroups, add_jpegs, add_raw
 from lutforge.ocio.cameras import Camera, UniqueNames, config_names, name_cameras
+from lutforge.ocio.common import LUT_FOLDER, OLDEST, add_file_rules, common_config, minor_version
+from lutforge.ocio.looks import add_looks
 from lutforge.ocio.memory import in_memory
 from lutforge.ocio.merging import BaseConfig, merged, open_base
 from lutforge.ocio.renderings import BAKE_STEPS, Rendering, baked, renderings
+from lutforge.ocio.views import add_views, arrange_views
 from lutforge.progress import Progress, silent
 from lutforge.threads import each, one_blas_thread
 
@@ -43,7 +46,7 @@ def build_config(
     *,
     merge: str | Path | None = None,
     looks: Sequence[str] = (),
-    profile_version: str = spaces.OLDEST,
+    profile_version: str = OLDEST,
     inverse_size: int = INVERSE_SIZE,
     progress: Progress = silent,
 ) -> OCIO.Config:
@@ -80,7 +83,7 @@ def write_config(
     merge: str | Path | None = None,
     replace: bool = False,
     looks: Sequence[str] = (),
-    profile_version: str = spaces.OLDEST,
+    profile_version: str = OLDEST,
     inverse_size: int = INVERSE_SIZE,
     progress: Progress = silent,
 ) -> Path:
@@ -109,8 +112,8 @@ def write_config(
         for name in (*built.files, CONFIG_NAME):  # the config last
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).replace(target / name)
-    for old in (target / spaces.LUT_FOLDER).glob("*.clf") if replace and merge is None else ():
-        if f"{spaces.LUT_FOLDER}/{old.name}" not in built.files:
+    for old in (target / LUT_FOLDER).glob("*.clf") if replace and merge is None else ():
+        if f"{LUT_FOLDER}/{old.name}" not in built.files:
             old.unlink()
     progress("done", 1.0)
     return target / CONFIG_NAME
@@ -157,12 +160,12 @@ def _built(
     progress: Progress,
 ) -> Built:
     """Name the cameras, bake their LUTs, and put the config together, merged with a base where there is one."""
-    minor = spaces.minor_version(profile_version)
-    cameras = name_cameras(profiles, config_names(spaces.base_config(minor) if base is None else base.config), looks)
+    minor = minor_version(profile_version)
+    cameras = name_cameras(profiles, config_names(common_config(minor) if base is None else base.config), looks)
     taken = [] if base is None else [file.stem.lower() for file in base.files]
     all_renderings = renderings(cameras, [stem.removesuffix("_render").removesuffix("_linearize") for stem in taken])
     texts, errors = _all_baked(all_renderings, inverse_size, progress)
-    files = {f"{spaces.LUT_FOLDER}/{name}": text.encode() for name, text in texts.items()}
+    files = {f"{LUT_FOLDER}/{name}": text.encode() for name, text in texts.items()}
     files |= {} if base is None else base.contents()
     return Built(_assembled(cameras, all_renderings, base, errors, minor), dict(sorted(files.items())))
 
@@ -201,19 +204,19 @@ def _assembled(
     minor: int,
 ) -> OCIO.Config:
     """The whole config, validated. errors: lines on the errors of a rendering's LUTs, by its stem."""
-    config = spaces.base_config(minor)
-    groups = spaces.EqualityGroups()
+    config = common_config(minor)
+    groups = EqualityGroups()
     for camera in cameras:
-        spaces.add_raw(config, camera, groups)
+        add_raw(config, camera, groups)
     for rendering in all_renderings:
-        spaces.add_jpegs(config, rendering, groups, errors.get(rendering.stem, ()))
+        add_jpegs(config, rendering, groups, errors.get(rendering.stem, ()))
     unique_look_name = UniqueNames(() if base is None else base.config.getLookNames())
     for camera in cameras:
         of_camera = [rendering for rendering in all_renderings if rendering.camera is camera]
-        spaces.add_looks(config, camera, of_camera, unique_look_name)
-    views = spaces.add_views(config, all_renderings, UniqueNames(() if base is None else base.views))
-    spaces.arrange_views(config, [view.name for view in views])
-    spaces.add_file_rules(config, [name for camera in cameras for name in camera.spaces()])
+        add_looks(config, camera, of_camera, unique_look_name)
+    views = add_views(config, all_renderings, UniqueNames(() if base is None else base.views))
+    arrange_views(config, [view.name for view in views])
+    add_file_rules(config, [name for camera in cameras for name in camera.spaces()])
     if base is not None:
         config = merged(base, config, views)
 

@@ -20,9 +20,19 @@ from lutforge.boundary import reading
 from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
 from lutforge.luts.ocio_transforms import OCIO_ERRORS
-from lutforge.ocio import spaces
 from lutforge.ocio.blender import blender_config
 from lutforge.ocio.check import file_names, try_file
+from lutforge.ocio.common import (
+    DATA,
+    DISPLAY_REFERENCE,
+    LUT_FOLDER,
+    LUT_SUFFIXES,
+    REFERENCE,
+    TEXTURE,
+    UN_TONE_MAPPED,
+    common_config,
+)
+from lutforge.ocio.views import View
 
 BUILTIN = "ocio://"
 BLENDER = "blender"
@@ -66,7 +76,7 @@ class BaseConfig:
                     "merge the archive"
                 )
             files = place.rglob("*") if place.is_dir() else ()
-            lut_files |= {path for path in files if path.suffix.lower() in spaces.LUT_SUFFIXES and path.is_file()}
+            lut_files |= {path for path in files if path.suffix.lower() in LUT_SUFFIXES and path.is_file()}
         return sorted(path.relative_to(self.folder) for path in lut_files)
 
 
@@ -104,7 +114,7 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
         yield _read(str(inside), label, folder)
 
 
-def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View]) -> OCIO.Config:
+def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[View]) -> OCIO.Config:
     """The base, with the colour spaces, looks and views of the cameras added to it. Raises ConfigError.
 
     cameras: the cameras' own config, as LutForge builds it, which is stripped for the merge; views: those in it.
@@ -120,10 +130,9 @@ def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View])
     parameters.setAdjustInputReferenceSpace(True)
     parameters.setAvoidDuplicates(False)
     parameters.setErrorOnConflict(False)
+    # OpenColorIO would warn of each name that both configs have, which is intended.
     level = OCIO.GetLoggingLevel()
-    OCIO.SetLoggingLevel(
-        OCIO.LOGGING_LEVEL_NONE
-    )  # it would warn of each name that both configs have, which is intended
+    OCIO.SetLoggingLevel(OCIO.LOGGING_LEVEL_NONE)
     try:
         config = OCIO.ConfigMergingHelpers.MergeConfigs(parameters, base.config, cameras)
     except OCIO_ERRORS as error:
@@ -131,8 +140,8 @@ def merged(base: BaseConfig, cameras: OCIO.Config, views: Sequence[spaces.View])
     finally:
         OCIO.SetLoggingLevel(level)
 
-    paths = [path for path in base.config.getSearchPaths() if path != spaces.LUT_FOLDER]
-    config.setSearchPath(":".join([*paths, spaces.LUT_FOLDER]))
+    paths = [path for path in base.config.getSearchPaths() if path != LUT_FOLDER]
+    config.setSearchPath(":".join([*paths, LUT_FOLDER]))
     active = [*base.config.getActiveViews()]
     for view in views:
         for display in displays:
@@ -163,7 +172,7 @@ def _srgb_displays(config: OCIO.Config) -> Iterator[str]:
 
     They show the colour space of a JPEG as it is.
     """
-    srgb = spaces.base_config().getProcessor(spaces.TEXTURE, spaces.REFERENCE).getDefaultCPUProcessor()
+    srgb = common_config().getProcessor(TEXTURE, REFERENCE).getDefaultCPUProcessor()
     for display in config.getDisplaysAll():
         space = config.getColorSpace(display)
         if space is None or space.isData() or space.getReferenceSpaceType() != OCIO.REFERENCE_SPACE_SCENE:
@@ -183,16 +192,16 @@ def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
     for role in [name for name in cameras.getRoleNames() if name not in roles]:
         cameras.setRole(role, None)
     searched = OCIO.SEARCH_REFERENCE_SPACE_SCENE if keep_displays else OCIO.SEARCH_REFERENCE_SPACE_ALL
-    references = (spaces.REFERENCE, spaces.DISPLAY_REFERENCE)
+    references = (REFERENCE, DISPLAY_REFERENCE)
     for space in [*cameras.getColorSpaces(searched, OCIO.COLORSPACE_ALL)]:
         if space.getName() not in references and not space.getFamily().startswith("Input/"):
             cameras.removeColorSpace(space.getName())
     for entry in cameras.getDisplaysAll():
-        cameras.removeDisplayView(entry, spaces.DATA)
+        cameras.removeDisplayView(entry, DATA)
     if not keep_displays:
         cameras.clearDisplays()
         cameras.clearActiveDisplays()
-        cameras.removeSharedView(spaces.UN_TONE_MAPPED)
+        cameras.removeSharedView(UN_TONE_MAPPED)
     cameras.setInactiveColorSpaces("")
     cameras.setFileRules(OCIO.FileRules())
 

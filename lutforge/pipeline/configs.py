@@ -13,10 +13,10 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.provenance import Developed
 from lutforge.ocio.cameras import as_profiles
 from lutforge.ocio.check import check_config, load_config
+from lutforge.ocio.common import OLDEST
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
 from lutforge.ocio.merging import open_base
-from lutforge.ocio.spaces import OLDEST
 from lutforge.pipeline.outputs import check_output
 from lutforge.progress import Progress, silent, with_compilation
 

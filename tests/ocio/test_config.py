@@ -33,7 +33,7 @@ from lutforge.model.white_balance import WhiteBalance
 from lutforge.ocio import config as written_config
 from lutforge.ocio.cameras import file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config
-from lutforge.ocio.spaces import DISPLAYS, base_config
+from lutforge.ocio.common import DISPLAYS, common_config
 from tests.cases.profiles import MATRIX, plain_profile, small_profile
 from tests.cases.same_bytes import same_bytes
 from tests.conftest import Refused
@@ -534,7 +534,7 @@ def test_the_built_in_studio_config_has_no_error() -> None:
     assert check_config(config) == []
 
 
-ROLES = {role.lower() for role in base_config().getRoleNames()}
+ROLES = {role.lower() for role in common_config().getRoleNames()}
 
 
 def test_parts() -> None:
@@ -553,7 +553,7 @@ def test_stems_are_ascii_and_keep_every_script() -> None:
         assert len(file_stem(text)) <= 100
 
 
-ROLES = {role.lower() for role in base_config().getRoleNames()}
+ROLES = {role.lower() for role in common_config().getRoleNames()}
 
 
 def names(longest: int) -> st.SearchStrategy[str]:
