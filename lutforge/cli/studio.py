@@ -25,7 +25,7 @@ def studio(
     """Look at samples, mark outliers, fit models and preview refinishing in the browser; stop it with Ctrl+C."""
     if find_spec("panel") is None:
         raise LutForgeError("the studio needs Panel: pip install 'lutforge[studio]'")
-    from lutforge.studio.opening import Folders
+    from lutforge.studio.folders import Folders
     from lutforge.studio.server import serve
 
     inputs = tuple(path.resolve() for path in sources or [])

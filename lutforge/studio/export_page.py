@@ -27,8 +27,10 @@ from lutforge.studio.exports import (
     write_report,
 )
 from lutforge.studio.model_page import held_out_error
+from lutforge.studio.models import MATRIX, FitTask
 from lutforge.studio.session import Session, Written
-from lutforge.studio.workspace import MATRIX, SUFFIX, FitTask, WorkspaceError, save_workspace
+from lutforge.studio.workspace import WorkspaceError
+from lutforge.studio.workspace_file import SUFFIX, save_workspace
 from lutforge.thesis.options import PRESET, ThesisOptions
 
 OFFERED_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vlt", ".png")

@@ -17,8 +17,9 @@ from lutforge.reports import figures
 from lutforge.reports.drawing import CHANNELS, Drawing
 from lutforge.reports.tables import TITLES, Table, balance_table, matrix_table
 from lutforge.studio import ui
+from lutforge.studio.models import LATTICE, MATRIX, MODEL_TITLES
 from lutforge.studio.session import Session
-from lutforge.studio.workspace import LATTICE, MATRIX, MODEL_TITLES, Workspace
+from lutforge.studio.workspace import Workspace
 from lutforge.thesis.options import ThesisOptions
 
 WAYS = {title: direction for direction, title in TITLES.items()}

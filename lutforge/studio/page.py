@@ -10,7 +10,7 @@ import panel_material_ui as pmui
 from panel.custom import JSComponent
 
 from lutforge.studio import ui
-from lutforge.studio.opening import Folders
+from lutforge.studio.folders import Folders
 from lutforge.studio.session import Session
 from lutforge.studio.theme import BESIDE, TEMPLATE, THEME
 from lutforge.studio.ui import HERE

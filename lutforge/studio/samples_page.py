@@ -17,6 +17,7 @@ from lutforge.reports.figures import chromaticity_outlines, cube_edges
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
 from lutforge.studio.brushed_plot import MOST_DRAWN, BrushedPlot
+from lutforge.studio.filter_columns import FILTER_COLUMNS
 from lutforge.studio.sample_plots import (
     BY_COLOUR,
     BY_PAIR,
@@ -30,15 +31,7 @@ from lutforge.studio.sample_plots import (
     tristimulus,
 )
 from lutforge.studio.session import Session
-from lutforge.studio.workspace import (
-    COLUMNS,
-    KEPT_BY_HAND,
-    OUTLIER_BY_HAND,
-    UNMARKED,
-    HandMark,
-    Workspace,
-    WorkspaceError,
-)
+from lutforge.studio.workspace import KEPT_BY_HAND, OUTLIER_BY_HAND, UNMARKED, HandMark, Workspace, WorkspaceError
 
 NEWS_OF_MARK: dict[HandMark, str] = {
     OUTLIER_BY_HAND: "marked as outliers",
@@ -82,7 +75,7 @@ class SamplesPage:
         self.group = ui.entry("Outlier group", placeholder="name")
         self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.FULL_WIDTH)
         self.remembered = (*views, self.words, self.group)
-        limits = {name: self._limit_slider(name) for name in COLUMNS}
+        limits = {name: self._limit_slider(name) for name in FILTER_COLUMNS}
         self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
         for name, slider in limits.items():
             read = partial(Workspace.limits_of, name=name)
@@ -122,7 +115,7 @@ class SamplesPage:
 
     def _limit_slider(self, name: str) -> pmui.RangeSlider:
         """A slider of the limits of a column."""
-        column = COLUMNS[name]
+        column = FILTER_COLUMNS[name]
         start, end = column.reach
         return pmui.RangeSlider(
             label=column.title, value=column.reach, start=start, end=end, step=column.step, size="small",
@@ -164,7 +157,7 @@ class SamplesPage:
         self.groups.visible = bool(workspace.groups)
         for show in self.bound:
             show(workspace)
-        outside = "; ".join(f"{COLUMNS[name].title}: {out.sum():,}" for name, out in workspace.filtered.items())
+        outside = "; ".join(f"{FILTER_COLUMNS[name].title}: {out.sum():,}" for name, out in workspace.filtered.items())
         self.counts.object = ui.paragraphs(
             f"{int((~workspace.outliers).sum()):,} of {len(workspace.samples):,} samples are inliers. Left out by each "
             f"limit: {outside}. By hand, by groups and with shots: {int(workspace.excluded.sum()):,}.",

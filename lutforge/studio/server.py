@@ -15,9 +15,9 @@ from tornado.ioloop import IOLoop
 from tornado.web import ErrorHandler, OutputTransform
 
 from lutforge.errors import LutForgeError
+from lutforge.studio.folders import Folders
 from lutforge.studio.jobs import warm_up
 from lutforge.studio.kept_sessions import KeptSessions
-from lutforge.studio.opening import Folders
 from lutforge.studio.page import Page
 from lutforge.studio.theme import CSS
 from lutforge.studio.thumbnails import ROUTE, ThumbnailHandler

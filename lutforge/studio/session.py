@@ -21,21 +21,12 @@ from lutforge.pipeline.response_request import ResponseRequest
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
 from lutforge.studio.background import Background
+from lutforge.studio.folders import Folders
 from lutforge.studio.history import Change, History, exchanged
-from lutforge.studio.opening import Folders, Opened, open_paths
+from lutforge.studio.models import MATRIX, MODEL_TITLES, NO_MODEL, FitTask, FittedModel, ModelKind, fit_model
+from lutforge.studio.opening import Opened, open_paths
 from lutforge.studio.page_link import PageLink
-from lutforge.studio.workspace import (
-    MATRIX,
-    MODEL_TITLES,
-    NO_MODEL,
-    FitTask,
-    FittedModel,
-    ModelKind,
-    Workspace,
-    WorkspaceError,
-    fit_model,
-    with_profile,
-)
+from lutforge.studio.workspace import Workspace, WorkspaceError, with_profile
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from tornado.web import RequestHandler
 from lutforge.errors import LutForgeError
 from lutforge.pipeline.file_kinds import PHOTOGRAPH_SUFFIXES
 from lutforge.pipeline.photographs import thumbnail
-from lutforge.studio.opening import Folders
+from lutforge.studio.folders import Folders
 
 ROUTE = "/thumbnail"
 

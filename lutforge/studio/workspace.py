@@ -1,48 +1,25 @@
-"""The state of one calibration at work, as values: samples, outliers and models; and the file of it.
+"""The state of one calibration at work, as values: samples, outliers and models."""
 
-The file is a zip of JSON, a sample table, marks and profiles; read with limits, not unpickled.
-"""
-
-import json
-import shutil
-import zipfile
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.atomic_write import atomic_path, scratch_folder
-from lutforge.boundary import reading
 from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.pairs_of_samples import pairs_of_samples
-from lutforge.colour.saturation import saturation
-from lutforge.errors import CalibrationError, LutForgeError
-from lutforge.model.camera_profile import CameraProfile, load_profile
+from lutforge.errors import LutForgeError
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.response import Response
-from lutforge.pipeline.calibration import calibrate, calibrate_base
-from lutforge.pipeline.evaluation import Predicted, predict
-from lutforge.progress import Progress
-from lutforge.samples.sample_set import SampleSet, with_setting_names
-from lutforge.samples.table import read_samples
-from lutforge.thesis.options import Options, ThesisOptions, stated_options
+from lutforge.pipeline.evaluation import predict
+from lutforge.samples.sample_set import SampleSet
+from lutforge.studio.filter_columns import FILTER_COLUMNS, column_values
+from lutforge.studio.models import LATTICE, MATRIX, NO_MODEL, FitTask, FittedModel, ModelKind
+from lutforge.thesis.options import Options, ThesisOptions
 
-ModelKind = Literal["matrix", "lattice"]
-"""The kinds of models that are fitted, each kept as a camera profile."""
-MATRIX: Final = "matrix"
-"""Response, matrix and white balances: the stages before the gamut map."""
-LATTICE: Final = "lattice"
-"""The whole camera model with its gamut map, baked to lattices."""
-NO_MODEL: Final = ""
-"""The model in use before the first fit."""
-MODEL_TITLES: dict[ModelKind, str] = {MATRIX: "Response, matrix and white balance", LATTICE: "Lattice"}
-"""In the order of the calibration."""
 HandMark = Literal[1, -1, 0]
 """A mark that is set by hand."""
 OUTLIER_BY_HAND: Final = 1
@@ -50,63 +27,10 @@ KEPT_BY_HAND: Final = -1
 """The sample takes part whatever the limits say."""
 UNMARKED: Final = 0
 MOST_GROUPS = 100
-SUFFIX = ".workspace"
-DOCUMENT = "workspace.json"
-SAMPLES = "samples.npz"
-MARKS = "marks.npy"
 
 
 class WorkspaceError(LutForgeError):
     """A step that the workspace cannot take, or a workspace file that cannot be read."""
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column of the table that samples are filtered by. usual: the limits that nobody moved, both within `reach`.
-
-    of_stages: whether its limits leave samples out of the stages alone, since gamut map and lattice need them.
-    """
-
-    title: str
-    reach: tuple[float, float]
-    usual: tuple[float, float]
-    step: float
-    of_stages: bool = False
-
-
-COLUMNS = {
-    "saturation": Column("Saturation", (0.0, 1.0), (0.0, 1.0), 0.01, of_stages=True),
-    "darkest": Column("Smallest JPEG code", (0, 255), (1, 255), 1),
-    "brightest": Column("Largest JPEG code", (0, 255), (0, 254), 1),
-    "raw": Column("Largest RAW value", (0.0, 1.0), (0.0, 0.98), 0.01),
-    "residual": Column("Distance from the model, codes", (0.0, 64.0), (0.0, 64.0), 0.5),
-}
-"""By their names; a limit at the end of the reach leaves nothing out."""
-
-
-@dataclass(frozen=True, eq=False)
-class FitTask:
-    """The inputs of a fit: samples (n,), options, and the stages, fitted before, that it stands on.
-
-    stages: a model of the kind MATRIX, whose response, matrix and white balances are taken; None fits them anew.
-    """
-
-    kind: ModelKind
-    rows: Mask
-    options: Options
-    stages: "FittedModel | None" = None
-
-
-@dataclass(frozen=True, eq=False)
-class FittedModel:
-    """A profile, and what it predicts of every sample.
-
-    task: what it was fitted to; None where it comes from a file.
-    """
-
-    profile: CameraProfile
-    predicted: Predicted
-    task: FitTask | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +72,8 @@ class Workspace:
         if self.model and self.model not in self.models:
             raise WorkspaceError(f'workspace: it holds no model "{self.model}"')
         for name, (low, high) in self.limits.items():
-            if name not in COLUMNS or not COLUMNS[name].reach[0] <= low <= high <= COLUMNS[name].reach[1]:
+            first, last = FILTER_COLUMNS[name].reach if name in FILTER_COLUMNS else (np.inf, -np.inf)
+            if not first <= low <= high <= last:
                 raise WorkspaceError(f"workspace: limits {low} to {high} of {name} mean nothing")
 
     @property
@@ -184,20 +109,14 @@ class Workspace:
     @cached_property
     def columns(self) -> dict[str, Array]:
         """(n,) by name: the columns of the table that samples are filtered by."""
-        codes = 255 * self.samples.srgb
-        raw = self.samples.raw.max(axis=1)
-        known = (saturation(self.samples.srgb), codes.min(axis=1), codes.max(axis=1), raw, 255 * self.residual)
-        return dict(zip(COLUMNS, known, strict=True))
+        return column_values(self.samples, self.residual)
 
     @cached_property
     def filtered(self) -> dict[str, Mask]:
-        """(n,) by column: the rows outside its limits, to a millionth; what is unknown is inside."""
-        rows = {}
-        for name, values in self.columns.items():
-            low, high = self.limits_of(name)
-            first, last = COLUMNS[name].reach
-            rows[name] = ((values < low - 1e-6) & (low > first)) | ((values > high + 1e-6) & (high < last))
-        return rows
+        """(n,) by column: the rows outside its limits."""
+        return {
+            name: FILTER_COLUMNS[name].outside(values, self.limits_of(name)) for name, values in self.columns.items()
+        }
 
     @cached_property
     def excluded(self) -> Mask:
@@ -233,7 +152,7 @@ class Workspace:
         rows = self.excluded
         for name, limits in self.limits.items():
             counts = name != "residual" or self.model == LATTICE
-            if counts and limits != COLUMNS[name].usual and not COLUMNS[name].of_stages:
+            if counts and limits != FILTER_COLUMNS[name].usual and not FILTER_COLUMNS[name].of_stages:
                 rows = rows | self.filtered[name]
         return np.asarray(~rows | ((self.hand_marks == KEPT_BY_HAND) & ~self.excluded))
 
@@ -283,12 +202,14 @@ class Workspace:
 
     def limits_of(self, name: str) -> tuple[float, float]:
         """The limits of a column."""
-        return self.limits.get(name, COLUMNS[name].usual)
+        return self.limits.get(name, FILTER_COLUMNS[name].usual)
 
     def with_limits(self, limits: tuple[float, float], name: str) -> "Workspace":
         """Set the limits of a column; its usual ones are not held."""
-        other_limits = {key: value for key, value in self.limits.items() if key != name}
-        return replace(self, limits=other_limits if limits == COLUMNS[name].usual else {**other_limits, name: limits})
+        moved = {key: value for key, value in self.limits.items() if key != name}
+        if limits != FILTER_COLUMNS[name].usual:
+            moved[name] = limits
+        return replace(self, limits=moved)
 
     def with_active_groups(self, names: list[str]) -> "Workspace":
         """Make just these groups active."""
@@ -305,133 +226,8 @@ class Workspace:
         return replace(self, models={**self.models, kind: fitted}, model=kind)
 
 
-def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedModel:
-    """Fit a model to some samples, and let it predict all. Raises CalibrationError where they do not determine it."""
-    if task.rows.sum() < 10:
-        raise CalibrationError(f"{int(task.rows.sum())} samples are left to fit; at least 10 are needed: filter less")
-    chosen = samples.select(task.rows)
-    if task.kind == MATRIX:
-        profile = calibrate_base(chosen, task.options, progress)
-    else:
-        stages = None if task.stages is None else task.stages.profile
-        profile = calibrate(chosen, task.options, progress, given=stages)
-    progress("predicting all samples", 0.9)
-    return FittedModel(profile, predict(profile, samples))
-
-
-def save_workspace(workspace: Workspace, path: str | Path) -> None:
-    """Write a workspace, atomically. Raises WorkspaceError on another suffix than .workspace."""
-    path = Path(path)
-    if path.suffix.lower() != SUFFIX:
-        raise WorkspaceError(f"{path}: a workspace file ends in {SUFFIX}")
-    if not workspace.has_raw:
-        raise WorkspaceError("a bracket has no workspace: save its profile, and open the pictures again")
-    groups = [{"name": name, "active": name not in workspace.inactive_groups} for name in workspace.groups]
-    document = {
-        "format": "lutforge-workspace", "version": 4, "limits": workspace.limits, "groups": groups,
-        "models": list(workspace.models), "model": workspace.model, "options": workspace.options.as_json(),
-        "out": sorted(workspace.left_out_shots), "unticked": sorted(workspace.unticked_pairs),
-        "own_stages": workspace.builds_on_stages,
-    }  # fmt: skip
-    # A column for the marks of the hand, one for each group, and one for the rows that each model was fitted to.
-    every = np.ones(len(workspace.samples), dtype=np.bool_)
-    masks = [*workspace.groups.values()]
-    masks += [every if model.task is None else model.task.rows for model in workspace.models.values()]
-    marks = np.stack([workspace.hand_marks, *(mask.astype(np.int8) for mask in masks)], axis=1)
-    with scratch_folder() as folder, atomic_path(path) as temporary:
-        (folder / DOCUMENT).write_text(json.dumps(document, indent=1, ensure_ascii=False), encoding="utf-8")
-        workspace.samples.save(folder / SAMPLES)
-        np.save(folder / MARKS, marks, allow_pickle=False)
-        for name, model in workspace.models.items():
-            model.profile.save(folder / f"{name}.npz")
-        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
-            for file in sorted(folder.iterdir()):
-                archive.write(file, file.name)
-
-
-def open_workspace(path: str | Path) -> Workspace:
-    """Read a workspace, without its exposure pairs, which follow from the samples. Raises WorkspaceError."""
-    path = Path(path)
-    with reading(path.name, "a LutForge workspace", WorkspaceError):
-        with zipfile.ZipFile(path) as archive, scratch_folder() as folder:
-            document = _read_document(archive)
-            samples = read_samples(_extract(archive, SAMPLES, folder))
-            marks = np.load(_extract(archive, MARKS, folder), allow_pickle=False)
-            profiles = {kind: load_profile(_extract(archive, f"{kind}.npz", folder)) for kind in document["models"]}
-        entries = document["groups"]
-        hand_marks, groups, fitted_rows = _columns_of(marks, len(entries), len(profiles))
-        names = [str(entry["name"])[:60] for entry in entries]
-        limits = {str(name): (float(low), float(high)) for name, (low, high) in document["limits"].items()}
-        return Workspace(
-            samples,
-            limits=limits,
-            hand_marks=hand_marks,
-            groups=dict(zip(names, groups, strict=True)),
-            inactive_groups=frozenset(name for name, entry in zip(names, entries, strict=True) if not entry["active"]),
-            models=_models_of(profiles, fitted_rows, samples, bool(document["own_stages"])),
-            model=document["model"],
-            options=stated_options(document["options"]),
-            left_out_shots=frozenset(map(str, document["out"])),
-            unticked_pairs=frozenset((str(shot_a), str(shot_b)) for shot_a, shot_b in document["unticked"]),
-            builds_on_stages=bool(document["own_stages"]),
-        )
-
-
-def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
-    """The JSON of a workspace file. Raises WorkspaceError where it is none that this version reads."""
-    is_small = DOCUMENT in archive.namelist() and archive.getinfo(DOCUMENT).file_size <= 1 << 20
-    document = json.loads(archive.read(DOCUMENT)) if is_small else None
-    if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
-        raise WorkspaceError("not a LutForge workspace")
-    if document.get("version") != 4:
-        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 4")
-    names_models = isinstance(document["model"], str) and set(document["models"]) <= set(MODEL_TITLES)
-    if len(document["groups"]) > MOST_GROUPS or not names_models:
-        raise WorkspaceError("it names models or groups that no workspace has")
-    return document
-
-
-def _columns_of(marks: NDArray[Any], groups: int, models: int) -> tuple[NDArray[np.int8], list[Mask], list[Mask]]:
-    """The marks by hand (n,), the rows of each group, and those that each model was fitted to, as a file holds them.
-
-    groups, models: how many there are. Raises WorkspaceError where the columns are of others.
-    """
-    if marks.dtype != np.int8 or marks.shape[1:] != (1 + groups + models,):
-        raise WorkspaceError("damaged, its marks are not of its groups and models")
-    masks = [column != 0 for column in marks.T[1:]]
-    return marks[:, 0], masks[:groups], masks[groups:]
-
-
-def _models_of(
-    profiles: Mapping[ModelKind, CameraProfile], fitted_rows: Sequence[Mask], samples: SampleSet, builds_on_stages: bool
-) -> dict[ModelKind, FittedModel]:
-    """The models of a file, each with the task that it was fitted to."""
-    models: dict[ModelKind, FittedModel] = {}
-    for (kind, profile), rows in zip(profiles.items(), fitted_rows, strict=True):
-        stages = models.get(MATRIX) if builds_on_stages and kind != MATRIX else None
-        task = FitTask(kind, rows, stated_options(profile.options), stages)
-        models[kind] = FittedModel(profile, predict(profile, samples), task=task)
-    return models
-
-
-def _extract(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
-    """One entry into the folder, under our own name, no more than 4 GB of it."""
-    if archive.getinfo(name).file_size > 4 << 30:
-        raise WorkspaceError(f"refused, {name} in it is larger than any workspace's")
-    with archive.open(name) as source, (folder / name).open("wb") as target:
-        shutil.copyfileobj(source, target, 1 << 20)
-    return folder / name
-
-
 def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:
     """Add a profile as the fitted model, under the name of the model that it holds."""
     has_lattice = any(style.render is not None for style in profile.styles.values())
     kind: ModelKind = LATTICE if has_lattice else MATRIX
     return workspace.with_model(kind, FittedModel(profile, predict(profile, workspace.samples)))
-
-
-def find_pairs(samples: SampleSet) -> ExposurePairs | None:
-    """The exposure pairs, None where there are none."""
-    with suppress(CalibrationError):
-        return pairs_of_samples(with_setting_names(samples))
-    return None

@@ -44,7 +44,8 @@ from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.photograph import photograph
 from lutforge.simulate.scenes import SCENES
 from lutforge.studio.opening import open_paths
-from lutforge.studio.workspace import Workspace, save_workspace
+from lutforge.studio.workspace import Workspace
+from lutforge.studio.workspace_file import save_workspace
 from tests.cases.lut_texts import SOUND
 from tests.cases.pictures import lut_of_nodes
 from tests.cases.profiles import small_profile

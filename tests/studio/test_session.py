@@ -56,16 +56,18 @@ from lutforge.pipeline.photographs import read_small, thumbnail
 from lutforge.settings import Selector
 from lutforge.shots.metadata import software_tag
 from lutforge.studio.export_page import ExportPage
+from lutforge.studio.folders import FolderError, Folders
 from lutforge.studio.jobs import Job
 from lutforge.studio.kept_sessions import KeptSessions
-from lutforge.studio.opening import FolderError, Folders, Opened, bracket_in
+from lutforge.studio.models import MODEL_TITLES, FittedModel
+from lutforge.studio.opening import Opened, bracket_in, find_pairs
 from lutforge.studio.page import PAGE_NAMES, Page, progress_of
 from lutforge.studio.server import ContentSecurityPolicy, refused
 from lutforge.studio.session import Session
 from lutforge.studio.setting_control import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl
 from lutforge.studio.thumbnails import addresses
 from lutforge.studio.ui import written
-from lutforge.studio.workspace import MODEL_TITLES, FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
+from lutforge.studio.workspace import Workspace, WorkspaceError, with_profile
 
 
 def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:

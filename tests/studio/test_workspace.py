@@ -23,21 +23,15 @@ from lutforge.colour.saturation import saturation
 from lutforge.pipeline.calibration import calibrate, calibrate_base
 from lutforge.pipeline.evaluation import predict
 from lutforge.studio.brushed_plot import BrushedPlot
-from lutforge.studio.opening import Folders
+from lutforge.studio.folders import Folders
+from lutforge.studio.models import MODEL_TITLES, ModelKind, fit_model
+from lutforge.studio.opening import find_pairs
 from lutforge.studio.sample_plots import COLOURS, PLOTS, colours, points, tristimulus
 from lutforge.studio.samples_page import find_rows
 from lutforge.studio.session import Session
 from lutforge.studio.shots_page import card_of, facts_of
-from lutforge.studio.workspace import (
-    MODEL_TITLES,
-    ModelKind,
-    Workspace,
-    WorkspaceError,
-    find_pairs,
-    fit_model,
-    open_workspace,
-    save_workspace,
-)
+from lutforge.studio.workspace import Workspace, WorkspaceError
+from lutforge.studio.workspace_file import open_workspace, save_workspace
 from tests.cases.same_bytes import same_bytes
 
 
