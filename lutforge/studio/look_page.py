@@ -20,8 +20,9 @@ from lutforge.pipeline.looks import ChosenLook, add_baked, bake_steps, look_lut,
 from lutforge.pipeline.photographs import Photograph, open_photograph
 from lutforge.settings import Selector
 from lutforge.studio import ui
+from lutforge.studio.controls import as_text, end_moves_of
 from lutforge.studio.look_view import LookView
-from lutforge.studio.session import Session, as_text
+from lutforge.studio.session import Session
 from lutforge.studio.setting_control import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl
 from lutforge.studio.thumbnails import addresses
 from lutforge.studio.workspace import WorkspaceError
@@ -54,7 +55,7 @@ class LookPage:
         self.widgets = {widget.label: widget for widget in (self.ev, *self.wanted.widgets, *self.source.widgets)}
         for name, widget in self.widgets.items():
             session.page.watch(self._look_changed, widget, take=partial(self._record_move, name))
-        session.end_moves_of(*self.widgets.values())
+        end_moves_of(session, *self.widgets.values())
         if not session.state.look_controls:
             self._store_controls()
         self.remembered = (self.listed, self.path)
@@ -165,7 +166,7 @@ class LookPage:
         """Open a photograph that was dropped, its RAW file where there are several of one."""
         if not self.drop.value or not self.drop.filename:
             return
-        paths = self.session.keep_dropped("photographs", self.drop.filename, self.drop.value)
+        paths = self.session.dropped.keep("photographs", self.drop.filename, self.drop.value)
         pictures = [path for path in paths if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
         if not pictures:
             raise WorkspaceError(f"{paths[0].name}: not a photograph that Look can show")

@@ -17,7 +17,9 @@ from lutforge.reports import figures
 from lutforge.reports.drawing import CHANNELS, Drawing
 from lutforge.reports.tables import TITLES, Table, balance_table, matrix_table
 from lutforge.studio import ui
+from lutforge.studio.controls import bind
 from lutforge.studio.models import LATTICE, MATRIX, MODEL_TITLES
+from lutforge.studio.results import fit_in_turn
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace
 from lutforge.thesis.options import ThesisOptions
@@ -62,13 +64,13 @@ class ModelPage:
             label="Brightness-transfer pairs, with their ratios", options=[], **ui.FULL_WIDTH
         )
         self.bound = [
-            session.bind(self.used, lambda now: now.model, lambda now, name: replace(now, model=name)),
-            session.bind(self.preset, lambda now: type(now.options), with_preset),
-            session.bind(
+            bind(session, self.used, lambda now: now.model, lambda now, name: replace(now, model=name)),
+            bind(session, self.preset, lambda now: type(now.options), with_preset),
+            bind(session,
                 self.builds_on_stages, lambda now: now.builds_on_stages,
                 lambda now, on: replace(now, builds_on_stages=on),
             ),
-            session.bind(self.pairs, ticked_pairs, with_ticked_pairs),
+            bind(session, self.pairs, ticked_pairs, with_ticked_pairs),
             *(self._bind_option(name, widget) for name, widget in {**self.options, **self.numbers}.items()),
         ]  # fmt: skip
         all_or_none = pn.Row(
@@ -107,7 +109,7 @@ class ModelPage:
             change: dict[str, Any] = {name: int(value) if name in ("size", "curves", "centres") else value}
             return replace(now, options=replace(now.options, **change))
 
-        return self.session.bind(widget, given, put)
+        return bind(self.session, widget, given, put)
 
     def refresh(self) -> None:
         """Draw the controls and the view of the session's workspace."""
@@ -152,7 +154,7 @@ class ModelPage:
 
     def _compute(self) -> None:
         """Fit the chosen model."""
-        self.session.fit(self.kind.value)
+        fit_in_turn(self.session, self.kind.value)
 
 
 def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:

@@ -10,7 +10,9 @@ import panel_material_ui as pmui
 from panel.custom import JSComponent
 
 from lutforge.studio import ui
+from lutforge.studio.controls import remember_controls
 from lutforge.studio.folders import Folders
+from lutforge.studio.results import open_files
 from lutforge.studio.session import Session
 from lutforge.studio.theme import BESIDE, TEMPLATE, THEME
 from lutforge.studio.ui import HERE
@@ -68,7 +70,7 @@ class Page:
             pn.state.param.unwatch(watcher)
         self.show(self.shown)
         if inputs and not is_continued:
-            self.session.page.guarded(self.session.open)(inputs)
+            self.session.page.guarded(open_files)(self.session, inputs)
 
     def show(self, name: str) -> None:
         """Look at a step."""
@@ -84,7 +86,7 @@ class Page:
         if self.steps.active != PAGE_NAMES.index(name):
             self.steps.active = PAGE_NAMES.index(name)
         self._refresh()
-        if is_new and self.session.remember_controls(name, shown.remembered):  # once lists have their options
+        if is_new and remember_controls(self.session, name, shown.remembered):  # once lists have their options
             self._refresh(name)
 
     def _refresh(self, *stale: str) -> None:

@@ -17,6 +17,7 @@ from lutforge.reports.figures import chromaticity_outlines, cube_edges
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
 from lutforge.studio.brushed_plot import MOST_DRAWN, BrushedPlot
+from lutforge.studio.controls import bind
 from lutforge.studio.filter_columns import FILTER_COLUMNS
 from lutforge.studio.sample_plots import (
     BY_COLOUR,
@@ -76,11 +77,11 @@ class SamplesPage:
         self.groups = pmui.CheckBoxGroup(label="Groups in effect", options=[], **ui.FULL_WIDTH)
         self.remembered = (*views, self.words, self.group)
         limits = {name: self._limit_slider(name) for name in FILTER_COLUMNS}
-        self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
+        self.bound = [bind(session, self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
         for name, slider in limits.items():
             read = partial(Workspace.limits_of, name=name)
             put = partial(Workspace.with_limits, name=name)
-            self.bound.append(session.bind(slider, read, put))
+            self.bound.append(bind(session, slider, read, put))
 
         mark_buttons = self._buttons(
             {

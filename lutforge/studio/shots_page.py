@@ -24,6 +24,7 @@ from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
 from lutforge.studio.opening import OPENED_SUFFIXES
+from lutforge.studio.results import open_files, take_response
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace, WorkspaceError
 
@@ -89,19 +90,19 @@ class ShotsPage:
 
     def _open(self) -> None:
         named = ui.written(self.path) or self.listed.value
-        dropped = self.session.dropped_folder("shots") if not named else None
-        self.session.open((dropped or self.session.folders.inside(named),))
+        dropped = self.session.dropped.folder("shots") if not named else None
+        open_files(self.session, (dropped or self.session.folders.inside(named),))
 
     def _take(self) -> None:
         """Keep what was dropped in a folder of this visit, and sample it."""
         names: Any = self.drop.filename
         if not self.drop.value or not names:
             return
-        dropped = self.session.keep_dropped("shots", names, self.drop.value)
+        dropped = self.session.dropped.keep("shots", names, self.drop.value)
         with self.session.page.setting():
             self.listed.value = ""
             self.path.param.update(value="", value_input="")
-        self.session.open((dropped[0].parent,))
+        open_files(self.session, (dropped[0].parent,))
 
     def _enable(self) -> None:
         self.light.disabled = self.corners.disabled = not self.chart.value
@@ -120,7 +121,7 @@ class ShotsPage:
 
         def done(fitted: FittedResponse) -> None:
             if self.session.opened.bracket is bracket:
-                self.session.take_response(request, fitted)
+                take_response(self.session, request, fitted)
 
         self.session.work.start("response", done, ResponseRequest.fit, request, None)
 

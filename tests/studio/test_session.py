@@ -62,6 +62,7 @@ from lutforge.studio.kept_sessions import KeptSessions
 from lutforge.studio.models import MODEL_TITLES, FittedModel
 from lutforge.studio.opening import Opened, bracket_in, find_pairs
 from lutforge.studio.page import PAGE_NAMES, Page, progress_of
+from lutforge.studio.results import fit_in_turn, open_files, take_opened
 from lutforge.studio.server import ContentSecurityPolicy, refused
 from lutforge.studio.session import Session
 from lutforge.studio.setting_control import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl
@@ -212,11 +213,11 @@ def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfil
 def test_a_profile_of_another_camera_does_not_take_the_place_of_a_model(tmp_path: Path, profile: CameraProfile) -> None:
     session = opened(tmp_path, workspace=with_profile(Workspace(chart_samples(patches=9)), profile)).session
     other = replace(profile, camera="Another")
-    session.page.attempt(session.take_opened, Opened(profile=other), "other.npz")
+    session.page.attempt(take_opened, session, Opened(profile=other), "other.npz")
     assert "other.npz: a profile of Another, which is not used" in session.page.status.object
     assert session.profile is profile and session.opened.profile is None
     session.start_over(None)
-    session.take_opened(Opened(profile=other), "other.npz")
+    take_opened(session, Opened(profile=other), "other.npz")
     assert session.profile is other
 
 
@@ -268,8 +269,8 @@ def test_a_lattice_that_waits_for_a_matrix_builds_on_it(served: tuple[Page, Docu
     """It takes the stages, and the samples, of when its turn has come, not of when it was asked for."""
     session = served[0].session
     session.change_workspace(replace(session.require_workspace(), options=CalibrationOptions(size=9)))
-    session.fit("matrix")
-    session.fit("lattice")
+    fit_in_turn(session, "matrix")
+    fit_in_turn(session, "lattice")
     session.change_workspace(session.require_workspace().mark(np.arange(162) < 3, 1))
     polled(session, lambda: not session.work.queue.works)
     workspace = session.require_workspace()
@@ -281,7 +282,7 @@ def test_a_lattice_that_waits_for_a_matrix_builds_on_it(served: tuple[Page, Docu
 def test_work_whose_samples_are_gone_is_one_line(served: tuple[Page, Document]) -> None:
     session = served[0].session
     session.work.start("a job", lambda result: None, doubled, 1)
-    session.fit("lattice")
+    fit_in_turn(session, "lattice")
     session.start_over(None)
     polled(session, lambda: not session.work.queue.works)
     assert "no samples are open" in session.page.status.object
@@ -477,7 +478,7 @@ def test_a_profile_does_not_replace_a_file_unasked(profile: CameraProfile, tmp_p
 def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, tmp_path: Path) -> None:
     profile.save(tmp_path / "camera.npz")
     page = opened(tmp_path)
-    page.session.open((tmp_path / "camera.npz",))
+    open_files(page.session, (tmp_path / "camera.npz",))
     page.session.state = replace(page.session.state, chosen=ChosenLook("standard/tungsten", "vivid/daylight"))
     page.show("Export")
     page.pages["Export"]._bake_lut()
@@ -622,7 +623,7 @@ def bracket_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def opened_bracket(folder: Path) -> Page:
     """The page of a visit that has opened the folder of a bracket."""
     page = Page(Folders([folder.parent]), ())
-    page.session.open((folder,))
+    open_files(page.session, (folder,))
     return page
 
 
@@ -827,7 +828,7 @@ def test_what_does_not_reach_the_response_of_a_bracket_says_so(
     assert "fitted to all colours" in samples.counts.object
 
     # Samples with RAW make them choices again
-    page.session.take_opened(Opened(Workspace(chart_samples())), "samples.npz")
+    take_opened(page.session, Opened(Workspace(chart_samples())), "samples.npz")
     page.show("Samples")
     page.show("Model")
     assert not any(control.disabled for control in choices)
@@ -839,7 +840,7 @@ def test_opening_other_files_can_be_undone(profile: CameraProfile, bracket_folde
     session = page.session
     session.start_over(with_profile(Workspace(chart_samples(patches=9)), profile))
     workspace = session.workspace
-    session.open((bracket_folder,))
+    open_files(session, (bracket_folder,))
     assert page.pages["Shots"].bracket.visible and not page.undo.disabled
     session.undo()
     assert session.workspace is workspace and session.profile is profile and session.opened.bracket is None
@@ -853,9 +854,9 @@ def test_opening_another_profile_can_be_undone(profile: CameraProfile, tmp_path:
     other.save(tmp_path / "other.npz")
     page = opened(tmp_path)
     session = page.session
-    session.open((tmp_path / "first.npz",))
+    open_files(session, (tmp_path / "first.npz",))
     assert page.undo.disabled  # nothing was open before
-    session.open((tmp_path / "other.npz",))
+    open_files(session, (tmp_path / "other.npz",))
     assert session.require_profile().camera == "Another" and page.undo.label == "Undo opening other.npz"
     session.undo()
     assert session.require_profile().camera == profile.camera
@@ -864,7 +865,7 @@ def test_opening_another_profile_can_be_undone(profile: CameraProfile, tmp_path:
     samples = Workspace(chart_samples(patches=9))
     session.start_over(samples)
     session.state = replace(session.state, opened=Opened())
-    session.open((tmp_path / "first.npz",))
+    open_files(session, (tmp_path / "first.npz",))
     assert session.require_workspace().models
     session.undo()
     assert session.workspace is samples and session.profile is None
