@@ -8,7 +8,8 @@ whole, and reads as the list of its steps:
 2. a search over all plausible scales and all offsets, which proposes places (`search`);
 3. the choice among them: where the RAW's colours explain the JPEG's best (`colour_prediction`), if no other place does
    nearly as well;
-4. refinement below a tenth of a pixel, coarse to fine (`refinement`);
+4. refinement below a tenth of a pixel, coarse to fine (`refinement`): the structures compared (`structure_comparison`),
+   and the step that brings them closer (`normal_equations`);
 5. distortion and lateral chromatic aberration, where they are significant (`lens_correction`).
 
 The RAW is always averaged over exactly a JPEG pixel's area (`area_means`).
