@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from typing import Any
+from typing import Any, ClassVar, Self
 
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
@@ -25,7 +25,12 @@ class LatticeOptions:
 
     size: nodes per axis, 3 … 65; interpolation: between them; nonuniform: False keeps the node levels evenly spaced;
     shaper_size: entries of the shaper that will hold the levels. Raises CalibrationError on values outside these.
+
+    preset: the word of the command line for the method of calibration; method: its name in a sentence.
     """
+
+    preset: ClassVar[str]
+    method: ClassVar[str]
 
     size: int = 33
     interpolation: Interpolation = "trilinear"
@@ -42,6 +47,10 @@ class LatticeOptions:
         if self.shaper_size < self.size:
             raise CalibrationError(f"a shaper of {self.shaper_size} entries cannot hold {self.size} node levels")
 
+    def without_exposure_pairs(self, pairs: tuple[tuple[str, str], ...]) -> Self:
+        """The options of a fit that leaves out the exposure pairs of these shots; the same where it uses no pairs."""
+        return self
+
     def as_json(self) -> dict[str, object]:
         """The options as plain values, for the profile."""
         return asdict(self)
@@ -55,6 +64,9 @@ class CalibrationOptions(LatticeOptions):
     of the response; centres: the most of a gamut map. The others are those of `LatticeOptions`. Raises CalibrationError
     on values outside their ranges.
     """
+
+    preset: ClassVar[str] = "lutforge"
+    method: ClassVar[str] = "LutForge's own method"
 
     beta: float = BETA
     curves: int = CURVES

@@ -3,11 +3,10 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, with_matrix_of_all
+from lutforge.calibration.method import CalibrationMethod
 from lutforge.calibration.style import StyleData
-from lutforge.calibration.style import fit_lattices as bake_lattices
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.polynomials import (
     Predictor,
@@ -15,11 +14,9 @@ from lutforge.evaluation.polynomials import (
     colour_polynomial,
     mixed_channel_polynomials,
 )
-from lutforge.model.lattice import Lattice
 from lutforge.model.profile import ByDirection, CameraModel, PictureStyle
-from lutforge.thesis.calibrate import fit_camera_model as fit_thesis_model
-from lutforge.thesis.calibrate import fit_lattices as fit_thesis_lattices
 from lutforge.thesis.lattice import fit_uniform
+from lutforge.thesis.method import ThesisMethod, method_of, thesis_method_beside
 from lutforge.thesis.options import Options, ThesisOptions
 
 LATTICE = "lattice"
@@ -87,58 +84,71 @@ class Fitter:
         if not self.sizes:
             return fits
 
-        options = self.options if isinstance(self.options, ThesisOptions) else ThesisOptions()
+        own = method_of(self.options)
+        thesis = thesis_method_beside(own)
         for size in self.sizes:
-            fits |= _thesis_lattices(train, replace(options, size=size))
-        if not isinstance(self.options, ThesisOptions):
-            thesis = self._thesis_model(train, options)
-            fits |= {THESIS_MODEL: thesis[CAMERA_MODEL]} if thesis else {}
+            fits |= _thesis_lattices(train, replace(thesis.options, size=size))
+        if thesis != own:
+            models = self._camera_model(train, thesis)
+            fits |= {THESIS_MODEL: models[CAMERA_MODEL]} if models else {}
         return fits
 
     def _methods_of_profile(self, train: StyleData) -> dict[str, Fit]:
         """The methods of the profile's calibration.
 
-        A camera model is measured without its lattices: the error that they add is known without another fit.
+        A camera model that lattices are baked from is measured without these: the error that they add is known without
+        another fit.
         """
-        options = self.options
-        if isinstance(options, ThesisOptions):
-            lattices = _timed(lambda: _as_fit(fit_thesis_lattices(train, options)))
-            return {LATTICE: lattices, **self._thesis_model(train, options)}
-        if train.monochrome:
-            return {LATTICE: _timed(lambda: _as_fit(bake_lattices(train, options)))}
-        model = _timed(lambda: Fit(train.model.render, train.model.linearize))  # `train.model` is fitted here
-        return {CAMERA_MODEL: model, NO_GAMUT_MAP: _without_gamut_map(train.model)}
+        method = method_of(self.options)
+        if not method.bakes_camera_model:
+            return {LATTICE: _lattices(train, method), **self._camera_model(train, method)}
+        return {LATTICE: _lattices(train, method)} if train.monochrome else _of_camera_model(train, method)
 
-    def _thesis_model(self, train: StyleData, options: ThesisOptions) -> dict[str, Fit]:
-        """The thesis's camera model, with and without its gamut map; none where f cannot be determined."""
-        start = time.perf_counter()
+    def _camera_model(self, train: StyleData, method: CalibrationMethod) -> dict[str, Fit]:
+        """The camera model beside lattices that need none, with and without its gamut map; none where it fails."""
         try:
-            model = fit_thesis_model(train, options)
+            return _of_camera_model(train, method)
         except CalibrationError as error:
-            self.notes.append(f"{self.name}: no camera model of the thesis without one of the shots ({error})")
+            self.notes.append(
+                f"{self.name}: no camera model by {method.options.method} without one of the shots ({error})"
+            )
             return {}
-        half = 0.5 * (time.perf_counter() - start)
-        return {
-            CAMERA_MODEL: Fit(model.render, model.linearize, ByDirection(half, half)),
-            NO_GAMUT_MAP: _without_gamut_map(model),
-        }
 
 
 def compared_fits(train: StyleData, options: Options) -> dict[str, Fit]:
     """The methods that a report compares with the profile's model: a lattice of even nodes, and the camera model."""
-    even = replace(options, nonuniform=False)
-    name = lattice_name(options.size, nonuniform=False)
-    if isinstance(even, ThesisOptions):
-        return {name: _as_fit(fit_thesis_lattices(train, even))}
-    return {name: _as_fit(bake_lattices(train, even)), CAMERA_MODEL: Fit(train.model.render, train.model.linearize)}
+    even = method_of(replace(options, nonuniform=False))
+    fits = {lattice_name(options.size, nonuniform=False): _lattices(train, even)}
+    return {**fits, **_of_camera_model(train, even)} if even.bakes_camera_model else fits
+
+
+def _lattices(train: StyleData, method: CalibrationMethod) -> Fit:
+    """The lattices of a method, fitted to samples."""
+
+    def fit() -> Fit:
+        lattices = method.fit_lattices(train)
+        return Fit(lattices.render, lattices.linearize)
+
+    return _timed(fit)
+
+
+def _of_camera_model(train: StyleData, method: CalibrationMethod) -> dict[str, Fit]:
+    """The camera model of a method, with and without its gamut map. Raises CalibrationError."""
+    start = time.perf_counter()
+    model = method.fit_camera_model(train)
+    half = 0.5 * (time.perf_counter() - start)
+    return {
+        CAMERA_MODEL: Fit(model.render, model.linearize, ByDirection(half, half)),
+        NO_GAMUT_MAP: _without_gamut_map(model),
+    }
 
 
 def _thesis_lattices(train: StyleData, options: ThesisOptions) -> dict[str, Fit]:
     """The lattices of one size in the thesis's tables, and its baseline, whose only smoothness term is λ_K (5.3)."""
     fits = {}
     for nonuniform in (False, True):
-        lattices = _timed(partial(_thesis_fit, train, replace(options, nonuniform=nonuniform)))
-        fits[lattice_name(options.size, nonuniform=nonuniform)] = lattices
+        method = ThesisMethod(replace(options, nonuniform=nonuniform))
+        fits[lattice_name(options.size, nonuniform=nonuniform)] = _lattices(train, method)
     fits[f"lattice by (5.3) {options.size}"] = _timed(
         lambda: Fit(
             fit_uniform(train.balanced, train.encoded, options), fit_uniform(train.encoded, train.balanced, options)
@@ -147,22 +157,12 @@ def _thesis_lattices(train: StyleData, options: ThesisOptions) -> dict[str, Fit]
     return fits
 
 
-def _thesis_fit(train: StyleData, options: ThesisOptions) -> Fit:
-    """The thesis's lattices, fitted to samples."""
-    return _as_fit(fit_thesis_lattices(train, options))
-
-
 def _timed(fit: Callable[[], Fit]) -> Fit:
     """A fit of both directions, with half of its duration as the time of each."""
     start = time.perf_counter()
     fitted = fit()
     half = 0.5 * (time.perf_counter() - start)
     return replace(fitted, seconds=ByDirection(half, half))
-
-
-def _as_fit(lattices: ByDirection[Lattice]) -> Fit:
-    """Lattices as a method."""
-    return Fit(lattices.render, lattices.linearize)
 
 
 def _without_gamut_map(model: CameraModel) -> Fit:

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from lutforge.calibration.calibrate import calibrate as fit_profile
-from lutforge.calibration.calibrate import calibrate_base as fit_base
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.raw_transfer import fit_raw_transfer, pair_samples
 from lutforge.colour.rgb_spaces import matrix_between
@@ -21,9 +19,8 @@ from lutforge.pipeline.provenance import provenance_of
 from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples
 from lutforge.progress import Progress, part, silent, with_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
-from lutforge.thesis.calibrate import calibrate as fit_thesis_profile
-from lutforge.thesis.calibrate import calibrate_base as fit_thesis_base
-from lutforge.thesis.options import Options, ThesisOptions
+from lutforge.thesis.method import method_of
+from lutforge.thesis.options import Options
 
 
 def calibrate(
@@ -50,18 +47,14 @@ def calibrate(
         CalibrationError: the samples do not determine the model.
         SampleError, ShotError: the samples cannot be read.
     """
-    if options is not None and not isinstance(options, CalibrationOptions | ThesisOptions):
+    if options is not None and not isinstance(options, Options):
         raise CalibrationError(f"{options!r:.80} are no options: give CalibrationOptions(size=33), or none")
     options = options or CalibrationOptions()
     samples = with_setting_names(as_samples(samples))
     provenance = provenance_of(samples)
     with with_compilation(progress) as reporting:
         base = None if given is None else as_profile(given)
-        first_half = part(reporting, 0.0, 0.5)
-        if isinstance(options, ThesisOptions):
-            fitted, data = fit_thesis_profile(samples, options, first_half, base)
-        else:
-            fitted, data = fit_profile(samples, options, first_half, base)
+        fitted, data = method_of(options).calibrate(samples, part(reporting, 0.0, 0.5), base)
         profile = measured(fitted, data, options, part(reporting, 0.5, 1.0))
     if not isinstance(provenance, Pictures):
         return profile
@@ -75,9 +68,7 @@ def calibrate_base(
     """Fit responses, matrices and white balances only, as `given` of `calibrate`; the gamut maps are the identity."""
     samples = with_setting_names(as_samples(samples))
     with with_compilation(progress) as reporting:
-        if isinstance(options, ThesisOptions):
-            return fit_thesis_base(samples, options, reporting)
-        return fit_base(samples, options, reporting)
+        return method_of(options or CalibrationOptions()).calibrate_base(samples, reporting)
 
 
 def write_transfer(

@@ -39,7 +39,8 @@ from lutforge.reports.tables import (
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.thesis.lattice import error_histogram
-from lutforge.thesis.options import ThesisOptions, stated_options
+from lutforge.thesis.method import method_of
+from lutforge.thesis.options import stated_options
 
 
 @matplotlib.rc_context({"text.parse_math": False})  # since names may contain dollar signs
@@ -65,7 +66,7 @@ def build_report(
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
         methods = {row.method for row in evaluation.rows}
-        if CAMERA_MODEL in methods and not isinstance(options, ThesisOptions):
+        if CAMERA_MODEL in methods and method_of(options).bakes_camera_model:
             method = CAMERA_MODEL
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*profile.notes, *evaluation.notes)))
@@ -87,11 +88,10 @@ def build_report(
         sections["Samples"] = tuple(sample_blocks(samples, shots))
         sections["Exposures"] = tuple(exposure_blocks(data, profile.matrix))
     progress("done", 1.0)
-    calibrated = "by the thesis's method" if isinstance(options, ThesisOptions) else "by LutForge's own method"
     return Report(
         f"{profile.camera}: calibration report",
         f"Picture styles: {', '.join(profile.styles)}. White balances: {', '.join(profile.white_balances)}. "
-        f"Shots: {len(profile.shots)}. Calibrated {calibrated}, with lattices of {options.size}³ nodes.",
+        f"Shots: {len(profile.shots)}. Calibrated by {options.method}, with lattices of {options.size}³ nodes.",
         sections={title: blocks for title, blocks in sections.items() if blocks},
         answers=answers(profile, method, evaluation, data, pictures),
     )

@@ -10,7 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from lutforge.atomic_write import require_writable
-from lutforge.calibration.options import LatticeOptions
+from lutforge.calibration.options import CalibrationOptions, LatticeOptions
 from lutforge.colour.rgb_spaces import SPACES
 from lutforge.pipeline.kits import kits_of
 from lutforge.pipeline.looks import ChosenLook
@@ -31,7 +31,6 @@ from lutforge.studio.models import MATRIX, FitTask
 from lutforge.studio.session import Session, Written
 from lutforge.studio.workspace import WorkspaceError
 from lutforge.studio.workspace_file import SUFFIX, save_workspace
-from lutforge.thesis.options import PRESET, ThesisOptions
 
 OFFERED_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".spi1d", ".3dl", ".vlt", ".png")
 
@@ -268,7 +267,7 @@ def calibration_command(task: FitTask, table: Path, profile: Path) -> str:
         return ""
     if any(getattr(options, name) != getattr(usual, name) for name in of_model):
         return ""
-    preset = PRESET if isinstance(options, ThesisOptions) else ""
+    preset = options.preset if options.preset != CalibrationOptions.preset else ""  # which is the command's default
     names = ("size", "interpolation")
     moved = {name: getattr(options, name) for name in names if getattr(options, name) != getattr(usual, name)}
     return command(("calibrate", table), {"preset": preset, **moved, "uniform": not options.nonuniform}, profile)

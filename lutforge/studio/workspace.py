@@ -18,7 +18,7 @@ from lutforge.pipeline.evaluation import predict
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.filter_columns import FILTER_COLUMNS, column_values
 from lutforge.studio.models import LATTICE, MATRIX, NO_MODEL, FitTask, FittedModel, ModelKind
-from lutforge.thesis.options import Options, ThesisOptions
+from lutforge.thesis.options import Options
 
 HandMark = Literal[1, -1, 0]
 """A mark that is set by hand."""
@@ -158,9 +158,7 @@ class Workspace:
 
     def task(self, kind: ModelKind) -> FitTask:
         """The inputs that a fit of this kind takes now."""
-        options = self.options
-        if isinstance(options, ThesisOptions):
-            options = replace(options, without_pairs=tuple(sorted(self.unticked_pairs)))
+        options = self.options.without_exposure_pairs(tuple(sorted(self.unticked_pairs)))
         stages = self.models.get(MATRIX) if self.builds_on_stages and kind != MATRIX else None
         return FitTask(kind, self.fitting_rows(kind), options, stages)
 

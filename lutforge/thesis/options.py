@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, ClassVar, Self
 
 from lutforge.calibration.options import (
     BETA,
@@ -16,9 +16,6 @@ from lutforge.calibration.options import (
 )
 from lutforge.errors import CalibrationError
 
-PRESET = "thesis"
-"""The preset that the options of a profile state where the thesis's calibration made it."""
-
 
 @dataclass(frozen=True)
 class ThesisOptions(LatticeOptions):
@@ -29,6 +26,9 @@ class ThesisOptions(LatticeOptions):
     names of shots whose exposure pairs are not used to fit f. The others are those of `LatticeOptions`. Raises
     CalibrationError on values outside their ranges.
     """
+
+    preset: ClassVar[str] = "thesis"
+    method: ClassVar[str] = "the thesis's method"
 
     beta: float = BETA
     curves: int = CURVES
@@ -42,13 +42,19 @@ class ThesisOptions(LatticeOptions):
         if self.rho is not None and not 0 <= self.rho < math.inf:
             raise CalibrationError("ρ is a finite number that is not negative")
 
+    def without_exposure_pairs(self, pairs: tuple[tuple[str, str], ...]) -> Self:
+        """The options of a fit of f that leaves out the exposure pairs of these shots."""
+        return replace(self, without_pairs=pairs)
+
     def as_json(self) -> dict[str, object]:
         """The options as plain values, for the profile."""
-        return {"preset": PRESET, **asdict(self)}
+        return {"preset": self.preset, **asdict(self)}
 
 
 Options = CalibrationOptions | ThesisOptions
 """The options of either calibration."""
+PRESETS: dict[str, type[Options]] = {options.preset: options for options in (CalibrationOptions, ThesisOptions)}
+"""Both kinds of options, by the word that the command line has for them."""
 
 
 def stated_options(values: Mapping[str, object]) -> Options:
@@ -56,7 +62,7 @@ def stated_options(values: Mapping[str, object]) -> Options:
 
     Raises CalibrationError where they cannot be read.
     """
-    if values.get("preset") != PRESET:
+    if values.get("preset") != ThesisOptions.preset:
         return options_from_json(values)
     names = {field.name for field in fields(ThesisOptions)}
     known: dict[str, Any] = {name: value for name, value in values.items() if name in names}
@@ -69,8 +75,6 @@ def stated_options(values: Mapping[str, object]) -> Options:
 
 def options_of_preset(preset: str, **lattice: Any) -> Options:
     """The default options of a preset by its name, "lutforge" or "thesis". Raises CalibrationError on another name."""
-    if preset == PRESET:
-        return ThesisOptions(**lattice)
-    if preset == "lutforge":
-        return CalibrationOptions(**lattice)
-    raise CalibrationError(f'unknown preset "{preset}"; choose one of lutforge, {PRESET}')
+    if preset not in PRESETS:
+        raise CalibrationError(f'unknown preset "{preset}"; choose one of {", ".join(PRESETS)}')
+    return PRESETS[preset](**lattice)
