@@ -33,7 +33,7 @@ AGREEMENT = 0.15
 
 TRIED_CURVES = (3, 6, 10, CURVES)
 """Numbers of EMoR's curves that are tried on held-out surfaces."""
-FOLDS = 3
+SURFACE_FOLDS = 3
 """Parts of the surfaces that are held out in turn."""
 NEARLY_LEAST = 1.02
 """The fewest curves are taken whose error on held-out surfaces is below so many times the least."""
@@ -206,7 +206,9 @@ def _choose_curves(pairs: ExposurePairs, unsaturated: Mask, beta: float) -> tupl
     """The fewest curves of EMoR within 2 % of the least error on held-out surfaces, and that error in codes."""
     surfaces = np.unique(pairs.first_row, return_inverse=True)[1].astype(np.str_)
     folds = (
-        leave_groups_out(surfaces, FOLDS) if len(np.unique(surfaces)) >= FOLDS else leave_samples_out(len(pairs), FOLDS)
+        leave_groups_out(surfaces, SURFACE_FOLDS)
+        if len(np.unique(surfaces)) >= SURFACE_FOLDS
+        else leave_samples_out(len(pairs), SURFACE_FOLDS)
     )
     errors: dict[int, float] = {}
     for count in TRIED_CURVES:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.shared_function import MATRIX, ComparedColours, SharedFunctionFit, change_basis
+from lutforge.calibration.shared_function import MATRIX_TERMS, ComparedColours, SharedFunctionFit, change_basis
 
 QUANTITIES = ("exposure", "contrast", "saturation", "red", "blue")
 COLUMNS = ("exposure, EV", "contrast", "saturation", "red, EV", "blue, EV")
@@ -29,9 +29,9 @@ DARKEST_LINEAR = 1e-6
 """Smaller linear values are raised to this before a logarithm."""
 DARKEST_GREYS = (0.04, 0.08)
 """The darkest grey that a change is measured at is no darker than the first, and the brightest than the second."""
-GREYS = 9
+MEASURED_GREYS = 9
 """The number of greys that a change is measured at."""
-DERIVATIVE_STEP = 1e-4
+CHANGE_STEP = 1e-4
 """Step of a numerical derivative by a number of a change."""
 LEAST_STRENGTH = 1e-12
 """Least sum of squares of what differs from grey, so that nothing is divided by 0 where all colours are grey."""
@@ -109,7 +109,7 @@ class _ChangeMeter:
         rendered, basis = colours.rendered[rows], colours.basis[rows]
         chroma = rendered - rendered.mean(axis=1, keepdims=True)
         darkest, brightest = np.maximum(np.percentile(rendered.mean(axis=1), (10, 90)), DARKEST_GREYS)
-        greys = np.repeat(np.linspace(darkest, brightest, GREYS)[:, None], 3, axis=1)
+        greys = np.repeat(np.linspace(darkest, brightest, MEASURED_GREYS)[:, None], 3, axis=1)
         tones = _stops(linearize(greys).sum(axis=1))
         return cls(chroma, basis, greys, tones, change_basis(greys, tinted=colours.tinted), linearize)
 
@@ -131,8 +131,8 @@ class _ChangeMeter:
     def slopes(self, change: Array) -> Array:
         """The derivatives (5, q) of the values by the numbers of a change (q,)."""
         values = self.values(change)
-        steps = DERIVATIVE_STEP * np.eye(len(change))
-        return np.stack([(self.values(change + step) - values) / DERIVATIVE_STEP for step in steps], axis=1)
+        steps = CHANGE_STEP * np.eye(len(change))
+        return np.stack([(self.values(change + step) - values) / CHANGE_STEP for step in steps], axis=1)
 
     def primaries(self, change: Array, saturation: float) -> float:
         """The share of their strength by which a change (q,) moves colours other than by its change of saturation."""
@@ -141,7 +141,7 @@ class _ChangeMeter:
 
     def _moved_colours(self, change: Array) -> Array:
         """How far (n, 3) colours with + change (q,) are from those with − change, apart from tone."""
-        return np.asarray(2.0 * (self.basis[..., -MATRIX:] @ change[-MATRIX:]))
+        return np.asarray(2.0 * (self.basis[..., -MATRIX_TERMS:] @ change[-MATRIX_TERMS:]))
 
 
 def _stops(linear: Array) -> Array:

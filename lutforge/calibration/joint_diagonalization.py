@@ -12,7 +12,7 @@ TRANSFER_SPREAD = 0.5
 """Standard deviation of the prior of the entries of Tc that are not on its diagonal, around 0."""
 DERIVATIVE_STEP = 1e-6
 """Step of a numerical derivative."""
-MOST_STEPS = 200
+MOST_DIAGONALIZATION_STEPS = 200
 """Gauss–Newton steps, at most."""
 OFF_DIAGONAL = ~np.eye(3, dtype=np.bool_)
 COUNT_OFF_DIAGONAL = 6
@@ -48,7 +48,7 @@ def jointly_diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Ar
     sums = inverses.sum(axis=2)
     first = inverses[0] / sums[0][:, None]
     start = np.concatenate([np.zeros(COUNT_OFF_DIAGONAL), first[OFF_DIAGONAL], -np.log(sums).ravel()])
-    unknowns = gauss_newton(linearize, start[None], most=MOST_STEPS).value[0]
+    unknowns = gauss_newton(linearize, start[None], most=MOST_DIAGONALIZATION_STEPS).value[0]
 
     transfer, from_linear, balances = _factors(unknowns)
     return transfer, np.asarray(np.linalg.inv(from_linear), dtype=np.float64), dict(zip(fits, balances, strict=True))

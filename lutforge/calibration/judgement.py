@@ -25,10 +25,10 @@ from lutforge.model.response import Response
 
 FAR_OFF = 0.25
 """Encoded residuals count no more than this: what is further off is as wrong."""
-LEAST_WEIGHT = 1e-9
+LEAST_MEAN_WEIGHT = 1e-9
 """Least weight of a colour, so that samples without unsaturated colours have a mean."""
 
-GREYS = 9
+JUDGED_GREYS = 9
 """The number of greys whose response is judged, over the tones of the samples."""
 LEAST_LINEAR = 1e-5
 """Least linear value of a grey that has a logarithm."""
@@ -101,7 +101,7 @@ def _colour_residual(colours: StyleColours, base: MatrixAndResponse) -> float:
     """The mean residual of unsaturated colours, in codes."""
     encoded = np.clip(colours.encoded, 0.0, 1.0)
     residual = np.minimum(encoded_residual(base.response, base.matrix, colours.balanced, encoded), FAR_OFF)
-    return float(255 * np.average(residual, weights=in_gamut_weight(saturation(encoded), BETA) + LEAST_WEIGHT))
+    return float(255 * np.average(residual, weights=in_gamut_weight(saturation(encoded), BETA) + LEAST_MEAN_WEIGHT))
 
 
 def _exchanges_channels(matrix: Array) -> bool:
@@ -122,7 +122,7 @@ class _JudgedGreys:
 def _judged_greys(response: Response, encoded: Array) -> _JudgedGreys:
     """The greys of a response, over the tones of encoded colours (n, 3)."""
     dark, bright = np.percentile(encoded.mean(axis=1), (10, 90))
-    greys = np.linspace(dark, bright, GREYS)
+    greys = np.linspace(dark, bright, JUDGED_GREYS)
     linear = response.linearize(np.repeat(greys[:, None], 3, axis=1))
     stops = np.log2(np.maximum(linear, LEAST_LINEAR))
     level = stops.mean(axis=1)
@@ -130,5 +130,5 @@ def _judged_greys(response: Response, encoded: Array) -> _JudgedGreys:
     tint = np.median(stops - level[:, None], axis=0)
     power = float(np.polyfit(np.log2(greys), level, 1)[0])
     beyond_usual = level - USUAL_POWER * np.log2(greys)
-    white = float(np.median(beyond_usual[GREYS // 2 :]))  # of the brighter half
+    white = float(np.median(beyond_usual[JUDGED_GREYS // 2 :]))  # of the brighter half
     return _JudgedGreys(tint, white, power)

@@ -30,7 +30,7 @@ TYPICAL_POWER, LEAST_ROUNDED_VALUE = 2.2, 0.02
 """Rounding of codes is that of a response of this power, and of values of this at least."""
 MOST_OF_STYLE = 4000
 """The largest number of a style's samples that are used; of more, as many are drawn at random."""
-MOST_CENTRES, SAMPLES_PER_CENTRE = 150, 8
+MOST_FUNCTION_CENTRES, SAMPLES_PER_CENTRE = 150, 8
 """λ is spanned by its values at so many colours at most, and at one for so many samples."""
 NUGGET = 1e-9
 """This is added to the variances of λ, so that colours which nearly coincide keep their covariance positive."""
@@ -134,7 +134,7 @@ def partially_linear_model(samples: SampleSet, multipliers: Array, usable: Mask)
 def _style_function(of_style: slice, srgb: Array, shot: NDArray[np.str_]) -> _StyleFunction:
     """λ of a style, and the offsets of its shots, at samples of colours (m, 3) and shots (m,)."""
     encoded = np.ascontiguousarray(srgb)
-    centres = encoded[farthest_points(encoded, min(MOST_CENTRES, len(encoded) // SAMPLES_PER_CENTRE))]
+    centres = encoded[farthest_points(encoded, min(MOST_FUNCTION_CENTRES, len(encoded) // SAMPLES_PER_CENTRE))]
     shots, place_of_shot = np.unique(shot, return_inverse=True)
     design = np.hstack([kriging_covariance(encoded, centres), np.eye(len(shots))[place_of_shot]])
 

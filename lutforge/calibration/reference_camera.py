@@ -35,7 +35,7 @@ from lutforge.calibration.matrix_and_response import (
 )
 from lutforge.calibration.options import BETA, CURVES
 from lutforge.calibration.robust_fit import ToneWeights, robust_fit
-from lutforge.calibration.setting_gains import ROUNDED
+from lutforge.calibration.setting_gains import ROUNDED, SURE
 from lutforge.calibration.white_balance import LEAST_POSITIVE, LEAST_RAW, estimated_multipliers, neutral_weight
 from lutforge.colour.saturation import hue_spread, saturation
 from lutforge.errors import CalibrationError
@@ -47,7 +47,7 @@ from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_medi
 
 LEAST_MATCHED_COLOURS = 12
 """Colours that the matrix of a white balance needs at least."""
-LEAST_WEIGHT = 1e-9
+LEAST_MEDIAN_WEIGHT = 1e-9
 """Weight that every colour has at least, so that shots without near-neutral colours have a weighted median."""
 RANK = 1e-6
 """Singular values below this share of the largest are 0."""
@@ -59,8 +59,6 @@ NOISY_SHARE = 0.05
 """Colours below this share of the bright ones hold noise."""
 LARGEST_CONDITION, LARGEST_ERROR = 100, 0.5
 """Condition and relative error of Tz⁻¹ beyond which it is no matrix between two cameras."""
-SURE = 3
-"""A setting keeps a level of its own beyond so many standard errors."""
 INVERSE_ROUNDS = 10
 """Rounds of reweighting of Tz⁻¹."""
 INVERSE_OUTLIERS = RobustWeights(cauchy, multiple=2.0, least=2e-4)
@@ -157,7 +155,7 @@ def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: 
     _, first_sample, shot = np.unique(samples.shot, return_index=True, return_inverse=True)
     level_of_shot = np.array(
         [
-            weighted_median(level[shot == place], weight[shot == place] + LEAST_WEIGHT)
+            weighted_median(level[shot == place], weight[shot == place] + LEAST_MEDIAN_WEIGHT)
             for place in range(len(first_sample))
         ]
     )

@@ -21,9 +21,9 @@ from lutforge.solvers.inequality_least_squares import solve_lsi
 from lutforge.solvers.robust_weights import cauchy, weighted_median
 from lutforge.solvers.solution import Status
 
-SETTLED = 2e-3
+SETTLED_WEIGHTS = 2e-3
 """Weights are settled when they change by less than this share."""
-SINGULAR = 1e-9
+CHANNEL_RIDGE = 1e-9
 """Share of the weights that is added to the normal matrix of m, so that it is never singular."""
 TONE_LEVELS = 16
 """Tones at which the residuals of like ones are measured, and bins of their histogram."""
@@ -75,7 +75,7 @@ def robust_fit(problem: Problem, basis: CurveBasis, most_rounds: int = 20) -> St
     prior = _prior(problem, basis)
     for _ in range(most_rounds):
         curves, by_channel, shared = _solve(problem, basis, prior, offset, design)
-        if problem.update(curves, by_channel, shared) < SETTLED:
+        if problem.update(curves, by_channel, shared) < SETTLED_WEIGHTS:
             return Status.CONVERGED
     return Status.LIMIT
 
@@ -128,7 +128,7 @@ def _solve(
         places = np.concatenate([of_curve, of_channel, np.arange(end_of_channels, unknowns)])
         normal[places[:, None], places] += weighted.T @ columns
         right[places] += weighted.T @ (model.known[:, channel] - offset[:, channel])
-        normal[of_channel, of_channel] += SINGULAR * precision[:, channel].sum()
+        normal[of_channel, of_channel] += CHANNEL_RIDGE * precision[:, channel].sum()
 
     normal[:end_of_curves, :end_of_curves] += prior.of_curves
     right[:end_of_curves] += prior.shift

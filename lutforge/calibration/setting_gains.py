@@ -15,16 +15,16 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import weighted_median
 
 SURE = 3
-"""A setting's gain is kept beyond so many standard errors."""
+"""A setting keeps a gain or a level of its own beyond so many standard errors."""
 LEAST_LOG_GAIN = 0.01
 """A setting's gain is kept beyond this logarithm, which moves no colour by a code."""
-SETTLED = 0.02
+SETTLED_GAINS = 0.02
 """Gains are settled when they change by less than this share of the least gain."""
 ROUNDED = 0.2
 """Colours without a JPEG value above this are not compared, because rounding rules there."""
-LEAST_WEIGHT = 0.1
+LEAST_COMPARED_WEIGHT = 0.1
 """Colours of less weight are not compared."""
-LEAST_OF_SHOT = 3
+LEAST_COLOURS_OF_SHOT = 3
 """Shots with fewer colours are not compared."""
 
 
@@ -57,7 +57,7 @@ def refined_gains(
     logs -= np.median(logs)
     total = np.log(list(gains.values())) + logs
     sure = np.abs(total) > np.maximum(SURE * doubt, LEAST_LOG_GAIN)
-    if not np.any(sure & (np.abs(logs) > SETTLED * LEAST_LOG_GAIN)):
+    if not np.any(sure & (np.abs(logs) > SETTLED_GAINS * LEAST_LOG_GAIN)):
         return dict(gains)
     return dict(zip(gains, np.where(sure, np.exp(total), 1.0).tolist(), strict=True))
 
@@ -77,10 +77,10 @@ def _residuals_of_settings(
 
     logs, doubt = np.zeros(len(names)), np.full(len(names), np.inf)
     for place, name in enumerate(names):
-        rows = (samples.white_balance == name) & (weight > LEAST_WEIGHT)
+        rows = (samples.white_balance == name) & (weight > LEAST_COMPARED_WEIGHT)
         shots = [rows & (samples.shot == shot) for shot in np.unique(samples.shot[rows])]
         medians = np.array(
-            [weighted_median(ratio[shot], weight[shot]) for shot in shots if shot.sum() >= LEAST_OF_SHOT]
+            [weighted_median(ratio[shot], weight[shot]) for shot in shots if shot.sum() >= LEAST_COLOURS_OF_SHOT]
         )
         if len(medians):
             logs[place] = float(np.median(medians))

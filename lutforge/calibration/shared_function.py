@@ -30,12 +30,12 @@ POWERS = [(i, j, k) for i in range(4) for j in range(4) for k in range(4) if i +
 """The powers of red, green and blue in each function of the polynomial."""
 TONES = 3
 """The count of numbers of a change that are of the tone of a channel, or of all channels alike."""
-MATRIX = 6
+MATRIX_TERMS = 6
 """The count of those of a matrix (2, 3) on what differs from grey; they are the last."""
 ROBUST_WEIGHTS = RobustWeights(cauchy, multiple=3.0, least=CODE)
-ROUNDS = 6
+REWEIGHTING_ROUNDS = 6
 """Rounds of reweighting."""
-SINGULAR = 1e-9
+POLYNOMIAL_RIDGE = 1e-9
 """Share added to the equations of the polynomial: the shots' changes may explain as much as it does."""
 
 
@@ -163,7 +163,9 @@ class NormalEquations:
         """
         inverse = np.linalg.inv(self.normal + self.colours.prior)
         reduced = np.einsum("skq,sqr->skr", self.cross, inverse)
-        of_polynomial = (1.0 + SINGULAR) * np.eye(self.cross.shape[1]) - np.einsum("skr,slr->kl", reduced, self.cross)
+        of_polynomial = (1.0 + POLYNOMIAL_RIDGE) * np.eye(self.cross.shape[1]) - np.einsum(
+            "skr,slr->kl", reduced, self.cross
+        )
         polynomial = np.linalg.solve(of_polynomial, np.einsum("skr,sr->k", reduced, self.right))
         changes = np.einsum("sqr,sr->sq", inverse, self.right + np.einsum("skq,k->sq", self.cross, polynomial))
 
@@ -254,7 +256,7 @@ class SharedFunctionFit:
 def fit_shared_function(colours: ComparedColours) -> SharedFunctionFit:
     """Fit the function that the shots share, with weights that do not count a shot's change as an error."""
     weight = np.ones(len(colours.rendered))
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTING_ROUNDS):
         equations = NormalEquations.of(colours, weight)
         residual = equations.residual - equations.explained_by_each_shot()
         weight = ROBUST_WEIGHTS(np.linalg.norm(residual, axis=1))

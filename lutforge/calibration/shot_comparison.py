@@ -32,7 +32,7 @@ MOST_OF_SHOT = 400
 """The largest number of a shot's samples that are compared; of more, as many are drawn at random."""
 MOST_TOGETHER = 20_000
 """The largest number of samples of all shots together."""
-LEAST_OF_SHOT = 20
+LEAST_SAMPLES_OF_SHOT = 20
 """Shots with fewer samples are not compared."""
 COMMON_DISTANCE = 0.1
 """Colours of two groups are common if they are so near, in rendered values."""
@@ -191,7 +191,7 @@ def compare_shots(
     shots that remain after one was left out may differ by what that shot had bent.
     """
     names, counts = np.unique(shot, return_counts=True)
-    names = names[counts >= LEAST_OF_SHOT]
+    names = names[counts >= LEAST_SAMPLES_OF_SHOT]
     most_deviations = len(names) // 3
     deviations = list[Deviation]()
     while len(names) > 1:
@@ -237,7 +237,7 @@ def _are_apart(fit: SharedFunctionFit, group: Mask) -> bool:
     usual = _usual_difference(fit, group)
     if _difference(fit, group) <= max(LEAST_DIFFERENCE, TIMES_USUAL_DIFFERENCE * usual):
         return False
-    common, enough = fit.colours.common(group, COMMON_DISTANCE, LEAST_OF_SHOT)
+    common, enough = fit.colours.common(group, COMMON_DISTANCE, LEAST_SAMPLES_OF_SHOT)
     remaining = group[enough]
     if remaining.all() or not remaining.any():
         return False
@@ -285,7 +285,7 @@ def _drawn_colours(
     rendered: Array, encoded: Array, shot: NDArray[np.str_], names: NDArray[np.str_], *, tinted: bool
 ) -> ComparedColours:
     """The colours of the shots of these names (s,), of each shot as many as are compared."""
-    most = min(MOST_OF_SHOT, max(LEAST_OF_SHOT, MOST_TOGETHER // len(names)))
+    most = min(MOST_OF_SHOT, max(LEAST_SAMPLES_OF_SHOT, MOST_TOGETHER // len(names)))
     rng = np.random.default_rng(0)
     drawn = [np.sort(rng.permutation(np.flatnonzero(shot == name))[:most]) for name in names]
     rows = np.concatenate(drawn)

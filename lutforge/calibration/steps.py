@@ -14,10 +14,11 @@ from lutforge.arrays import Array
 from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.calibration.checks import NOT_ONE_CAMERA, diagnoses_of
 from lutforge.calibration.dark_greys import dark_end_notes
+from lutforge.calibration.matrix_and_response import LEAST_SAMPLES
 from lutforge.calibration.reference_camera import own_raw
 from lutforge.calibration.setting_gains import gains_of, multiplied_by_gains, refined_gains
 from lutforge.calibration.shot_comparison import ShotCheck, check_shots
-from lutforge.calibration.style import LEAST_SAMPLES, styles_with_enough
+from lutforge.calibration.style import styles_with_enough
 from lutforge.calibration.vignetting import at_the_centre, fit_vignettings
 from lutforge.calibration.white_balance import complete_multipliers, fill_in_known_multipliers
 from lutforge.errors import CalibrationError

@@ -15,7 +15,12 @@ from lutforge.calibration.gamut_map import fit_gamut_map
 from lutforge.calibration.inverse_gamut_map import fit_inverse
 from lutforge.calibration.lattice.fit import bake_linearize, bake_render
 from lutforge.calibration.lattice.monochrome import inverse_of_greys, is_monochrome
-from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response, with_matrix_of_all
+from lutforge.calibration.matrix_and_response import (
+    LEAST_SAMPLES,
+    MatrixAndResponse,
+    fit_matrix_and_response,
+    with_matrix_of_all,
+)
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.scenes import RenderedScenes, likely_scenes
 from lutforge.colour.srgb import srgb_encode
@@ -28,8 +33,6 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import joined_alike, leave_groups_out
 from lutforge.threads import each, one_blas_thread
 
-LEAST_SAMPLES = 10
-"""Unclipped samples of different colours that a style needs at least."""
 REFIT_CENTRES = 2_500
 """The most centres of a model that is fitted again to a part of the samples."""
 

@@ -57,9 +57,9 @@ FARTHEST_CENTRE, CENTRE_SPREAD = 0.15, 0.04
 """Bounds of the centre in each direction; standard deviation of its prior around the middle of the picture."""
 UNKNOWNS = VIGNETTING_DEGREE + 2
 """Coefficients and the two coordinates of the centre, of each lens setting."""
-DERIVATIVE_STEP = 1e-4
+CENTRE_STEP = 1e-4
 """Step of the numerical derivative by the centre."""
-MOST_STEPS = 20
+MOST_VIGNETTING_STEPS = 20
 """Gauss–Newton steps with the same weights, at most."""
 VIGNETTING_ROUNDS, SHADING_ROUNDS, STRENGTH_ROUNDS = 6, 4, 3
 """Rounds of reweighting of the vignettings, of the shading of a channel, and of the fit without a vignetting."""
@@ -180,11 +180,11 @@ class _VignettingTerms:
             offset = self.places[setting.member] - centre
             basis, right, down = (
                 vignetting_basis(np.sum((offset - step) ** 2, axis=1))
-                for step in ((0, 0), (DERIVATIVE_STEP, 0), (0, DERIVATIVE_STEP))
+                for step in ((0, 0), (CENTRE_STEP, 0), (0, CENTRE_STEP))
             )
             stops[setting.member] = basis @ coefficients
             by_centre = np.stack([(right - basis) @ coefficients, (down - basis) @ coefficients], axis=1)
-            slopes[setting.member, of_setting] = np.hstack([basis, by_centre / DERIVATIVE_STEP])
+            slopes[setting.member, of_setting] = np.hstack([basis, by_centre / CENTRE_STEP])
         return stops, slopes
 
 
@@ -210,7 +210,7 @@ def _fit_together(model: PartiallyLinearModel, settings: Sequence[_LensSetting])
             residual = np.concatenate([residuals[:, 0], prior * unknowns[0]])
             return residual[None], np.vstack([residuals[:, 1:], np.diag(prior)])[None]
 
-        minima = gauss_newton(linearize, start[None], lower=lower, upper=upper, most=MOST_STEPS)
+        minima = gauss_newton(linearize, start[None], lower=lower, upper=upper, most=MOST_VIGNETTING_STEPS)
         return np.asarray(minima.value[0])
 
     unknowns = np.tile([START] * VIGNETTING_DEGREE + [0.0] * 2, count)

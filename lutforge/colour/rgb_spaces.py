@@ -150,6 +150,10 @@ def rgb_space(name: str) -> RgbSpace:
     return space
 
 
+SRGB = rgb_space("srgb")
+"""The space of the camera's JPEGs and of finished pictures, encoded."""
+
+
 @cache
 def matrix_between(source: str, target: str) -> Array:
     """The matrix (3, 3) from linear RGB of the space `source` to that of `target`, by their names in SPACES."""

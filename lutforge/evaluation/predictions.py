@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.style import LEAST_SAMPLES, StyleData
+from lutforge.calibration.matrix_and_response import LEAST_SAMPLES
+from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import Fit, Fitter, compared_fits, fit_baselines, fits_of_profile
 from lutforge.model.profile import ByDirection, CameraModel, Direction, PictureStyle

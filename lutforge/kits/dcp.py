@@ -16,7 +16,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
-from lutforge.colour.rgb_spaces import matrix_between, rgb_space, to_xyz, to_xyz_d50
+from lutforge.colour.rgb_spaces import SRGB, matrix_between, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
 from lutforge.images.tiff import byte_order, number, read_directory
 from lutforge.images.tiff_writer import (
@@ -30,8 +30,6 @@ from lutforge.images.tiff_writer import (
 )
 from lutforge.kits.kit import BALANCED_RAW, Look
 from lutforge.model.camera_profile import CameraProfile
-
-_SRGB = rgb_space("srgb")
 
 _MAGIC = 0x4352
 """The number after the byte order of a camera profile, in place of TIFF's 42."""
@@ -96,7 +94,7 @@ class DngProfile:
 
         # The look table, interpolated; hues go round the circle.
         hue, saturation, value = np.moveaxis(hsv_of_prophoto(rgb), -1, 0)
-        level = _SRGB.encode(value) if self.encoded_values else value
+        level = SRGB.encode(value) if self.encoded_values else value
         values, hues, saturations = self.look_table.shape[:3]
         closed = np.concatenate([self.look_table, self.look_table[:, :1]], axis=1)
         at = [level * (values - 1), hue * hues / 360.0, saturation * (saturations - 1)]
@@ -106,12 +104,12 @@ class DngProfile:
         new_level = np.clip(level * value_factor, 0.0, 1.0)
         new_hue = np.mod(hue + shift, 360.0)
         new_saturation = np.clip(saturation * saturation_factor, 0.0, 1.0)
-        new_value = _SRGB.linearize(new_level) if self.encoded_values else new_level
+        new_value = SRGB.linearize(new_level) if self.encoded_values else new_level
         by_table = np.clip(prophoto_of_hsv(np.stack([new_hue, new_saturation, new_value], axis=-1)), 0.0, 1.0)
 
         toned = _between_ends(by_table, lambda x: np.interp(x, *self.tone_curve.T))
         linear = toned @ matrix_between("linear-prophoto", "linear-srgb").T
-        return _SRGB.encode(np.clip(linear, 0.0, 1.0))
+        return SRGB.encode(np.clip(linear, 0.0, 1.0))
 
 
 def fit_dng_profile(look: Look) -> DngProfile:
@@ -125,8 +123,8 @@ def fit_dng_profile(look: Look) -> DngProfile:
 
     # The tone curve: the rendering of greys, in linear values, strictly increasing from (0, 0) to (1, 1). Its points
     # are even in sRGB's encoding, so that they are dense in dark tones.
-    grey = _SRGB.linearize(np.linspace(0.0, 1.0, 257))
-    rendered = _SRGB.linearize(look.render(np.repeat(grey[:, None], 3, axis=1))).mean(axis=1)
+    grey = SRGB.linearize(np.linspace(0.0, 1.0, 257))
+    rendered = SRGB.linearize(look.render(np.repeat(grey[:, None], 3, axis=1))).mean(axis=1)
     tone = np.clip(np.maximum.accumulate(rendered), 0.0, 1.0)
     tone[0], tone[-1] = 0.0, 1.0
     rises = np.concatenate([[True], np.diff(tone) > 1e-7])
@@ -136,12 +134,12 @@ def fit_dng_profile(look: Look) -> DngProfile:
     # The nodes of the look table in the file's order, (values · hues · saturations, 3). Black has no hue: its entries
     # are computed just above it.
     hues, saturations, values = DIVISIONS
-    value = _SRGB.linearize(np.linspace(0.0, 1.0, values))
+    value = SRGB.linearize(np.linspace(0.0, 1.0, values))
     value[0] = 0.25 * value[1]
     grid = np.meshgrid(value, np.arange(hues) * (360.0 / hues), np.linspace(0.0, 1.0, saturations), indexing="ij")
     nodes = np.stack([grid[1], grid[2], grid[0]], axis=-1).reshape(-1, 3)
     codes = look.render(np.clip(prophoto_of_hsv(nodes) @ np.linalg.inv(to_prophoto).T, 0.0, 1.0))
-    rgb = np.clip(_SRGB.linearize(codes) @ matrix_between("linear-srgb", "linear-prophoto").T, 0.0, 1.0)
+    rgb = np.clip(SRGB.linearize(codes) @ matrix_between("linear-srgb", "linear-prophoto").T, 0.0, 1.0)
     rising = np.concatenate([[True], np.diff(curve[:, 1]) > 0])  # of the inputs that clip, the least
     before_curve = _between_ends(rgb, lambda y: np.interp(y, curve[rising, 1], curve[rising, 0]))
 
@@ -151,7 +149,7 @@ def fit_dng_profile(look: Look) -> DngProfile:
     shift = np.mod(target[:, 0] - nodes[:, 0] + 180.0, 360.0) - 180.0
     is_grey = (nodes[:, 1] == 0) | (target[:, 1] == 0)
     saturation = np.where(nodes[:, 1] > 0, target[:, 1] / np.where(nodes[:, 1] > 0, nodes[:, 1], 1.0), 1.0)
-    value_factor = _SRGB.encode(target[:, 2]) / _SRGB.encode(nodes[:, 2])
+    value_factor = SRGB.encode(target[:, 2]) / SRGB.encode(nodes[:, 2])
     entries = np.stack([np.where(is_grey, 0.0, shift), saturation, value_factor], axis=1)
 
     color_matrix = np.asarray(np.linalg.inv(under_d65), dtype=np.float64)

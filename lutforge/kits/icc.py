@@ -19,7 +19,7 @@ from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.colour.icc_profile import icc_file, icc_xyz
-from lutforge.colour.rgb_spaces import D50_XYZ, rgb_space, to_xyz, to_xyz_d50
+from lutforge.colour.rgb_spaces import D50_XYZ, SRGB, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
 from lutforge.images.icc import profile_name
 from lutforge.kits.kit import BALANCED_RAW, Look
@@ -55,7 +55,6 @@ _LAB_CODES = np.array([652.8, 256.0, 256.0])
 """16-bit codes per unit of L*, a* and b*."""
 _ROOTS = np.linspace(0.0, 1.0, CURVE_ENTRIES) ** (1 / GAMMA)
 """The roots of the inputs of a curve's entries, (CURVE_ENTRIES,)."""
-_SRGB = rgb_space("srgb")
 _XYZ_FROM_SRGB = to_xyz_d50("linear-srgb")
 
 
@@ -79,13 +78,13 @@ class IccProfile:
         root = np.stack([y + a / 500, y, y - b / 200], axis=-1)
         ratio = np.where(root > 6 / 29, root**3, (116 * root - 16) * 27 / 24389)
         linear = ratio @ np.linalg.inv(_XYZ_FROM_SRGB / np.array(D50_XYZ)[:, None]).T
-        return _SRGB.encode(np.clip(linear, 0.0, 1.0))
+        return SRGB.encode(np.clip(linear, 0.0, 1.0))
 
 
 def fit_icc_profile(look: Look, variant: Variant = Variant.JPEG) -> IccProfile:
     """Express the look of a profile of RAW files as an ICC profile."""
     is_scene_linear = variant is Variant.COLOURS
-    linear = scene_linear(look) if is_scene_linear else lambda x: _SRGB.linearize(np.clip(look.render(x), 0.0, 1.0))
+    linear = scene_linear(look) if is_scene_linear else lambda x: SRGB.linearize(np.clip(look.render(x), 0.0, 1.0))
 
     def codes(root: Array) -> Array:
         # CIE 1976 L*a*b* (CIE 15:2018, 8.2.1)
@@ -148,13 +147,13 @@ def scene_linear(look: Look) -> Callable[[Array], Array]:
     """
     grey = np.linspace(0.0, 1.0, 4 * CURVE_ENTRIES)[1:] ** GAMMA
     luminance = to_xyz("linear-srgb")[1]
-    rendered = _SRGB.linearize(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
+    rendered = SRGB.linearize(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
     tones = np.maximum.accumulate(rendered)
     scales = grey / (rendered @ luminance)
     rising = np.diff(tones, axis=0, prepend=0.0) > 0.0  # of the inputs that clip, the least
 
     def linear(balanced: Array) -> Array:
-        toned = _SRGB.linearize(np.clip(look.render(balanced), 0.0, 1.0))
+        toned = SRGB.linearize(np.clip(look.render(balanced), 0.0, 1.0))
         greys = [np.interp(toned[..., c], tones[rising[:, c], c], grey[rising[:, c]]) for c in range(3)]
         untoned = toned * np.interp(np.max(greys, axis=0), grey, scales)[..., None]
         # A clipped JPEG channel no longer rises with the scene; there the RAW channel takes its place.

@@ -16,7 +16,7 @@ from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.tiles import FLATNESS_LIMITS, agreement, cell_size, choose_evenly, flatness
 from lutforge.shots.read import Shot
 
-THUMBNAIL_SIDE = 500
+SMALL_PICTURE_SIDE = 500
 """Pixels of the longer side of a shot's small pictures, about."""
 
 FEW_TILES = 100
@@ -183,9 +183,9 @@ def _thumbnails(shot: Shot) -> Thumbnails:
 
 
 def _reduced(pixels: Single | Codes) -> Single:
-    """Area means of a picture (h, w, 3), the longer side of about THUMBNAIL_SIDE pixels, or of its own if fewer."""
+    """Area means of a picture (h, w, 3), the longer side of about SMALL_PICTURE_SIDE pixels, or of its own if fewer."""
     height, width = pixels.shape[:2]
-    step = max(1, round(max(height, width) / THUMBNAIL_SIDE))
+    step = max(1, round(max(height, width) / SMALL_PICTURE_SIDE))
     blocks = pixels[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
     return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
 

@@ -27,7 +27,7 @@ from lutforge.studio.exports import (
     write_report,
 )
 from lutforge.studio.model_page import held_out_error
-from lutforge.studio.models import MATRIX, FitTask
+from lutforge.studio.models import BASE_MODEL, FitTask
 from lutforge.studio.session import Session, Written
 from lutforge.studio.workspace import WorkspaceError
 from lutforge.studio.workspace_file import SUFFIX, save_workspace
@@ -263,7 +263,7 @@ def calibration_command(task: FitTask, table: Path, profile: Path) -> str:
     usual = type(options)()
     of_lattices = {field.name for field in fields(LatticeOptions)}
     of_model = [field.name for field in fields(options) if field.name not in of_lattices]
-    if task.kind == MATRIX or task.stages is not None:
+    if task.kind == BASE_MODEL or task.stages is not None:
         return ""
     if any(getattr(options, name) != getattr(usual, name) for name in of_model):
         return ""

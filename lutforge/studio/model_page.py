@@ -18,7 +18,7 @@ from lutforge.reports.drawing import CHANNELS, Drawing
 from lutforge.reports.tables import TITLES, Table, balance_table, matrix_table
 from lutforge.studio import ui
 from lutforge.studio.controls import bind
-from lutforge.studio.models import LATTICE, MATRIX, MODEL_TITLES
+from lutforge.studio.models import BASE_MODEL, LATTICE_MODEL, MODEL_TITLES
 from lutforge.studio.results import fit_in_turn
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace
@@ -43,7 +43,7 @@ class ModelPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.kind = ui.select("Model", {title: key for key, title in MODEL_TITLES.items()}, value=LATTICE)
+        self.kind = ui.select("Model", {title: key for key, title in MODEL_TITLES.items()}, value=LATTICE_MODEL)
         session.page.watch(self._count, self.kind)
         self.builds_on_stages = ui.checkbox("Build on the fitted response and matrix", True)
         self.used = ui.select("Model in use", ui.NOTHING)
@@ -144,11 +144,11 @@ class ModelPage:
             return
         rows = int(workspace.fitting_rows(kind).sum())
         count = len(workspace.samples)
-        left_out = "all outliers" if kind == MATRIX else "outliers, but for saturated colours, which it needs"
+        left_out = "all outliers" if kind == BASE_MODEL else "outliers, but for saturated colours, which it needs"
         words = f"Fitted to {rows:,} of {count:,} samples: without {left_out}."
-        if kind != MATRIX and workspace.task(kind).stages is not None:
+        if kind != BASE_MODEL and workspace.task(kind).stages is not None:
             words += " It builds on the response and matrix that you fitted."
-        elif kind != MATRIX:
+        elif kind != BASE_MODEL:
             words += " Response and matrix are fitted along with it."
         self.takes.object = ui.paragraphs(words)
 
@@ -270,8 +270,8 @@ class GamutView(View):
         workspace = self.session.workspace
         maps = dict[str, GamutMap | SolvedInverse]()
         level = self.luminance.value
-        if workspace is not None and LATTICE in workspace.models:
-            profile = workspace.models[LATTICE].profile
+        if workspace is not None and LATTICE_MODEL in workspace.models:
+            profile = workspace.models[LATTICE_MODEL].profile
         for name, style in () if profile is None else profile.styles.items():
             for model in style.models[:1]:
                 if len(model.gamut_map.centres) > 1:  # one centre: it changes nothing

@@ -14,13 +14,13 @@ from lutforge.thesis.options import Options
 
 ModelKind = Literal["matrix", "lattice"]
 """The kinds of models that are fitted, each kept as a camera profile."""
-MATRIX: Final = "matrix"
+BASE_MODEL: Final = "matrix"
 """Response, matrix and white balances: the stages before the gamut map."""
-LATTICE: Final = "lattice"
+LATTICE_MODEL: Final = "lattice"
 """The whole camera model with its gamut map, baked to lattices."""
 NO_MODEL: Final = ""
 """The model in use before the first fit."""
-MODEL_TITLES: dict[ModelKind, str] = {MATRIX: "Response, matrix and white balance", LATTICE: "Lattice"}
+MODEL_TITLES: dict[ModelKind, str] = {BASE_MODEL: "Response, matrix and white balance", LATTICE_MODEL: "Lattice"}
 """In the order of the calibration."""
 
 
@@ -28,7 +28,7 @@ MODEL_TITLES: dict[ModelKind, str] = {MATRIX: "Response, matrix and white balanc
 class FitTask:
     """The inputs of a fit: samples (n,), options, and the stages, fitted before, that it stands on.
 
-    stages: a model of the kind MATRIX, whose response, matrix and white balances are taken; None fits them anew.
+    stages: a BASE_MODEL, whose response, matrix and white balances are taken; None fits them anew.
     """
 
     kind: ModelKind
@@ -54,7 +54,7 @@ def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedMo
     if task.rows.sum() < 10:
         raise CalibrationError(f"{int(task.rows.sum())} samples are left to fit; at least 10 are needed: filter less")
     chosen = samples.select(task.rows)
-    if task.kind == MATRIX:
+    if task.kind == BASE_MODEL:
         profile = calibrate_base(chosen, task.options, progress)
     else:
         stages = None if task.stages is None else task.stages.profile

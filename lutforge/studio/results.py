@@ -11,7 +11,7 @@ from lutforge.pipeline.response import FittedResponse
 from lutforge.pipeline.response_request import ResponseRequest
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.history import Change
-from lutforge.studio.models import MATRIX, MODEL_TITLES, FitTask, FittedModel, ModelKind, fit_model
+from lutforge.studio.models import BASE_MODEL, MODEL_TITLES, FitTask, FittedModel, ModelKind, fit_model
 from lutforge.studio.opening import Opened, open_paths
 from lutforge.studio.session import Session
 from lutforge.studio.undoable_state import UndoableState
@@ -79,7 +79,7 @@ def take_response(session: Session, request: ResponseRequest, fitted: FittedResp
     workspace = session.workspace
     if workspace is not None:
         model = FittedModel(fitted.profile, predict(fitted.profile, workspace.samples))
-        workspace = workspace.with_model(MATRIX, model)
+        workspace = workspace.with_model(BASE_MODEL, model)
     opened = replace(before.opened, profile=fitted.profile, profile_source=None)
     session.state = replace(before, workspace=workspace, opened=opened, response=(request, fitted))
     session.record_change(before, "fitting the response", step="Shots")
@@ -109,8 +109,8 @@ class ModelFit:
         """
         workspace = self.session.require_workspace()
         task = workspace.task(self.kind)
-        if task.stages is not None and workspace.is_stale(MATRIX):
-            task = workspace.task(MATRIX)
+        if task.stages is not None and workspace.is_stale(BASE_MODEL):
+            task = workspace.task(BASE_MODEL)
         self.task = task
         self.samples = workspace.samples
         return fit_model, task, workspace.samples

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode
+from lutforge.pipeline.evaluation import Predicted
 from lutforge.reports.drawing import GREY
 from lutforge.studio import ui
 from lutforge.studio.workspace import Workspace
@@ -121,20 +122,21 @@ def transformed_against_srgb(workspace: Workspace, channel: int) -> Points:
 
 def rendering(workspace: Workspace, channel: int) -> Points:
     """JPEG values before the response against transformed RAW: what the gamut map does."""
-    if workspace.fitted is None:
-        return _no_points(NO_MODEL_YET)
-    predicted = workspace.fitted.predicted
-    x, y = predicted.transformed[:, channel], predicted.decoded[:, channel]
-    return _points_of_samples(workspace, x, y, ("transformed RAW", "linearized sRGB"), IDENTITY)
+    return _linear_values(workspace, channel, lambda predicted: (predicted.transformed, predicted.decoded))
 
 
 def linearizing(workspace: Workspace, channel: int) -> Points:
     """Linearized JPEG values against transformed RAW: how well the inverse finds the scene."""
+    return _linear_values(workspace, channel, lambda predicted: (predicted.scene, predicted.linearized))
+
+
+def _linear_values(workspace: Workspace, channel: int, values: Callable[[Predicted], tuple[Array, Array]]) -> Points:
+    """Linear values of JPEGs against those of transformed RAW. values: x and y (n, 3), of what a model predicts."""
     if workspace.fitted is None:
         return _no_points(NO_MODEL_YET)
-    predicted = workspace.fitted.predicted
-    x, y = predicted.scene[:, channel], predicted.linearized[:, channel]
-    return _points_of_samples(workspace, x, y, ("transformed RAW", "linearized sRGB"), IDENTITY)
+    x, y = values(workspace.fitted.predicted)
+    labels = ("transformed RAW", "linearized sRGB")
+    return _points_of_samples(workspace, x[:, channel], y[:, channel], labels, IDENTITY)
 
 
 def linearization(workspace: Workspace, channel: int) -> Points:

@@ -17,7 +17,7 @@ from lutforge.model.response import Response
 from lutforge.pipeline.evaluation import predict
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.filter_columns import FILTER_COLUMNS, column_values
-from lutforge.studio.models import LATTICE, MATRIX, NO_MODEL, FitTask, FittedModel, ModelKind
+from lutforge.studio.models import BASE_MODEL, LATTICE_MODEL, NO_MODEL, FitTask, FittedModel, ModelKind
 from lutforge.thesis.options import Options
 
 HandMark = Literal[1, -1, 0]
@@ -47,7 +47,7 @@ class Workspace:
     model: the kind that plots and residuals use, NO_MODEL before the first fit.
     left_out_shots: the names of the shots that take part in no fit.
     unticked_pairs: the exposure pairs from which no response is fitted, by the names of their shots.
-    builds_on_stages: whether a lattice takes response and matrix from the model of the kind MATRIX, where there is one.
+    builds_on_stages: whether a lattice takes response and matrix from the BASE_MODEL, where there is one.
     """
 
     samples: SampleSet
@@ -89,7 +89,7 @@ class Workspace:
     @property
     def response(self) -> Response | None:
         """f of the first style that has one; None before the first fit, and of a lattice."""
-        if self.fitted is None or self.model == LATTICE:
+        if self.fitted is None or self.model == LATTICE_MODEL:
             return None
         styles = self.fitted.profile.styles.values()
         return next((style.models[0].response for style in styles if style.models), None)
@@ -147,11 +147,11 @@ class Workspace:
         find for themselves what is clipped: for them a limit counts where it was moved, that of the saturation never,
         and that of the residual where it is of such a model.
         """
-        if kind == MATRIX:
+        if kind == BASE_MODEL:
             return ~self.outliers
         rows = self.excluded
         for name, limits in self.limits.items():
-            counts = name != "residual" or self.model == LATTICE
+            counts = name != "residual" or self.model == LATTICE_MODEL
             if counts and limits != FILTER_COLUMNS[name].usual and not FILTER_COLUMNS[name].of_stages:
                 rows = rows | self.filtered[name]
         return np.asarray(~rows | ((self.hand_marks == KEPT_BY_HAND) & ~self.excluded))
@@ -159,7 +159,7 @@ class Workspace:
     def task(self, kind: ModelKind) -> FitTask:
         """The inputs that a fit of this kind takes now."""
         options = self.options.without_exposure_pairs(tuple(sorted(self.unticked_pairs)))
-        stages = self.models.get(MATRIX) if self.builds_on_stages and kind != MATRIX else None
+        stages = self.models.get(BASE_MODEL) if self.builds_on_stages and kind != BASE_MODEL else None
         return FitTask(kind, self.fitting_rows(kind), options, stages)
 
     def is_stale(self, kind: ModelKind) -> bool:
@@ -169,13 +169,13 @@ class Workspace:
         if task is None:
             return False
         same = task.options == now.options and task.stages is now.stages and np.array_equal(task.rows, now.rows)
-        return not same or (task.stages is not None and self.is_stale(MATRIX))
+        return not same or (task.stages is not None and self.is_stale(BASE_MODEL))
 
     @property
     def fitted_rows(self) -> Mask:
         """(n,): the samples that the model in use was fitted to; before a fit, those that a lattice would take."""
         if self.fitted is None or self.fitted.task is None:
-            return self.fitting_rows(self.model or LATTICE)
+            return self.fitting_rows(self.model or LATTICE_MODEL)
         return self.fitted.task.rows
 
     def mark(self, rows: Mask, mark: HandMark) -> "Workspace":
@@ -227,5 +227,5 @@ class Workspace:
 def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:
     """Add a profile as the fitted model, under the name of the model that it holds."""
     has_lattice = any(style.render is not None for style in profile.styles.values())
-    kind: ModelKind = LATTICE if has_lattice else MATRIX
+    kind: ModelKind = LATTICE_MODEL if has_lattice else BASE_MODEL
     return workspace.with_model(kind, FittedModel(profile, predict(profile, workspace.samples)))

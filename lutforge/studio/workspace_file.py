@@ -17,7 +17,7 @@ from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.evaluation import predict
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
-from lutforge.studio.models import MATRIX, MODEL_TITLES, FitTask, FittedModel, ModelKind
+from lutforge.studio.models import BASE_MODEL, MODEL_TITLES, FitTask, FittedModel, ModelKind
 from lutforge.studio.workspace import MOST_GROUPS, Workspace, WorkspaceError
 from lutforge.thesis.options import stated_options
 
@@ -116,7 +116,7 @@ def _models_of(
     """The models of a file, each with the task that it was fitted to."""
     models: dict[ModelKind, FittedModel] = {}
     for (kind, profile), rows in zip(profiles.items(), fitted_rows, strict=True):
-        stages = models.get(MATRIX) if builds_on_stages and kind != MATRIX else None
+        stages = models.get(BASE_MODEL) if builds_on_stages and kind != BASE_MODEL else None
         task = FitTask(kind, rows, stated_options(profile.options), stages)
         models[kind] = FittedModel(profile, predict(profile, samples), task=task)
     return models

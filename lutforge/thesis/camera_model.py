@@ -35,7 +35,7 @@ KNOWN = "\t"
 """The setting of colours whose multipliers are known: no setting's name."""
 MOST_TURNS = 15
 """The largest number of turns in which responses and unknown multipliers are fitted by each other."""
-SETTLED = 5e-4
+SETTLED_MULTIPLIERS = 5e-4
 """Multipliers are settled when they change by less than this share."""
 
 
@@ -85,7 +85,7 @@ def fit_stages(
         for key in np.unique(setting[~known]):
             rows = setting == key
             multipliers[rows] = fitted[str(key)] * multipliers[rows, 1:2]
-        settled = bool(np.max(np.abs(multipliers / last_multipliers - 1.0)) < SETTLED)
+        settled = bool(np.max(np.abs(multipliers / last_multipliers - 1.0)) < SETTLED_MULTIPLIERS)
     return CameraStages(matrix, multipliers, responses)
 
 

@@ -19,7 +19,7 @@ LARGEST_RESIDUAL = 0.1 / 255
 """Residual, in linear values, below which a pair needs no centre."""
 NUGGETS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 """Candidates of 8Nπρ of (4.8), the weight of smoothness against fidelity."""
-FOLDS = 5
+SHOT_FOLDS = 5
 """Parts in which shots are left out to choose 8Nπρ."""
 AS_GOOD = 1.005
 """Maps whose errors are within this ratio count as equally good; the smoothest of them is taken."""
@@ -139,11 +139,15 @@ def _choose_nugget(source: Array, target: Array, names: NDArray[np.str_]) -> flo
     target = target[rows]
     shots, shot = np.unique(names[rows], return_inverse=True)
     # Of fewer shots one may be the only one of its exposure: then single pairs are left out, not whole shots.
-    fold = rng.permutation(len(shots))[shot] % FOLDS if len(shots) >= FOLDS else np.arange(len(rows)) % FOLDS
+    fold = (
+        rng.permutation(len(shots))[shot] % SHOT_FOLDS
+        if len(shots) >= SHOT_FOLDS
+        else np.arange(len(rows)) % SHOT_FOLDS
+    )
     scores = []
     for nugget in NUGGETS:
         score = 0.0
-        for left_out in range(FOLDS):
+        for left_out in range(SHOT_FOLDS):
             train = fold != left_out
             test = fold == left_out
             if train.sum() < 8:

@@ -53,7 +53,9 @@ class ThesisOptions(LatticeOptions):
 
 Options = CalibrationOptions | ThesisOptions
 """The options of either calibration."""
-PRESETS: dict[str, type[Options]] = {options.preset: options for options in (CalibrationOptions, ThesisOptions)}
+OPTIONS_OF_PRESET: dict[str, type[Options]] = {
+    options.preset: options for options in (CalibrationOptions, ThesisOptions)
+}
 """Both kinds of options, by the word that the command line has for them."""
 
 
@@ -75,6 +77,6 @@ def stated_options(values: Mapping[str, object]) -> Options:
 
 def options_of_preset(preset: str, **lattice: Any) -> Options:
     """The default options of a preset by its name, "lutforge" or "thesis". Raises CalibrationError on another name."""
-    if preset not in PRESETS:
-        raise CalibrationError(f'unknown preset "{preset}"; choose one of {", ".join(PRESETS)}')
-    return PRESETS[preset](**lattice)
+    if preset not in OPTIONS_OF_PRESET:
+        raise CalibrationError(f'unknown preset "{preset}"; choose one of {", ".join(OPTIONS_OF_PRESET)}')
+    return OPTIONS_OF_PRESET[preset](**lattice)
