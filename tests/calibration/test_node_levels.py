@@ -80,9 +80,10 @@ def test_rounds_find_the_best_levels_of_a_known_curve(seed: int) -> None:
 def test_a_share_of_the_levels_lies_where_it_is_wanted_whatever_the_errors() -> None:
     """Errors of bright samples draw the levels away from the darks, but for those that stay there."""
     x = np.random.default_rng(0).uniform(0.5, 1.0, (2000, 3))
-    expected = EVEN_DENSITY + 0.2 * np.where(np.arange(BINS) < BINS // 10, 10.0 / BINS, 0.0)
+    more_in_the_darks = EVEN_DENSITY + 0.2 * np.where(np.arange(BINS) < BINS // 10, 10.0 / BINS, 0.0)
     drawn, kept = (
-        equidistributed_levels(x, np.ones(len(x)), uniform_levels(33), floor=one) for one in (EVEN_DENSITY, expected)
+        equidistributed_levels(x, np.ones(len(x)), uniform_levels(33), floor=floor)
+        for floor in (EVEN_DENSITY, more_in_the_darks)
     )
     for few, more in zip(drawn, kept, strict=True):
         assert np.count_nonzero(few < 0.1) <= 3

@@ -68,8 +68,8 @@ def blender(version: str) -> list[str]:
 
 def install() -> None:
     """Install what is missing; a version without a wheel for this Python is named and left out."""
-    expected = {"opencolorio": OPENCOLORIO, "openimageio": OPENIMAGEIO, "bpy": BLENDER, "colour-clf-io": (CLF_READER,)}
-    for package, versions in expected.items():
+    needed = {"opencolorio": OPENCOLORIO, "openimageio": OPENIMAGEIO, "bpy": BLENDER, "colour-clf-io": (CLF_READER,)}
+    for package, versions in needed.items():
         for version in versions:
             place = folder(package, version)
             if (place / "installed").exists():

@@ -106,8 +106,8 @@ def test_pairs_on_an_unseen_scene(recipe_of: Recipes, profile: CameraProfile, sh
         for target in settings:
             if source != target:
                 recipe = recipe_of("/".join(source), "/".join(target))
-                given, expected = (profile.selector("/".join(setting)) for setting in (source, target))
-                chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, expected))
+                taken_as, wanted = (profile.selector("/".join(setting)) for setting in (source, target))
+                chain = recipe.baked_grades.refinish(SettingChange(profile, taken_as, profile, wanted))
                 # One of highlights between those of the model.
                 assert sum(isinstance(op, Cube) for op in chain.ops) == 3
                 after = evaluate(chain.processor(), pictures[source])
@@ -189,8 +189,9 @@ def test_clipped_whites_and_blacks_stay_neutral(recipe_of: Recipes, profile: Cam
     greys = render(np.linspace(0.0, 1.0, 4097)[:, None].repeat(3, axis=1))
     for ev in (-1.0, 0.0, 1.0):
         recipe = recipe_of("standard/tungsten", "vivid/shade", ev)
-        given, expected = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
-        chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, expected, ev))
+        taken_as = profile.selector("standard/tungsten")
+        wanted = profile.selector("vivid/shade")
+        chain = recipe.baked_grades.refinish(SettingChange(profile, taken_as, profile, wanted, ev))
         white, black = evaluate(chain.processor(), np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]))
         # One of the greys that the camera makes, within half a code
         assert np.linalg.norm(greys - white, axis=1).min() < 0.5 / 255
@@ -319,11 +320,11 @@ def test_notes_that_files_share_are_one_line() -> None:
 def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do() -> None:
     camera = small_profile()
     settings = ShotMetadata(camera.camera, "standard", "auto", None)
-    expected = (
+    message = (
         r'a\.jpg: its white balance is "auto", and .* multipliers .*; put its RAW file beside it, name it with --from '
         r"standard/WB, where WB is .*, a temperature from \d+K to \d+K; `lutforge studio`"
     )
-    with pytest.raises(SettingsError, match=expected):
+    with pytest.raises(SettingsError, match=message):
         source_selector(Path("a.jpg"), settings, camera)
 
 

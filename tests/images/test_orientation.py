@@ -121,10 +121,10 @@ def test_pictures_are_graded_upright(tmp_path: Path, suffix: str, orientation: i
         by_lut = apply_batch(LutRecipe(tmp_path / "same.cube"), [source], tmp_path / "lut", target)
         by_profile = apply_batch(profile, [source], tmp_path / "profile", target)
         assert not by_lut.failed and not by_profile.failed
-        for done, as_wanted in ((by_lut.done[0], pixels), (by_profile.done[0], expected)):
+        for done, turned in ((by_lut.done[0], pixels), (by_profile.done[0], expected)):
             after = shown(done.target)
             assert after.shape == expected.shape
-            assert np.median(np.abs(after - as_wanted)) < 0.02
+            assert np.median(np.abs(after - turned)) < 0.02
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "tif", "png", "heic"])

@@ -177,13 +177,13 @@ def test_text_is_read_however_it_is_encoded_and_what_stumbles_over_it_is_said(
     tmp_path: Path, name: str, way: str
 ) -> None:
     encode, says = WRITTEN[way]
-    expected = read_lut(write(tmp_path, name, SOUND[name]))
+    sound = read_lut(write(tmp_path, name, SOUND[name]))
     path = tmp_path / name
     path.write_bytes(encode(SOUND[name]))
     x = np.random.default_rng(0).random((100, 3)).astype(np.float32)
-    np.testing.assert_array_equal(read_lut(path)(x.astype(np.float64)), expected(x.astype(np.float64)))
+    np.testing.assert_array_equal(read_lut(path)(x.astype(np.float64)), sound(x.astype(np.float64)))
     graded = evaluate(LutRecipe(path).grade(Path()).processor, x)
-    np.testing.assert_allclose(graded, expected(x.astype(np.float64)), atol=1e-5)
+    np.testing.assert_allclose(graded, sound(x.astype(np.float64)), atol=1e-5)
     checked, applied = messages(path)
     assert bool(checked) == bool(applied) == bool(says)
     assert says in checked and says in applied
@@ -191,15 +191,15 @@ def test_text_is_read_however_it_is_encoded_and_what_stumbles_over_it_is_said(
 
 @pytest.mark.parametrize("name", ["shaper.cube", "a.csp", "curve.spi1d", "houdini.lut"])
 def test_comments_between_numbers_tabs_and_indents_are_read(tmp_path: Path, name: str) -> None:
-    expected = read_lut(write(tmp_path, name, SOUND[name])).ops
+    sound_ops = read_lut(write(tmp_path, name, SOUND[name])).ops
     at = SOUND[name].rindex("1.0")
     line = SOUND[name].rindex("\n", 0, at) + 1
     commented = SOUND[name][:line] + "# a note, 0,5\n" + SOUND[name][line:]
     path = write(tmp_path, name, commented)
     assert "comments between its numbers" in messages(path)[0]
-    assert repr(read_lut(path).ops) == repr(expected)
+    assert repr(read_lut(path).ops) == repr(sound_ops)
     path.write_text(SOUND[name].replace(".0 ", ".0\t"))
-    assert repr(read_lut(path).ops) == repr(expected)
+    assert repr(read_lut(path).ops) == repr(sound_ops)
 
 
 def test_a_cube_in_two_dialects_at_once_is_read(tmp_path: Path) -> None:

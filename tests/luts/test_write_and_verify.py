@@ -163,8 +163,8 @@ def test_the_interpolation_asked_for_is_used(tmp_path: Path) -> None:
     path = lut.write(tmp_path / "a.shaper.cube")
     assert lut.cube is not None
     for method in INTERPOLATIONS:
-        expected = replace(lut, ops=(*lut.ops[:-1], replace(lut.cube, interpolation=method)))
-        assert verify(path, expected, expected, display_referred=False).max < WITHIN
+        by_method = replace(lut, ops=(*lut.ops[:-1], replace(lut.cube, interpolation=method)))
+        assert verify(path, by_method, by_method, display_referred=False).max < WITHIN
     assert verify(path, lut, lut, interpolation="trilinear", display_referred=False).max > 0.01
 
 
@@ -266,10 +266,10 @@ def test_no_dialect_takes_the_place_of_another() -> None:
 @pytest.mark.slow
 def test_a_program_without_a_name_and_a_file_named_twice(tmp_path: Path, profile: Path, lutforge: CommandLine) -> None:
     bake = partial(lutforge, "bake", profile, cwd=tmp_path)
-    expected = ("refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--size", "5")
-    run = bake(*expected, "--for", "resolve")
+    words = ("refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--size", "5")
+    run = bake(*words, "--for", "resolve")
     assert len(list(tmp_path.glob("*.cube"))) == 2
-    run = bake(*expected, "-o", "a.clf", "-o", "./a.clf")
+    run = bake(*words, "-o", "a.clf", "-o", "./a.clf")
     assert "named twice, written once" in run.stderr
     assert run.stdout.count("a.clf:") == 1
 

@@ -283,10 +283,10 @@ def test_gaps_are_where_errors_are_expected() -> None:
     """All colours are sampled, but those of much blue are said to be 20 codes off."""
     everything = np.random.default_rng(1).random((60_000, 3))
 
-    def expected(encoded: Array) -> Array:
+    def expected_error(encoded: Array) -> Array:
         return np.where(encoded[:, 2] > encoded[:, :2].max(axis=1) + 0.1, 20 / 255, 1 / 255)
 
-    gaps = colour_gaps(everything, expected)
+    gaps = colour_gaps(everything, expected_error)
     assert gaps
     assert all("blue" in gap.colour or "purple" in gap.colour for gap in gaps)
     assert "of full scale to expect" in str(gaps[0])

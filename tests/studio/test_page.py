@@ -249,7 +249,7 @@ def visit(browser: Browser, url: str) -> Iterator[Visit]:
     context.close()
 
 
-def expected(samples: SampleSet, saturation: float = 1.0) -> str:
+def inlier_count(samples: SampleSet, saturation: float = 1.0) -> str:
     kept = ~Workspace(samples, limits={"saturation": (0.0, saturation)}).outliers
     return f"{int(kept.sum()):,} of {len(samples):,} samples are inliers"
 
@@ -316,15 +316,15 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.press("Sample")
     visit.reads(f"samples.csv: {len(samples):,} samples of 18 shots")
     visit.step("Samples")
-    visit.reads(expected(samples))
+    visit.reads(inlier_count(samples))
 
     # Filter, undo, redo; lasso all points of the second plot; mark by hand what rows name.
     visit.slide("Saturation", 0.4)
-    visit.reads(expected(samples, 0.4))
+    visit.reads(inlier_count(samples, 0.4))
     visit.press_named("Undo")
-    visit.reads(expected(samples))
+    visit.reads(inlier_count(samples))
     visit.press_named("Redo")
-    visit.reads(expected(samples, 0.4))
+    visit.reads(inlier_count(samples, 0.4))
     visit.rests()
     visit.lasso(1, [(0.135, 0.1), (0.93, 0.1), (0.93, 0.81), (0.135, 0.81)])
     visit.reads(f"{len(samples):,} selected")

@@ -62,13 +62,14 @@ def measured(profile: CameraProfile, folder: Path, count: int, inverse_size: int
     colours, ends = np.concatenate(ramps()), np.cumsum([len(ramp) for ramp in ramps()])
     for number, (source, target) in enumerate(pairs[:count]):
         ev = STOPS[number % len(STOPS)]
-        given, expected = profile.selector("/".join(source)), profile.selector("/".join(target))
-        transform = profile.refinish(given, expected, ev)
-        graded = grades.refinish(SettingChange(profile, given, profile, expected, ev))
+        taken_as = profile.selector("/".join(source))
+        wanted = profile.selector("/".join(target))
+        transform = profile.refinish(taken_as, wanted, ev)
+        graded = grades.refinish(SettingChange(profile, taken_as, profile, wanted, ev))
         made = {"apply": _codes(graded.processor(), colours)}
         made["clf"] = _codes(bake_steps(transform).processor(), colours)
         made["cube"] = _codes(_shaped(transform, size).processor(), colours)
-        bare = profile.refinish(given, expected, ev, neutral_highlights=False)
+        bare = profile.refinish(taken_as, wanted, ev, neutral_highlights=False)
         off = _codes(_shaped(bare, size).processor(), colours) - np.clip(bare(colours), 0.0, 1.0) * 255
         if ev == 0 and camera.reference_balance in (source[1], target[1]):  # looks are from and to it
             between = camera.jpeg(source[0], target[1])

@@ -1,4 +1,4 @@
-"""The stage that whitens: no single code of the source decides, and colours far from white stay."""
+"""Neutral highlights: no single code of the source decides, and colours far from white stay."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,7 +10,7 @@ import pytest
 
 import lutforge as lf
 from lutforge.arrays import Array
-from lutforge.model.camera_profile import ModelName
+from lutforge.model.camera_profile import MODELS, ModelName
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.neutral_highlights import white_as_grey
 from lutforge.model.published_model import read_published_model
@@ -46,7 +46,7 @@ def largest_step(values: Array) -> float:
 
 
 @pytest.mark.parametrize("ev", [-1.0, 0.0, 0.7])
-@pytest.mark.parametrize("model", ["lattice", "camera model"])
+@pytest.mark.parametrize("model", MODELS)
 def test_one_code_of_the_source_moves_no_channel_by_more_than_eight(ev: float, model: ModelName) -> None:
     profile = fine_profile()
     for source, target in permutations(("standard/daylight", "standard/tungsten", "standard/auto"), 2):
@@ -61,7 +61,7 @@ def test_one_code_of_the_source_moves_no_channel_by_more_than_eight(ev: float, m
         assert np.ptp(codes(refinish, np.ones((1, 3)))) <= 2.0, (source, target)
 
 
-@pytest.mark.parametrize("model", ["lattice", "rbf"])
+@pytest.mark.parametrize("model", MODELS)
 def test_what_the_picture_does_not_show_near_white_is_what_the_model_says(model: ModelName) -> None:
     """Strong colours are bright in all channels of RAW, and have little of one channel of the picture."""
     profile, colours = fine_profile(), np.random.default_rng(0).uniform(0.0, 1.0, (3000, 3))
