@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -86,24 +86,19 @@ def apply_batch(
     recipe.check()
     remove_temporaries(job.target for job in jobs)
 
-    records = read_journal(folder) if resume else {}
-    already: set[Job] = set()
-    for job in jobs:
-        record = records.get(str(job.target.absolute()))
-        if record is not None and record.is_valid(recipe.key, job.source):
-            already.add(job)
+    already = _done_before(jobs, folder, recipe) if resume else set()
     waiting = [job for job in jobs if job not in already]
-
-    outcomes: dict[Job, Outcome] = {}
-    notes: list[str] = []
-    pixels = 0
-    began = time.monotonic()
     if scheduler is None:
         running = _run_here(recipe, waiting, workers or os.cpu_count() or 1)
     else:
         from lutforge.grading.cluster import run_on_cluster  # loads Dask
 
         running = run_on_cluster(scheduler, recipe, waiting)
+
+    outcomes: dict[Job, Outcome] = {}
+    notes: list[str] = []
+    pixels = 0
+    began = time.monotonic()
     for finished in running:
         if finished is not None:
             job, outcome = finished
@@ -156,6 +151,17 @@ def plan_jobs(images: Sequence[Path], folder: Path, suffix: str | None = None) -
         if earlier is not job.source:
             raise ImageError(f"{job.source} and {earlier} would both become {job.target}; grade them into two folders")
     return jobs
+
+
+def _done_before(jobs: Iterable[Job], folder: Path, recipe: Recipe) -> set[Job]:
+    """The jobs that an earlier run did by this recipe, whose sources and outputs have not changed since."""
+    records = read_journal(folder)
+    done = set()
+    for job in jobs:
+        record = records.get(str(job.target.absolute()))
+        if record is not None and record.is_valid(recipe.key, job.source):
+            done.add(job)
+    return done
 
 
 def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Outcome] | None]:

@@ -122,6 +122,18 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
     hold the style, or two of its white balances are "other".
     """
     models = profile.styles[style].models
+    gamut_maps = _writable_gamut_maps(profile, style)
+    folders = [Path(folder) / (style if len(models) == 1 else f"{style}_{n}") for n in range(1, len(models) + 1)]
+    for model, (forward, back), place in zip(models, gamut_maps, folders, strict=True):
+        for name, text in _texts(profile, model, forward, back).items():
+            with atomic_path(place / f"{name}.txt") as temporary:
+                temporary.write_text(text, encoding="ascii")
+    return folders
+
+
+def _writable_gamut_maps(profile: CameraProfile, style: str) -> list[tuple[GamutMap, GamutMap]]:
+    """The gamut maps of the models of a style, h and h⁻¹. Raises ProfileError where the files cannot hold them."""
+    models = profile.styles[style].models
     if isinstance(profile.provenance, ReferenceRaw):
         raise ProfileError(
             f"{profile.camera} has no RAW: the authors' files start from a camera's own, and hold no matrix from that "
@@ -131,50 +143,58 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
         raise ProfileError(
             f"{profile.camera}, {style}: no camera model of its own RAW to write; calibrate with --preset thesis"
         )
-    measured = [(model, model.gamut_map, model.inverse_gamut_map) for model in models]
-    sides_of = [
-        (model, forward, back)
-        for model, forward, back in measured
+    measured = [(model.gamut_map, model.inverse_gamut_map) for model in models]
+    writable = [
+        (forward, back)
+        for forward, back in measured
         if isinstance(back, GamutMap) and not forward.offset and not back.offset
     ]
-    if len(sides_of) < len(models):
+    if len(writable) < len(models):
         raise ProfileError(
             f"{profile.camera}, {style}: its gamut map works on a perceptual scale, which the authors' files cannot "
             "hold; calibrate with --preset thesis"
         )
+    return writable
 
-    folders = [Path(folder) / (style if len(models) == 1 else f"{style}_{n}") for n in range(1, len(models) + 1)]
-    for (model, forward, back), place in zip(sides_of, folders, strict=True):
-        known = {name: profile.white_balances[name] for name in model.white_balances}
-        numbered = {name: re.fullmatch(r"light source (\d{1,5})", name) for name in known}
-        lights = {name: LIGHTS.get(name, int(number[1]) if number else 255) for name, number in numbered.items()}
-        shared_lights = [name for name, light in lights.items() if list(lights.values()).count(light) > 1]
-        if shared_lights:
-            names = ", ".join(shared_lights)
-            raise ProfileError(f"white balances {names}: EXIF has one code for them all; export fewer")
 
-        transform: list[Sequence[float] | Array] = [[len(known)], *model.matrix]
-        for name, balance in known.items():
-            transform += [[lights[name]], *(model.matrix * balance.factors), balance.factors]
-        codes = np.linspace(0.0, 1.0, 256)[:, None].repeat(3, axis=1)
-        response = _text([[256, 0, 0, 0], *model.response.linearize(codes)])
+def _texts(profile: CameraProfile, model: CameraModel, forward: GamutMap, back: GamutMap) -> dict[str, str]:
+    """The files of a model, of both directions, by their names without the suffix.
 
-        sides = {"raw2jpg": forward, "jpg2raw": back}
-        for direction, side in sides.items():
-            opposite = next(part for name, part in sides.items() if name != direction)
-            images = opposite.centres if opposite.centres.shape == side.centres.shape else side(side.centres)
-            rows = [*side.coefficients, *side.polynomial]
-            for name, text in {
-                "transform": _text(transform),
-                "ctrlPoints": _text([[len(side.centres)], *side.centres]),
-                "destPoints": _text([[len(images)], *images]),
-                "coefs": _text([[len(rows)], *rows]),
-                "respFcns": response,
-                "validRange": "1 254\n",
-            }.items():
-                with atomic_path(place / f"{direction}_{name}.txt") as temporary:
-                    temporary.write_text(text, encoding="ascii")
-    return folders
+    Raises ProfileError where two of its white balances have one code.
+    """
+    # The matrix, then for each white balance its code, the matrix with its gains, and the gains.
+    known = {name: profile.white_balances[name] for name in model.white_balances}
+    lights = _light_codes(known)
+    transform: list[Sequence[float] | Array] = [[len(known)], *model.matrix]
+    for name, balance in known.items():
+        transform += [[lights[name]], *(model.matrix * balance.factors), balance.factors]
+    codes = np.linspace(0.0, 1.0, 256)[:, None].repeat(3, axis=1)
+    response = _text([[256, 0, 0, 0], *model.response.linearize(codes)])
+
+    texts: dict[str, str] = {}
+    for direction, side, opposite in (("raw2jpg", forward, back), ("jpg2raw", back, forward)):
+        images = opposite.centres if opposite.centres.shape == side.centres.shape else side(side.centres)
+        rows = [*side.coefficients, *side.polynomial]
+        texts |= {
+            f"{direction}_transform": _text(transform),
+            f"{direction}_ctrlPoints": _text([[len(side.centres)], *side.centres]),
+            f"{direction}_destPoints": _text([[len(images)], *images]),
+            f"{direction}_coefs": _text([[len(rows)], *rows]),
+            f"{direction}_respFcns": response,
+            f"{direction}_validRange": "1 254\n",
+        }
+    return texts
+
+
+def _light_codes(white_balances: Iterable[str]) -> dict[str, int]:
+    """The EXIF codes of white balances by their names. Raises ProfileError where two have one code."""
+    numbered = {name: re.fullmatch(r"light source (\d{1,5})", name) for name in white_balances}
+    lights = {name: LIGHTS.get(name, int(number[1]) if number else 255) for name, number in numbered.items()}
+    shared_lights = [name for name, light in lights.items() if list(lights.values()).count(light) > 1]
+    if shared_lights:
+        names = ", ".join(shared_lights)
+        raise ProfileError(f"white balances {names}: EXIF has one code for them all; export fewer")
+    return lights
 
 
 def _text(rows: Iterable[Sequence[float] | Array]) -> str:

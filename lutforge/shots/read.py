@@ -141,14 +141,9 @@ def read_shot(
         ones = np.ones(3)
         raw = replace(raw, pixels=development.pixels, pixel_size=1.0, multipliers=ones, clip_level=ones)
 
-    # JPEGs of the camera are tried before those that a program wrote, and a file before the preview in the RAW.
     reasons: list[str] = []
     jpeg_file = picture_beside(path)
-    candidates = [(str(jpeg_file), edited_notes(tags(jpeg_file)))] if jpeg_file else []
-    candidates = sorted([*candidates, (EMBEDDED, edited_notes(tags(path)))], key=lambda candidate: len(candidate[1]))
-    candidates = [candidate for candidate in candidates if source in (None, candidate[0])]
-
-    advice = "" if jpeg_file else "; put the JPEG that the camera made beside it, under the same name"
+    candidates = [candidate for candidate in _candidates(path, jpeg_file) if source in (None, candidate[0])]
     for index, (name, edited) in enumerate(candidates):
         try:
             jpeg = _registered(raw, name, expected())
@@ -169,7 +164,17 @@ def read_shot(
     if development is not None:
         height, width = raw.pixels.shape[:2]
         reasons.append(f"the picture in the RAW's place, {width} × {height}, must be the whole frame, uncropped")
+    advice = "" if jpeg_file else "; put the JPEG that the camera made beside it, under the same name"
     raise ShotError(f"{path}: no camera JPEG to pair it with: {'; '.join(reasons)}{advice}")
+
+
+def _candidates(path: Path, jpeg_file: Path | None) -> list[tuple[str, tuple[str, ...]]]:
+    """The JPEGs of a RAW file in the order in which they are tried, each with notes on the program that wrote it.
+
+    Those of the camera come before those that a program wrote, and a file before the preview in the RAW.
+    """
+    candidates = [(str(jpeg_file), edited_notes(tags(jpeg_file)))] if jpeg_file else []
+    return sorted([*candidates, (EMBEDDED, edited_notes(tags(path)))], key=lambda candidate: len(candidate[1]))
 
 
 def read_pair(picture: Path, development: Development) -> Shot:

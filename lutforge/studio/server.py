@@ -117,52 +117,68 @@ def serve(
     inputs: opened in each new session; port: 0 for any that is free; ready: is told the address of the page.
     """
     pn.extension(raw_css=[CSS], notifications=False, theme="dark")
-
     kept = KeptSessions()
-
-    def page() -> Any:
-        document = pn.state.curdoc
-        if document is None:
-            return Page(folders, inputs).layout
-        # A page that is slow to load comes back to a session of its own, for which Panel would name another server.
-        document.template_variables["dist_url"] = LOCAL_DIST
-        visitor = pn.state.cookies.get(COOKIE, "")
-        continued = kept.left_by(visitor) if "continue" in pn.state.session_args else None
-        shown = Page(folders, inputs, continued)
-
-        def loaded() -> None:
-            """Offer what was left: a tab that is loaded again leaves its session only once this page has come."""
-            shown.ready()
-            kept.show(shown.session)
-            shown.offer_to_continue(kept.left_by(visitor))
-
-        pn.state.onload(shown.session.page.guarded(loaded))
-
-        def is_shown() -> bool:
-            context = document.session_context
-            session = None if context is None else context.session
-            return session is not None and bool(session.connection_count)
-
-        kept.add(visitor, shown.session, is_shown)
-        document.on_session_destroyed(lambda context: kept.leave(shown.session, is_shown))
-        return shown.layout
-
     try:
-        if not port:
-            with socket.socket() as probe:
-                probe.bind((address, 0))
-                port = int(probe.getsockname()[1])
+        port = port or _free_port(address)
         server = pn.serve(
-            {"/": page}, address=address, port=port, websocket_origin=origins(address, port), show=False, start=False,
-            verbose=False, title="LutForge studio", websocket_max_message_size=64 << 20,
-            extra_patterns=[(ROUTE, ThumbnailHandler, {"folders": folders})],
+            {"/": lambda: _page_of_visitor(folders, inputs, kept)}, address=address, port=port,
+            websocket_origin=origins(address, port), show=False, start=False, verbose=False, title="LutForge studio",
+            websocket_max_message_size=64 << 20, extra_patterns=[(ROUTE, ThumbnailHandler, {"folders": folders})],
         )  # fmt: skip
     except OSError as error:
         raise LutForgeError(
             f"{address}:{port}: cannot serve here ({error.strerror or error}); choose another --port"
         ) from error
-    hosts = origins(address, port)
-    application = server._tornado
+    _guard(server._tornado, origins(address, port))
+
+    warm_up()
+    gc.collect()
+    gc.freeze()  # what is loaded stays, and need not be searched each time a page ends
+    url = f"http://{address}:{server.port}/"
+    server.io_loop.add_callback(lambda: ready(url))
+    if show:
+        server.io_loop.add_callback(lambda: server.show("/"))
+    server.run_until_shutdown()
+
+
+def _free_port(address: str) -> int:
+    """A port that nobody listens on. Raises OSError."""
+    with socket.socket() as probe:
+        probe.bind((address, 0))
+        return int(probe.getsockname()[1])
+
+
+def _page_of_visitor(folders: Folders, inputs: tuple[Path, ...], kept: KeptSessions) -> Any:
+    """The layout of a new page, whose session is kept for the visitor when the page is closed."""
+    document = pn.state.curdoc
+    if document is None:
+        return Page(folders, inputs).layout
+    # A page that is slow to load comes back to a session of its own, for which Panel would name another server.
+    document.template_variables["dist_url"] = LOCAL_DIST
+    visitor = pn.state.cookies.get(COOKIE, "")
+    continued = kept.left_by(visitor) if "continue" in pn.state.session_args else None
+    shown = Page(folders, inputs, continued)
+
+    def loaded() -> None:
+        """Offer what was left: a tab that is loaded again leaves its session only once this page has come."""
+        shown.ready()
+        kept.show(shown.session)
+        shown.offer_to_continue(kept.left_by(visitor))
+
+    pn.state.onload(shown.session.page.guarded(loaded))
+
+    def is_shown() -> bool:
+        context = document.session_context
+        session = None if context is None else context.session
+        return session is not None and bool(session.connection_count)
+
+    kept.add(visitor, shown.session, is_shown)
+    document.on_session_destroyed(lambda context: kept.leave(shown.session, is_shown))
+    return shown.layout
+
+
+def _guard(application: Any, hosts: Sequence[str]) -> None:
+    """Let an application refuse requests that are not for its hosts, and give each new visitor a cookie."""
     find = application.find_handler
 
     def find_handler(request: HTTPServerRequest, **options: Any) -> Any:
@@ -177,11 +193,3 @@ def serve(
 
     application.find_handler = find_handler
     application.transforms.append(ContentSecurityPolicy)
-    warm_up()
-    gc.collect()
-    gc.freeze()  # what is loaded stays, and need not be searched each time a page ends
-    url = f"http://{address}:{server.port}/"
-    server.io_loop.add_callback(lambda: ready(url))
-    if show:
-        server.io_loop.add_callback(lambda: server.show("/"))
-    server.run_until_shutdown()
