@@ -47,7 +47,8 @@ def bake(
     ] = None,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
-    from lutforge.pipeline.baking import BakeOptions, bake_files
+    from lutforge.pipeline.bake_plan import BakeOptions
+    from lutforge.pipeline.baking import bake_files
     from lutforge.pipeline.transforms import TransformRequest
 
     request = TransformRequest(kind, source, target, ev, space, model, other, transfer)

@@ -14,7 +14,7 @@ from lutforge.reports.tables import Table, held_out_table
 if TYPE_CHECKING:
     from lutforge.cli.demo_shots import DemoShots
     from lutforge.evaluation.figures import ErrorFigures
-    from lutforge.pipeline.baking import BakedFile
+    from lutforge.pipeline.baked_files import BakedFile
 
 
 def demo(

@@ -16,7 +16,8 @@ from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import trusted_processor
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.ocio.blender import blender_config
-from lutforge.pipeline.baking import BakeOptions, bake_files
+from lutforge.pipeline.bake_plan import BakeOptions
+from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.kits import write_kit
 from lutforge.pipeline.transforms import TransformRequest
 from tests.conftest import CommandLine

@@ -16,7 +16,8 @@ from lutforge.luts.check import check_lut
 from lutforge.luts.ocio_transforms import evaluate
 from lutforge.luts.reading import read_lut, trusted_processor
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.baking import BakeOptions, bake, bake_files
+from lutforge.pipeline.bake_plan import BakeOptions
+from lutforge.pipeline.baking import bake, bake_files
 from lutforge.pipeline.transforms import TransformRequest, transform
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.samples import chart_140, photograph_patches
