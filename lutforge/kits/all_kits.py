@@ -118,10 +118,13 @@ _PROFILES_AND_LUTS = (
         (".cube",),
         (
             command_lines.ffmpeg("{}.cube"),
-            "That is for HD film; for output of 10 bits write format=yuv420p10le. To see it through the cube alone:",
+            "That writes HD film of 8 bits. For 10 bits:",
+            command_lines.ffmpeg("{}.cube", 10),
+            "To see it through the cube alone:",
             command_lines.mpv("{}.cube"),
-            "MLT, the engine of Kdenlive and Shotcut:",
+            "MLT, the engine of Kdenlive and Shotcut, to 8 and to 10 bits:",
             command_lines.melt("{}.cube"),
+            command_lines.melt("{}.cube", 10),
             "Kdenlive: Apply LUT, and behind it Lift/gamma/gain as it comes; Shotcut: LUT (3D), and behind it Color "
             "Grading as it comes. Without the second HD film changes its colours.",
         ),

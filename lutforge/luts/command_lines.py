@@ -12,6 +12,12 @@ from pathlib import PurePath
 CommandLine = Callable[[str | PurePath], str]
 """The command line of a LUT file, for a POSIX shell."""
 
+_LAYOUTS = {8: "yuv420p", 10: "yuv420p10le"}
+"""The pixel format of films that players read, by bits per channel."""
+
+_ENCODER_OF_10_BITS = "libx265"
+"""The encoder of films of 10 bits that most players read: H.265."""
+
 
 def ffmpeg_cube(lut: str | PurePath) -> str:
     """Filters of libavfilter that apply a cube to pictures in RGB, 16 bits a channel."""
@@ -21,16 +27,17 @@ def ffmpeg_cube(lut: str | PurePath) -> str:
     return f"format=gbrp16le,lut3d=file={name}:interp=tetrahedral"
 
 
-def ffmpeg_film(lut: str | PurePath) -> str:
-    """Filters of libavfilter that apply a cube to HD film: to RGB, through it, and back to 8 bits in video range."""
-    back = "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p"
+def ffmpeg_film(lut: str | PurePath, bits: int = 8) -> str:
+    """Filters of libavfilter that apply a cube to HD film: to RGB, and back to 8 or 10 bits in video range."""
+    back = f"scale=out_color_matrix=bt709:out_range=tv,format={_LAYOUTS[bits]}"
     return f"scale=in_color_matrix=bt709,{ffmpeg_cube(lut)},{back}"
 
 
-def ffmpeg(lut: str | PurePath) -> str:
-    """The command that grades a film by ffmpeg, sound and all."""
+def ffmpeg(lut: str | PurePath, bits: int = 8) -> str:
+    """The command that grades a film by ffmpeg, sound and all, and writes 8 or 10 bits."""
     tags = "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv"
-    return f"ffmpeg -i IN.mov -vf {_quoted(ffmpeg_film(lut))} {tags} -c:a copy OUT.mov"
+    encoder = "" if bits == 8 else f"-c:v {_ENCODER_OF_10_BITS} "
+    return f"ffmpeg -i IN.mov -vf {_quoted(ffmpeg_film(lut, bits))} {tags} {encoder}-c:a copy OUT.mov"
 
 
 def mpv(lut: str | PurePath) -> str:
@@ -38,13 +45,15 @@ def mpv(lut: str | PurePath) -> str:
     return f"mpv {_quoted(f'--vf=lavfi=[scale=in_color_matrix=bt709,{ffmpeg_cube(lut)}]')} IN.mov"
 
 
-def melt(lut: str | PurePath) -> str:
-    """The command that grades a film by MLT, the engine of Kdenlive and Shotcut.
+def melt(lut: str | PurePath, bits: int = 8) -> str:
+    """The command that grades a film by MLT, the engine of Kdenlive and Shotcut, and writes 8 or 10 bits.
 
-    The consumer asks for RGB: MLT then converts by the film's own matrix, in place of libavfilter by BT.601.
+    The consumer asks for RGB: MLT then converts by the film's own matrix, in place of libavfilter by BT.601. The filter
+    takes and gives 8 bits in any case (MLT 7.12); an output of 10 bits rounds no further.
     """
     filters = f"-filter avfilter.lut3d {shlex.quote(f'av.file={lut}')} av.interp=tetrahedral"
-    return f"melt IN.mov {filters} -consumer avformat:OUT.mov mlt_image_format=rgb"
+    encoder = "" if bits == 8 else f" vcodec={_ENCODER_OF_10_BITS} pix_fmt={_LAYOUTS[bits]}"
+    return f"melt IN.mov {filters} -consumer avformat:OUT.mov mlt_image_format=rgb{encoder}"
 
 
 def gmic(lut: str | PurePath, bits: int = 8) -> str:
