@@ -29,6 +29,7 @@ from lutforge.images.tiff_writer import (
     text_field,
 )
 from lutforge.kits.kit import BALANCED_RAW, Look
+from lutforge.luts.writers.text import plain
 from lutforge.model.camera_profile import CameraProfile
 
 _MAGIC = 0x4352
@@ -182,7 +183,7 @@ def write_dcp(profile: DngProfile, path: Path) -> None:
         _Tag.PROFILE_NAME: text_field(profile.name),
         _Tag.PROFILE_TONE_CURVE: float_field(profile.tone_curve),
         _Tag.PROFILE_EMBED_POLICY: long_field(no_restrictions),
-        _Tag.PROFILE_COPYRIGHT: text_field("; ".join(profile.description)),
+        _Tag.PROFILE_COPYRIGHT: text_field("; ".join(plain(line) for line in profile.description)),
         _Tag.FORWARD_MATRIX_1: rational_field(profile.forward_matrix.ravel(), signed=True),
         _Tag.PROFILE_LOOK_TABLE_DIMS: long_field(hues, saturations, values),
         _Tag.PROFILE_LOOK_TABLE_DATA: float_field(profile.look_table),

@@ -28,6 +28,8 @@ ALARMING_FALL = 0.1
 """The least fall that is a problem, as a share of the rise of the input: a tenth of a code for each code."""
 FLOAT_FORMATS = (".clf", ".ctf", ".spi1d", ".spi3d", ".spimtx", ".cc", ".ccc", ".cdl")
 """Formats whose readers all compute in floats, and clip nothing."""
+SHOWN_COMMENTS = 20
+"""Most comments that a report shows: more than the files that LutForge writes have."""
 CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
 """The highest code of integers, and their bits."""
 LEAST_HIGHEST_CODE, LEAST_MEDIAN_SHARE = 64.0, 0.2
@@ -187,7 +189,7 @@ def report_lines(report: LutReport) -> list[str]:
     lines = [f"{report.path}: {lut.metadata.format or 'LUT'}{dialect}"]
     if lut.title:
         lines.append(f"  title     {one_line(lut.title, 160)}")
-    lines += [f"  comment   {one_line(text, 160)}" for text in lut.comments[:8] if text.strip()]
+    lines += [f"  comment   {one_line(text, 160)}" for text in lut.comments[:SHOWN_COMMENTS] if text.strip()]
     lines += [f"  {number}. {op}" for number, op in enumerate(lut.ops, 1)]
     low, high = report.domain
     if (low, high) != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):

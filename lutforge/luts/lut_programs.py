@@ -59,19 +59,19 @@ class Program:
         return self.use if self.command is None else self.command(path)
 
 
-def _avfilter(refused: str) -> dict[LutKind, str]:
-    """The verdicts of ffmpeg's filter lut3d, by kind of file; refused: the verdict on files that it refuses."""
+def _avfilter(refused: str, hald: str) -> dict[LutKind, str]:
+    """The verdicts of ffmpeg's filters, by kind of file; refused, hald: on what lut3d refuses, and on Hald images."""
     return {
         **dict.fromkeys(
             (LutKind.CUBE, LutKind.CUBE_WITH_DOMAIN_FROM_0, LutKind.CSP, LutKind.FLAME_3DL_17_NODES_12_BITS), READS
         ),
         # Between two knots its interpolation weight goes up to the distance of the knots, and not to 1.
         LutKind.CSP_WITH_SHAPER: "reads it; its curve in steps where that has less than some thousand knots",
-        LutKind.CUBE_OF_CURVE: f"{refused} as a 3D LUT; its filter lut1d reads it",
+        LutKind.CUBE_OF_CURVE: f"its filter lut3d {refused}; its filter lut1d reads it",
         **dict.fromkeys((LutKind.CUBE_WITH_DOMAIN, LutKind.CUBE_WITH_SHAPER_WITHOUT_RANGES), GARBAGE),
         # It skips one line, and reads 17³ rows after it.
         LutKind.FLAME_3DL: f"takes 17 nodes and 12 bits only: {GARBAGE}",
-        LutKind.HALD: f"{refused} as a 3D LUT; its filter haldclut reads it",
+        LutKind.HALD: hald,
     }
 
 
@@ -80,6 +80,7 @@ HALD_SUFFIXES = (".png", ".tif", ".tiff")
 READS_HALDS = {LutKind.HALD: READS}
 READ_BY_ADOBE = dict.fromkeys((LutKind.CUBE, *WITH_DOMAIN, LutKind.CUBE_OF_CURVE, *FLAME_3DL), READS)
 AVFILTER = (".cube", ".csp", ".3dl")
+_HALD_IN_FFMPEG = f"its filter lut3d {REFUSES}; its filter haldclut reads it"
 _MLT = "the filter {}, and right behind it {} as it comes, without which HD film changes its colours"
 _ALL_PROGRAMS = (
     Program(
@@ -123,27 +124,27 @@ _ALL_PROGRAMS = (
     Program(
         "ffmpeg",
         reads=AVFILTER, interpolation="tetrahedral", command=command_lines.ffmpeg,
-        title="ffmpeg", tried="5.1", does=_avfilter(REFUSES),
+        title="ffmpeg", tried="5.1", does=_avfilter(REFUSES, _HALD_IN_FFMPEG),
     ),
     Program(
         "mpv",
         reads=AVFILTER, interpolation="tetrahedral", command=command_lines.mpv,
-        title="mpv", tried="0.35", does=_avfilter(REFUSES),
+        title="mpv", tried="0.35", does=_avfilter(REFUSES, _HALD_IN_FFMPEG),
     ),
     Program(
         "mlt",
         reads=AVFILTER, interpolation="tetrahedral", command=command_lines.melt,
-        title="MLT", tried="7.12", does=_avfilter(LEAVES), otherwise=LEAVES,
+        title="MLT", tried="7.12", does=_avfilter(LEAVES, LEAVES), otherwise=LEAVES,
     ),
     Program(
         "kdenlive",
         reads=AVFILTER, interpolation="tetrahedral", use=_MLT.format("Apply LUT", "Lift/gamma/gain"),
-        title="Kdenlive", tried="MLT 7.12", does=_avfilter(LEAVES), otherwise=LEAVES,
+        title="Kdenlive", tried="MLT 7.12", does=_avfilter(LEAVES, LEAVES), otherwise=LEAVES,
     ),
     Program(
         "shotcut",
         reads=AVFILTER, interpolation="tetrahedral", use=_MLT.format("LUT (3D)", "Color Grading"),
-        title="Shotcut", tried="MLT 7.12", does=_avfilter(LEAVES), otherwise=LEAVES,
+        title="Shotcut", tried="MLT 7.12", does=_avfilter(LEAVES, LEAVES), otherwise=LEAVES,
     ),
     Program(
         "obs",
@@ -182,7 +183,8 @@ _ALL_PROGRAMS = (
         does={
             LutKind.CUBE: "reads it half a node too bright: enlarge it to 256³ first",
             LutKind.CUBE_WITH_RANGE: "reads it half a node too bright: enlarge it to 256³ first",
-            LutKind.CUBE_OF_CURVE: READS, LutKind.HALD: "reads it, 1.2 codes too bright",
+            LutKind.CUBE_OF_CURVE: "makes a cube of it, with as many nodes per axis as entries: 1,024 take 13 GB",
+            LutKind.HALD: "reads it, 1.2 codes too bright",
             **dict.fromkeys(WITH_DOMAIN, f"ignores the domain: {GARBAGE}"),
             **dict.fromkeys(WITH_SHAPER, GARBAGE),
         },

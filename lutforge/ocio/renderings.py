@@ -16,7 +16,9 @@ from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.linearization import INVERSE_SIZE, inverse_of
 from lutforge.inverse.round_trip import measure, raw_colours, rounded_up, searched_near
 from lutforge.luts.bake import bake
+from lutforge.luts.description import description
 from lutforge.luts.highlight_ops import highlight_ops
+from lutforge.luts.input_and_output import ENCODED, InputAndOutput
 from lutforge.luts.ops import Curve
 from lutforge.luts.refinish import steps_of
 from lutforge.luts.sequence import Lut
@@ -159,10 +161,11 @@ def baked(
     of each step as it begins.
     """
     luts: dict[str, Lut] = {}
+    balanced = f"linear camera RAW behind white balance {' or '.join(rendering.white_balances)}, black 0, saturation 1"
     report_step("baking the render")
     render = None if rendering.render is None else _baked_render(rendering, rendering.render)
     if render is not None:
-        luts[rendering.file("render")] = render
+        luts[rendering.file("render")] = _described(render, rendering, InputAndOutput(balanced, ENCODED))
 
     linearize = None
     if rendering.linearize is not None:
@@ -170,10 +173,17 @@ def baked(
             linearize = _baked_linearization(rendering, rendering.linearize, report_step)
         else:
             linearize = _inverted_render(rendering, render, rendering.linearize, inverse_size, report_step)
-        luts[rendering.file("linearize")] = linearize
-        luts |= _baked_looks(rendering, rendering.linearize)
+        to_balanced = InputAndOutput(ENCODED, balanced)
+        luts[rendering.file("linearize")] = _described(linearize, rendering, to_balanced)
+        luts |= _baked_looks(rendering, rendering.linearize, to_balanced)
 
     return luts, tuple(line for lut in (render, linearize) if lut is not None for line in lut.comments)
+
+
+def _described(lut: Lut, rendering: Rendering, stated: InputAndOutput) -> Lut:
+    """The LUT with comments that describe its file; those that it has are details of them."""
+    setting = f"camera and settings: {rendering.camera.profile.camera}, {rendering.style}"
+    return replace(lut, comments=description(stated, "an OpenColorIO config", (setting, *lut.comments)))
 
 
 def _title(rendering: Rendering, way: str) -> str:
@@ -232,22 +242,24 @@ def _with_burnt_white(linearize: ColourFunction) -> ColourFunction:
     return linearized
 
 
-def _baked_looks(rendering: Rendering, linearize: Transform) -> dict[str, Lut]:
+def _baked_looks(rendering: Rendering, linearize: Transform, to_balanced: InputAndOutput) -> dict[str, Lut]:
     """The LUTs of the looks from one white balance to another, by file name: the calibrated JPEG → RAW, and each step.
 
-    A look changes the white balance between linearization and render; white stays white.
+    A look changes the white balance between linearization and render; white stays white. to_balanced: input and output
+    of the linearization.
     """
     camera = rendering.camera
     refinishes = tuple(rendering.refinishes())
     if not refinishes:
         return {}
     calibrated = bake(linearize, title=_title(rendering, "linearize, as calibrated"))
-    luts = {rendering.file("calibrated"): with_short_curves(calibrated)}
+    luts = {rendering.file("calibrated"): _described(with_short_curves(calibrated), rendering, to_balanced)}
     for source, target, refinish in refinishes:
         gain = camera.gain(target) / camera.gain(source)
         step = highlight_ops(steps_of(refinish).highlights, gain, BALANCE_REACH, BALANCE_SIZE)
         title = f"{camera.name} {camera.balances[source]} to {camera.balances[target]}"
-        luts[rendering.balance_file(source, target)] = Lut(step, title)
+        stated = InputAndOutput(*(f"linear camera RAW behind white balance {name}" for name in (source, target)))
+        luts[rendering.balance_file(source, target)] = _described(Lut(step, title), rendering, stated)
     return luts
 
 

@@ -1,6 +1,7 @@
 """Our files read by others: colour-science reads them as OpenColorIO does, and programs show what they hold."""
 
 import json
+import re
 import shutil
 import struct
 import subprocess
@@ -254,7 +255,7 @@ def _mpv(command: str, folder: Path, lut: Path) -> Path:
 
 
 def write_kinds(folder: Path) -> dict[LutKind, Path]:
-    """A file of each kind that the table of programs names and LutForge or others write; all are of `look`."""
+    """A file of each kind that the table of programs names, as LutForge or others write it: of `look`, or a root."""
     nodes = {size: look(grid(uniform_levels(size))) for size in (17, 33, 64)}
     files = {
         LutKind.CUBE: Lut((Cube(nodes[33]),), title="a").write(folder / "plain.cube"),
@@ -266,6 +267,9 @@ def write_kinds(folder: Path) -> dict[LutKind, Path]:
     }
     text = files[LutKind.CUBE].read_text()
     curve = Curve(np.sqrt(np.linspace(0.0, 1.0, 1024))[:, None].repeat(3, axis=1))
+    # Of 64 entries, since G'MIC makes a cube of a curve: one of 1,024 would take 13 GB.
+    root = Curve(np.sqrt(np.linspace(0.0, 1.0, 64))[:, None].repeat(3, axis=1))
+    files[LutKind.CUBE_OF_CURVE] = Lut((root,)).write(folder / "curve.cube")
     shaped = Lut((curve, Cube(look(grid(uniform_levels(33)) ** 2.0))))
     files[LutKind.CUBE_WITH_SHAPER] = shaped.write(folder / "a.resolve.cube")
     silent = "".join(row for row in files[LutKind.CUBE_WITH_SHAPER].read_text().splitlines(True) if "RANGE" not in row)
@@ -317,7 +321,7 @@ def test_programs_do_with_other_files_what_the_table_says(tmp_path: Path, name: 
     picture = colours()
     for kind_of_file in ("png", "tif"):
         write_picture(tmp_path / f"in.{kind_of_file}", kind="uint16", pixels=picture)
-    x, expected = picture.astype(np.float64), look(picture)
+    x = picture.astype(np.float64)
     for kind, path in write_kinds(tmp_path).items():
         says = LUT_PROGRAMS[name].does.get(kind, LUT_PROGRAMS[name].otherwise)
         for old in ("out.png", "out.tif", "00000001.png"):
@@ -327,6 +331,20 @@ def test_programs_do_with_other_files_what_the_table_says(tmp_path: Path, name: 
             assert "refuses" in says, (kind, says)
             continue
         pixels = read_image(shown).pixels[..., :3].astype(np.float64)
+        expected = np.sqrt(x) if kind is LutKind.CUBE_OF_CURVE else look(x)
         right, same = (255 * np.abs(pixels - other).mean() for other in (expected, x))
         assert ("as it is" in says) == (same < 1.0) or kind is LutKind.HALD, (kind, says, same)
         assert ("wrong colours" in says) == (right > 4.0 and same > 4.0), (kind, says, right)
+
+
+@pytest.mark.parametrize(
+    ("name", "command"), [("ffmpeg", ["ffmpeg", "-filters"]), ("mlt", ["melt", "-query", "filters"])]
+)
+def test_filters_that_the_table_names_are_there(name: str, command: list[str]) -> None:
+    if shutil.which(command[0]) is None:
+        pytest.skip(f"{command[0]} is not installed")
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=60).stdout
+    named = re.findall(r"its filter (\w+) reads it", " ".join(LUT_PROGRAMS[name].does.values()))
+    assert "lut1d" in named
+    for word in named:
+        assert re.search(rf"\b{word}\b", shown), word

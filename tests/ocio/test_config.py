@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from lutforge.calibration.curve_basis import gamma_response
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
+from lutforge.luts.check import check_lut, report_lines
 from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
@@ -92,8 +93,7 @@ def assert_renders(got: NDArray[Any], profile: CameraProfile, selector: str, raw
     """As the LUT does to float32, and as the model does within the error that the LUT states."""
     np.testing.assert_allclose(got, np.clip(lut(raw * GAINS[selector.split("/")[1]]), 0.0, 1.0), atol=3e-5)
     error = np.linalg.norm(got - profile.render(selector)(raw), axis=1)
-    (stated,) = [re.search(r"against the model: mean (\S+), max (\S+)", text) for text in lut.comments]
-    assert stated is not None
+    (stated,) = re.finditer(r"against the model: mean (\S+), max (\S+)", "\n".join(lut.comments))
     assert error.mean() < 0.002
     assert error.max() <= float(stated[2]) + 3e-5
 
@@ -269,6 +269,34 @@ def test_luts_are_shared_by_all_spaces_of_a_style_and_named_relative_to_the_conf
     ways = ("render", "linearize", "calibrated", "daylight_to_tungsten", "tungsten_to_daylight")
     assert set(luts) == {f"nikon_d40_{style}_{way}.clf" for style in ("standard", "vivid") for way in ways}
     assert str(path.parent) not in path.read_text()
+
+
+@pytest.mark.parametrize(
+    ("way", "takes", "gives"),
+    [
+        ("render", "linear camera RAW behind white balance", "the camera's JPEG"),
+        ("linearize", "the camera's JPEG", "linear camera RAW behind white balance"),
+        ("calibrated", "the camera's JPEG", "linear camera RAW behind white balance"),
+        (
+            "daylight_to_tungsten", "linear camera RAW behind white balance daylight",
+            "linear camera RAW behind white balance tungsten",
+        ),
+    ],
+)  # fmt: skip
+def test_luts_say_what_they_take_and_give(written: Written, way: str, takes: str, gives: str) -> None:
+    profile, _, path, luts = written
+    name = f"nikon_d40_vivid_{way}.clf"
+    comments = luts[name].comments
+    for line in (
+        "LutForge ", f"input: {takes}", f"output: {gives}", "range: full", "place: an OpenColorIO config",
+        f"camera and settings: {profile.camera}, vivid", "licence: CC0",
+    ):  # fmt: skip
+        assert any(comment.startswith(line) for comment in comments), line
+    text = (path.parent / "luts" / name).read_text(encoding="utf-8").replace("&apos;", "'")
+    assert f"<InputDescriptor>{takes}" in text
+    assert f"<OutputDescriptor>{gives}" in text
+    shown = report_lines(check_lut(path.parent / "luts" / name))
+    assert any("licence: CC0" in line for line in shown)
 
 
 @pytest.mark.slow
