@@ -61,10 +61,10 @@ def kit(
 
 def _print_contents(folder: Path) -> None:
     """Print the files of a kit, and their errors."""
-    from lutforge.kits.manifest import kit_errors
+    from lutforge.pipeline.kits import kit_contents
 
-    say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")
-    say(*(f"{name}: read back, against the model: {error}" for name, error in kit_errors(folder).items()))
+    files, *errors = kit_contents(folder)
+    say(f"{folder}: {files}", *errors)
 
 
 def _check(folder: Path, shots: list[Path]) -> None:

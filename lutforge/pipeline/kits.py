@@ -14,7 +14,7 @@ from lutforge.errors import LutForgeError, SettingsError
 from lutforge.kits.all_kits import KITS
 from lutforge.kits.kit import Kit, KitFiles, Look, look_of, write_develop_script
 from lutforge.kits.lumix import base_style_kit
-from lutforge.kits.manifest import MANIFEST, SCRIPT, names_in, read_manifest
+from lutforge.kits.manifest import MANIFEST, SCRIPT, kit_errors, names_in, read_manifest
 from lutforge.luts.description import LICENCE
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.provenance import Pictures
@@ -85,6 +85,16 @@ def write_kit(
             target.replace(scratch / "old")
         new.replace(target)
     return Path(folder)
+
+
+def kit_contents(folder: Path) -> tuple[str, ...]:
+    """A line on the files of a kit, and one on the error of each that was read back."""
+    files = ", ".join(sorted(path.name for path in folder.iterdir()))
+    errors = kit_errors(folder).items()
+    return (
+        f"{files}; read README.md first",
+        *(f"{name}: read back, against the model: {error}" for name, error in errors),
+    )
 
 
 def _require_replaceable(target: Path) -> None:

@@ -54,11 +54,15 @@ def slow_steps(profile: CameraProfile, look: ChosenLook) -> tuple[Transform, ...
     return grades_of(profile).slow_steps(change_of(profile, look).transform)
 
 
+def changes_nothing(profile: CameraProfile, look: ChosenLook) -> bool:
+    """Whether a look leaves photographs as they are. Raises SettingsError."""
+    change = change_of(profile, look)
+    return not look.ev and str(change.source) == str(change.target)
+
+
 def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
     """The LUT by which `apply` grades; None where the look changes nothing. Raises SettingsError."""
-    change = change_of(profile, look)
-    changes_nothing = not look.ev and str(change.source) == str(change.target)
-    return None if changes_nothing else grades_of(profile).refinish(change)
+    return None if changes_nothing(profile, look) else grades_of(profile).refinish(change_of(profile, look))
 
 
 def bake_steps(steps: Sequence[Transform], progress: Progress) -> Sequence[Lut]:

@@ -34,10 +34,15 @@ MAPS_TEXT = (
 
 
 def shown_shots(method: str, evaluation: Evaluation, files: Mapping[str, Path]) -> list[EvaluationRow]:
-    """The shots with the least, the median and the largest error, of those whose RAW file is available."""
-    rows = [row for row in evaluation.rows if row.direction == "render" and row.method == method and row.shot in files]
-    rows.sort(key=lambda row: row.figures.mean)
-    chosen = [rows[round(place)] for place in np.linspace(0, len(rows) - 1, 3) if rows]
+    """The shots with the least, the median and the largest mean ΔE00, of those whose RAW file is available."""
+    differences = [
+        (row.figures.de00_mean, row.shot, row)
+        for row in evaluation.rows
+        if row.direction == "render" and row.method == method and row.shot in files
+        if row.figures.de00_mean is not None
+    ]
+    ordered = [row for *_, row in sorted(differences, key=lambda entry: entry[:2])]
+    chosen = [ordered[round(place)] for place in np.linspace(0, len(ordered) - 1, 3) if ordered]
     return list({row.shot: row for row in chosen}.values())
 
 
@@ -58,7 +63,7 @@ def shot_pictures(
         height, width = upright(cells.jpeg, cells.orientation).shape[:2]
         drawing = Drawing((panels,), 5.5 * height / width + 0.3, 11.0)
         seen_by = "not seen by the fit" if cells.held_out else "the fit had seen it"
-        difference = "" if row.figures.de00_mean is None else f"; ΔE00 {row.figures.de00_mean:.2f} in the mean"
+        difference = f"; ΔE00 {row.figures.de00_mean:.2f} in the mean"
         yield Picture(
             f"shot_{setting_name(row.shot)}", drawing, f"{kind}{row.shot}, {cells.setting}; {seen_by}{difference}."
         )

@@ -17,11 +17,12 @@ def bind(
     """
 
     def take(value: Any) -> None:
-        if session.workspace is not None and (before := read(session.workspace)) != value:
-            old, new = (as_text(widget, shown) for shown in (before, value))
+        if session.workspace is not None and read(session.workspace) != value:
+            key = widget.label if hasattr(widget, "value_throttled") else ""
+            before = session.history.before_move(session.step, key, session.state).workspace
+            old, new = (as_text(widget, shown) for shown in (read(before or session.workspace), value))
             name = f"{widget.label}: {new} → {old}"
             again = f"{widget.label}: {old} → {new}"
-            key = widget.label if hasattr(widget, "value_throttled") else ""
             session.commit_workspace(put(session.workspace, value), name, again, key)
 
     def show(workspace: Workspace) -> None:

@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from lutforge.atomic_write import require_writable
 from lutforge.calibration.options import CalibrationOptions, LatticeOptions
 from lutforge.colour.rgb_spaces import SPACES
 from lutforge.pipeline.kits import kits_of
-from lutforge.pipeline.looks import ChosenLook
+from lutforge.pipeline.looks import ChosenLook, changes_nothing
 from lutforge.pipeline.transforms import TransformRequest
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
@@ -29,6 +29,7 @@ from lutforge.studio.exports import (
 from lutforge.studio.model_page import held_out_error
 from lutforge.studio.models import BASE_MODEL, FitTask
 from lutforge.studio.session import Session, Written
+from lutforge.studio.setting_control import in_short
 from lutforge.studio.workspace import WorkspaceError
 from lutforge.studio.workspace_file import SUFFIX, save_workspace
 
@@ -76,7 +77,8 @@ class ExportPage:
         session = self.session
         if session.profile is not None:
             ui.offer(self.program, kits_of(session.profile, session.look.target))
-            self.look.object = ui.paragraphs(f"Kits and LUTs are of {session.look.target}; choose another under Look.")
+            target = in_short(session.look.target)
+            self.look.object = ui.paragraphs(f"Kits and LUTs are of {target}; choose another under Look.")
         if self._offered is not session.response and session.response is not None:  # what a bracket is taken for
             self.kind.value = "linearize"
             self.space.value = "aces2065-1" if session.response[0].chart else "raw"
@@ -120,12 +122,17 @@ class ExportPage:
         profile.save(paths[0])
         return paths
 
-    def _announce(self, kind: str, path: Path, lines: tuple[str, ...], words: str) -> None:
-        """Show what was written on a card. lines: on its contents; words: of the command that writes the same."""
+    def _announce(
+        self, kind: str, path: Path, lines: tuple[str, ...], words: str, look_fields: tuple[str, ...] = ()
+    ) -> None:
+        """Show what was written on a card.
+
+        lines: on its contents; words: of the command that writes the same; look_fields: of the look that it depends on.
+        """
         session = self.session
         words = words.replace(f"{session.folders.roots[0]}/", "")  # as one types it there
         session.written.pop(kind, None)
-        session.written[kind] = Written(kind, path, lines[:20], words, session.profile, session.look)
+        session.written[kind] = Written(kind, path, lines[:20], words, session.profile, session.look, look_fields)
         session.page.say(f"{kind}: written, {path.name}")
         session.page.on_change()
 
@@ -136,7 +143,7 @@ class ExportPage:
         if table is not None:
             table.save(table_paths[0])
         words = command((export.command, profile, *export.words, *table_paths), export.options, output)
-        done = partial(self._announce, export.title, output, words=words)
+        done = partial(self._announce, export.title, output, words=words, look_fields=export.look_fields)
         self.session.work.start(f"lutforge {export.command}", done, run_export, export, profile, output)
 
     def _save_workspace(self) -> None:
@@ -185,6 +192,11 @@ class ExportPage:
             source = f"{next(iter(profile.styles))}/{next(iter(profile.white_balances))}"
         if kind != "render" and not source:
             raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
+        if kind == "refinish" and changes_nothing(profile, replace(look, source=source)):
+            raise WorkspaceError(
+                f"from {in_short(source)} to {in_short(look.target)} nothing changes: choose under Look "
+                "what is wanted, or another transform of the LUT"
+            )
         stated_source = source if kind != "render" else None
         target = look.target if kind != "linearize" else None
         exposed = kind == "refinish" or (kind == "render" and space != "raw")
@@ -203,6 +215,7 @@ class ExportPage:
                 write=partial(write_lut_file, request),
                 words=(kind,),
                 options=options,
+                look_fields=("source",) * bool(stated_source) + ("target",) * bool(target) + ("ev",) * exposed,
             )
         )
 
@@ -213,8 +226,8 @@ class ExportPage:
         if self.session.is_unseen and self.warned_look != self.session.look:
             self.warned_look = self.session.look
             raise WorkspaceError(
-                f"{target} was never on screen: choose under Look, “Taken as”, how the photograph was taken, or press "
-                "again to write the kit unseen"
+                f"{in_short(target)} was never on screen: choose under Look, “Taken as”, how the photograph "
+                "was taken, or press again to write the kit unseen"
             )
         if not program:
             raise WorkspaceError("a kit needs a camera with RAW: compute a model, or open a profile")
@@ -225,6 +238,7 @@ class ExportPage:
                 suffix=f"_{program}_kit",
                 write=partial(write_kit_folder, target, program),
                 options={"to": target, "for": program},
+                look_fields=("target",),
             )
         )
 

@@ -8,7 +8,7 @@ from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import export_published
 from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.configs import write_config
-from lutforge.pipeline.kits import write_kit
+from lutforge.pipeline.kits import kit_contents, write_kit
 from lutforge.pipeline.reports import report
 from lutforge.pipeline.transforms import TransformRequest
 from lutforge.progress import Progress
@@ -23,7 +23,8 @@ class Export:
     """Something to write of a profile.
 
     title: on its card; command: the command that writes the same; suffix: of the file, or of a folder's name (without a
-    dot); write: writes the output from the file of a profile; words, options: of the command, behind the profile.
+    dot); write: writes the output from the file of a profile; words, options: of the command, behind the profile;
+    look_fields: the names of the fields of the look that it depends on.
     """
 
     title: str
@@ -32,6 +33,7 @@ class Export:
     write: Callable[[Path, Path, Progress], Lines]
     words: tuple[object, ...] = ()
     options: Mapping[str, object] = field(default_factory=dict)
+    look_fields: tuple[str, ...] = ()
 
 
 def run_export(export: Export, profile: Path, output: Path, progress: Progress) -> Lines:
@@ -65,4 +67,4 @@ def write_report(samples: SampleSet | None, profile: Path, output: Path, progres
 def write_kit_folder(look: str, program: str, profile: Path, output: Path, progress: Progress) -> Lines:
     """Write a kit of a look for a program."""
     folder = write_kit(profile, look, output, program)
-    return (f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first",)
+    return kit_contents(folder)

@@ -49,11 +49,16 @@ class History(Generic[AnyState]):
         self.future = [undone for undone in self.future if undone.step != change.step]
         if change.whole:
             self.past, self.future = [], []
-        last = self.past[-1] if self.past else None
-        if change.key and last is not None and (last.step, last.key) == (change.step, change.key):
-            self.past[-1] = replace(change, before=last.before)
+        before = self.before_move(change.step, change.key, change.before)
+        if before is not change.before:
+            self.past[-1] = replace(change, before=before)
         else:
             self.past = [*self.past[1 - MOST_CHANGES :], change]
+
+    def before_move(self, step: str, key: str, now: AnyState) -> AnyState:
+        """The state before the move of a control that is under way; `now` where none is, of which this is the first."""
+        last = self.past[-1] if self.past else None
+        return last.before if key and last is not None and (last.step, last.key) == (step, key) else now
 
     def end_move(self) -> None:
         """Let the next move of a control be a change of its own."""

@@ -23,7 +23,7 @@ from lutforge.studio import ui
 from lutforge.studio.controls import as_text, end_moves_of
 from lutforge.studio.look_view import LookView
 from lutforge.studio.session import Session
-from lutforge.studio.setting_control import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl
+from lutforge.studio.setting_control import BY_MULTIPLIERS, BY_TEMPERATURE, LABEL_AS_SHOT, SettingControl, in_short
 from lutforge.studio.thumbnails import addresses
 from lutforge.studio.workspace import WorkspaceError
 
@@ -59,7 +59,7 @@ class LookPage:
         if not session.state.look_controls:
             self._store_controls()
         self.remembered = (self.listed, self.path)
-        self.words = ui.text()
+        self.words = ui.text(min_height=44)  # two lines, so that no slider leaves the pointer that moves it
         self.main = self.view = LookView()
         self.view.on_help = session.page.guarded(self._assume_usual)
         self.view.on_choose = session.page.guarded(self._choose)
@@ -135,10 +135,10 @@ class LookPage:
         self._store_controls()
         if widget not in self.source.widgets:
             session.state = replace(session.state, look_chosen=True)
-        old, new = as_text(widget, before.look_controls.get(name)), as_text(widget, value)
-        session.record_change(
-            before, f"{name} {new} → {old}", f"{name} {old} → {new}", name if widget in self._sliders else ""
-        )
+        key = name if widget in self._sliders else ""
+        begin = session.history.before_move(session.step, key, before)
+        old, new = as_text(widget, begin.look_controls.get(name)), as_text(widget, value)
+        session.record_change(before, f"{name} {new} → {old}", f"{name} {old} → {new}", key)
 
     @property
     def _sliders(self) -> tuple[Any, ...]:
@@ -190,7 +190,7 @@ class LookPage:
             if taken_as is not None:
                 self.source.style.value = taken_as.style
                 self.source.balance.value = LABEL_AS_SHOT
-                news = f"{path.name}: taken as {taken_as}, as its metadata say"
+                news = f"{path.name}: taken as {in_short(taken_as)}, as its metadata say"
                 if not self.session.state.look_chosen:
                     self.wanted.set(taken_as)
             else:
@@ -211,9 +211,12 @@ class LookPage:
     def _show_words(self) -> None:
         """Show in words what the photograph is graded from and to."""
         look = self.session.look
-        unknown = "" if self.session.photograph is None else "From what it was taken as, which is to be chosen, to "
-        taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
-        self.words.object = ui.paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
+        target = f"{in_short(look.target)}, {look.ev:+g} EV."
+        if self.session.is_unseen:
+            words = "Shown as it is, until you choose what it was taken as."
+        else:
+            words = f"From {in_short(look.source)} to {target}" if look.source else f"Wanted: {target}"
+        self.words.object = ui.paragraphs(words)
         self.session.page.on_look()
 
     def _grade(self) -> None:
@@ -263,7 +266,7 @@ class LookPage:
 
     def _show_look(self, profile: CameraProfile, look: ChosenLook, lut: Lut | None) -> None:
         """Show a look. lut: of the look; None shows the picture as it is, where its settings are unknown."""
-        title = f"{look.target}{f' {look.ev:+g} EV' if look.ev else ''}"
+        title = f"{in_short(look.target)}{f' {look.ev:+g} EV' if look.ev else ''}"
         self.view.grade(lut, "as it is" if lut is None else title)
         source = profile.selector(look.source) if look.source else None
         covered = None if source is None else (profile, source)

@@ -211,7 +211,8 @@ def progress_of(session: Session) -> dict[str, StepProgress]:
     profile = session.profile
     stale = session.is_stale
     old = any(map(session.is_old, session.written.values()))
-    seen = session.state.look_chosen and not session.is_unseen and profile is not None
+    chosen = session.state.look_chosen or session.photograph is not None
+    seen = chosen and not session.is_unseen and profile is not None
     return {
         "Shots": "to do" if workspace is None and profile is None else "done",
         "Samples": "to do" if workspace is None else "done",

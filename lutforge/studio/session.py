@@ -30,7 +30,7 @@ from lutforge.studio.workspace import Workspace, WorkspaceError
 class Written:
     """A file that was written. kind: of export; lines: on its contents; command: the command line that writes it.
 
-    profile, look: those that it was made from.
+    profile, look: those that it was made from; look_fields: the names of the fields of the look that it depends on.
     """
 
     kind: str
@@ -39,6 +39,7 @@ class Written:
     command: str
     profile: CameraProfile | None
     look: ChosenLook
+    look_fields: tuple[str, ...] = ()
 
 
 class Session:
@@ -143,7 +144,8 @@ class Session:
 
     def is_old(self, written: Written) -> bool:
         """Whether a file is of another profile or look than the present ones, or its model is stale."""
-        return self.is_stale or written.profile is not self.profile or written.look != self.look
+        has_other_look = any(getattr(written.look, name) != getattr(self.look, name) for name in written.look_fields)
+        return self.is_stale or written.profile is not self.profile or has_other_look
 
     def start_over(self, workspace: Workspace | None) -> None:
         """Begin with this workspace, or with none, with nothing selected and nothing to undo."""

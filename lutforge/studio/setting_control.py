@@ -1,5 +1,6 @@
 """The controls of one setting, STYLE/WB: how a photograph was taken, or what is wanted of it."""
 
+import re
 from contextlib import suppress
 
 from lutforge.errors import SettingsError
@@ -105,3 +106,8 @@ class SettingControl:
         if taken is None:
             raise WorkspaceError("the photograph does not tell its white balance: choose one")
         return str(taken.white_balance)
+
+
+def in_short(setting: Selector | str) -> str:
+    """STYLE/WB as people read it: multipliers with four digits."""
+    return re.sub(r"\d+\.\d{4,}", lambda number: f"{float(number[0]):.4g}", str(setting))

@@ -228,7 +228,10 @@ class Space:
 
     def show(self, title: str, traces: list[dict[str, Any]], axes: tuple[str, str, str]) -> None:
         """Show plotly's traces; the axes' names are of x, y, z, of which z is up."""
-        scene: dict[str, Any] = {"aspectmode": "cube", "camera": {"eye": {"x": 1.6, "y": -1.6, "z": 0.9}}}
+        scene: dict[str, Any] = {
+            "aspectmode": "cube",
+            "camera": {"eye": {"x": 1.75, "y": -1.75, "z": 1.0}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}},
+        }
         for axis, name in zip("xyz", axes, strict=True):
             scene[f"{axis}axis"] = {"title": {"text": name}, "color": GREY, "gridcolor": GREY, "zeroline": False}
         self.plot.layout = {

@@ -13,7 +13,7 @@ from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import style_data
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
-from lutforge.evaluation.figures import error_figures
+from lutforge.evaluation.figures import ErrorFigures, error_figures
 from lutforge.evaluation.methods import LATTICE
 from lutforge.evaluation.next_shots import colour_gaps, nearness
 from lutforge.model.camera_profile import CameraProfile, load_profile
@@ -21,6 +21,7 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.reports.page import Picture, Report, write_page
 from lutforge.reports.report import build_report, error_tables, exposure_blocks
+from lutforge.reports.shot_figures import shown_shots
 from lutforge.reports.tables import Table, balance_table, method_name
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
@@ -273,6 +274,26 @@ def test_samples_of_another_camera_are_said_first(hostile: tuple[CameraProfile, 
     other = replace(samples, camera=np.full(len(samples), "Another"), raw_camera=np.full(len(samples), "Another"))
     assert "The samples are of Another" in answered(build_report(profile, other), HOW_GOOD)
     assert "Another" not in answered(report, HOW_GOOD)
+
+
+def test_the_pictures_are_ordered_by_the_figure_below_them() -> None:
+    """In a shot that is largely dark, a small error of RGB is a large ΔE00."""
+    figures = {"light": (0.010, 0.3), "middle": (0.006, 0.5), "dark": (0.004, 0.9)}
+    rows = [
+        EvaluationRow(
+            "render",
+            "standard",
+            shot,
+            False,
+            LATTICE,
+            True,
+            ErrorFigures(9, mean, mean, mean, mean, mean, mean, de00, de00),
+        )
+        for shot, (mean, de00) in figures.items()
+    ]
+    files = dict.fromkeys(figures, Path("a.CRW"))
+    shown = shown_shots(LATTICE, Evaluation("A camera", tuple(rows), ()), files)
+    assert [row.shot for row in shown] == ["light", "middle", "dark"]
 
 
 def test_a_spread_is_told_of_white_balances_that_shots_were_taken_with() -> None:

@@ -168,10 +168,12 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     look._open(tmp_path / "tells.jpg")
     assert "taken as vivid/tungsten" in page.session.page.status.object
     assert page.session.look == ChosenLook("vivid/tungsten", "vivid/tungsten") and not page.session.state.look_chosen
+    assert progress_of(page.session)["Look"] == "done"
     look.wanted.style.value, look.wanted.balance.value = "standard", "daylight"
     assert page.session.look == ChosenLook("vivid/tungsten", "standard/daylight")
     look._open(tmp_path / "silent.jpg")
     assert "does not tell how it was taken" in page.session.page.status.object
+    assert "vivid/tungsten" not in look.words.object and progress_of(page.session)["Look"] == "to do"
     assert (look.source.style.value, look.source.balance.value) == ("", "")  # not what the last was taken as
     assert page.session.look == ChosenLook("", "standard/daylight") and look.view.a == []
     look.source.style.value, look.source.balance.value = "standard", "tungsten"
@@ -385,9 +387,10 @@ def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path)
     card = view.main[0]
     page.session.page.on_change()
     assert view.main[0] is card
+    view._announce("LUT, render", tmp_path / "camera_render.clf", (), "", ("target",))
     page.session.state = replace(page.session.state, chosen=ChosenLook("", "vivid/tungsten"))
     page.session.page.on_change()
-    assert "(stale)" in view.main[0][0].object
+    assert "(stale)" in view.main[0][0].object and view.main[1] is card
 
 
 def test_names_of_styles_are_text_in_every_step(profile: CameraProfile, tmp_path: Path) -> None:
@@ -505,13 +508,24 @@ def test_an_export_is_the_command_that_it_tells(
     view.actions[action]()
     (written,) = session.written.values()
     assert written.lines and all("\n" not in line for line in written.lines)
-    assert action != "Bake LUT" or "read back, against the model" in written.lines[0]
+    assert any("read back, against the model" in line for line in written.lines) or action not in (
+        "Bake LUT",
+        "Write kit",
+    )
     result = CliRunner().invoke(command_line(), shlex.split(written.command.replace("mine", "theirs"))[1:])
     assert result.exit_code == 0, result.output
     mine, theirs = (tmp_path / f"{name}{suffix}" for name in ("mine", "theirs"))
     for file in sorted(mine.rglob("*")) if mine.is_dir() else [mine]:
         other = theirs / file.relative_to(mine) if mine.is_dir() else theirs
         assert same_bytes(file, other), file
+
+
+def test_a_lut_that_changes_nothing_is_not_written(profile: CameraProfile, tmp_path: Path) -> None:
+    view, session = export_page(tmp_path, profile)
+    session.state = replace(session.state, chosen=ChosenLook("vivid/daylight", "vivid/daylight"))
+    with pytest.raises(WorkspaceError, match="nothing changes"):
+        view._bake_lut()
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
@@ -544,6 +558,15 @@ def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp
     assert list(progress_of(session).values()) == ["done"] * 5
     page.show("Look")
     page.pages["Look"].ev.value = 1.0
+    assert progress_of(session)["Export"] == "done"  # a profile is that of any look
+    page.show("Export")
+    page.pages["Export"]._announce("kit", tmp_path / "kit", (), "", ("target",))
+    page.pages["Export"]._announce("LUT", tmp_path / "mine.clf", (), "", ("source", "target", "ev"))
+    page.show("Look")
+    page.pages["Look"].ev.value = 0.5
+    assert [session.is_old(written) for written in session.written.values()] == [False, False, True]
+    page.pages["Look"].wanted.style.value = "standard"
+    assert [session.is_old(written) for written in session.written.values()] == [False, True, True]
     assert progress_of(session)["Export"] == "stale"
     session.change_workspace(replace(session.require_workspace(), left_out_shots=frozenset({str(samples.shot[0])})))
     assert list(progress_of(session).values()) == ["done", "done", "stale", "stale", "stale"]
@@ -715,7 +738,8 @@ def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_
     )
     page.show("Look")
     look = page.pages["Look"]
-    look.ev.value = 1.5
+    for value in (0.4, 0.95, 1.5):  # one move, from press to release
+        look.ev.value = value
     assert page.undo.label == "Undo Exposure, EV +1.5 → 0"
     session.undo()
     assert look.ev.value == 0 and session.profile is profile and session.look.ev == 0
@@ -728,6 +752,10 @@ def test_undo_is_of_the_step_that_is_seen_and_named(profile: CameraProfile, tmp_
     assert look.ev.value == 0
     page.show("Samples")
     assert page.undo.label == "Undo marked"
+    for end in (0.8, 0.6):
+        page._slider("Saturation").value = (0.0, end)
+    assert page.undo.label == "Undo Saturation: 0 – 0.6 → 0 – 1"
+    session.undo()
     session.undo()
     assert not session.require_workspace().hand_marks.any() and session.profile is profile
 
@@ -888,6 +916,7 @@ def test_a_photograph_of_unknown_settings_says_so_in_the_picture(profile: Camera
     look.path.value = "silent.jpg"
     look.path.param.trigger("enter_pressed")
     assert look.session.photograph.path.name == "silent.jpg" and "not known" in look.view.notice
+    assert "Shown as it is" in look.words.object
     look.wanted.style.value = "vivid"
     assert progress_of(session)["Look"] == "to do"
     look.wanted.balance.value = LABEL_AS_SHOT
