@@ -5,7 +5,7 @@ BIN := .venv/bin
 # A process that ends by itself ends the run: pytest-xdist 3.8 would wait for ever for the groups that it held.
 TESTS := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup --max-worker-restart 0
 
-.PHONY: demo pictures docs test test-all check other-versions benchmark accuracy fleet field figures hosts clean
+.PHONY: demo pictures studio-pictures docs test test-all check other-versions benchmark accuracy fleet field figures hosts clean
 
 demo: .venv/installed
 	$(BIN)/lutforge demo -o demo
@@ -13,6 +13,12 @@ demo: .venv/installed
 # The README's pictures of the jobs, of what the demo made.
 pictures: .venv/ready demo
 	$(BIN)/python examples/pictures/make_pictures.py demo
+
+# The guide's pictures of the studio, which two of its tests take; some minutes.
+studio-pictures: .venv/ready
+	LUTFORGE_SCREENSHOTS=$(CURDIR)/examples/pictures $(BIN)/python -m pytest -n 0 --basetemp $$(mktemp -d)/photographs \
+	  tests/studio/test_page.py \
+	  -k "from_a_folder_of_shots or filters_marks"
 
 # The guide as a site that needs no network: site/index.html.
 docs: .venv/ready

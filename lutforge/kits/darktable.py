@@ -49,12 +49,12 @@ def write_darktable(look: Look, folder: Path) -> KitFiles:
         (folder / f"{name}.dtstyle").write_text(_style(f"{look.title}{variant.value}", name), encoding="utf-8")
         (folder / f"{name}.xmp").write_text(_sidecar(name), encoding="utf-8")
     steps = [
-        "Copy the .icc files into the folder color/in of darktable's settings (~/.config/darktable/color/in on "
-        "Linux; make it where it is missing), and start darktable again.",
+        "If the kit was not made with --install: copy the .icc files into the folder color/in of darktable's settings "
+        "(~/.config/darktable/color/in on Linux; make it where it is missing). Then start darktable again.",
         "Lighttable → styles → import: the .dtstyle files. Apply one to RAW photographs of this camera; it switches "
         "off what would be a second tone curve or balance.",
         f'"{look.title}" is the camera\'s JPEG. "{look.title} colours" leaves its tone curve out, for your own '
-        "tone mapper behind it: sigmoid, filmic rgb or AgX.",
+        "tone mapper after it: sigmoid, filmic rgb or AgX.",
     ]
     return KitFiles(steps, errors)
 

@@ -1,7 +1,7 @@
 """The studio as a visitor uses it, in headless Chromium: from shots to exports that equal the command line's.
 
 With LUTFORGE_SCREENSHOTS=DIR the pictures of the guide are written to DIR: studio_samples.png and so on, and each step
-in three sizes.
+in three sizes. `make studio-pictures` takes those of the guide alone.
 """
 
 import os
@@ -286,7 +286,7 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.reads("1 shots left out")
     box.click()
     visit.reads("all shots take part")
-    visit.fit(9)
+    visit.fit(SIZE)
     visit.step("Look")
     visit.choose("Photograph in the folders", "shots/LF0015-vivid-cloudy-still-life.JPG")
     visit.press("Show")
@@ -300,9 +300,9 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.press("Write kit")
     visit.reads("read README.md first")
     visit.press("Bake LUT")
-    visit.reads("read back, against the model")
+    visit.reads("LUT, refinish: written")
     visit.picture("export")
-    command = ["calibrate", "mine_samples.npz", "--size", "9", "-o", "theirs.npz"]
+    command = ["calibrate", "mine_samples.npz", "--size", str(SIZE), "-o", "theirs.npz"]
     run = subprocess.run([sys.executable, "-m", "lutforge", *command], cwd=folder, capture_output=True)
     assert run.returncode == 0, run.stderr
     assert same_bytes(folder / "mine.npz", folder / "theirs.npz")
@@ -342,7 +342,6 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.reads("Matrix: white-balanced camera RGB → linear sRGB")
     visit.picture("model")
     visit.press("Lattice")
-    visit.picture("lattice")
 
     visit.look_at("picture.jpg", "standard", "tungsten")
     visit.choose("Wanted: style", "vivid")
