@@ -184,9 +184,14 @@ def simulated(camera: SimulatedCamera, style: str) -> Iterator[Fitted]:
     settings: dict[str, Any] = {"styles": (style,), "balances": ("daylight",)}
     fitted = photograph_patches(camera, chart_reflectances(), stops=DARK_STOPS, **settings)
     seen = photograph_patches(camera, surfaces(300, 5), stops=(-4, -3, -2, -1, 0), seed=9, **settings)
-    sets = [(samples.raw * samples.wb, samples.srgb) for samples in (fitted, seen)]
-    clear = [np.all((x < 0.999) & (y > 0.5 / 255) & (y < 1 - 0.5 / 255), axis=1) for x, y in sets]
-    yield sets[0][0][clear[0]], sets[0][1][clear[0]], sets[1][0][clear[1]], sets[1][1][clear[1]]
+
+    def unclipped(samples: SampleSet) -> tuple[Array, Array]:
+        x = samples.raw * samples.wb
+        y = samples.srgb
+        rows = np.all((x < 0.999) & (y > 0.5 / 255) & (y < 1 - 0.5 / 255), axis=1)
+        return x[rows], y[rows]
+
+    yield *unclipped(fitted), *unclipped(seen)
 
 
 def mostly_dark(x: Array, encoded: Array) -> Iterator[Fitted]:
@@ -236,8 +241,9 @@ def test_many_saturated_colours_do_not_outvote_few_grey_ones(camera: SimulatedCa
     rng, gain = np.random.default_rng(1), camera.multipliers("daylight")
     x = rng.random((10_000, 3))
     encoded = camera.render(x / gain, style, "daylight")
-    x, encoded = (each[np.all((encoded > 0.5 / 255) & (encoded < 1 - 0.5 / 255), axis=1)] for each in (x, encoded))
-    fit = fit_matrix_and_response(x, np.rint(255 * encoded) / 255)
+    unclipped = np.all((encoded > 0.5 / 255) & (encoded < 1 - 0.5 / 255), axis=1)
+    fit = fit_matrix_and_response(x[unclipped], np.rint(255 * encoded[unclipped]) / 255)
+
     near = rng.random((4000, 1)) ** 2 * np.exp(0.12 * rng.standard_normal((4000, 3)))
     near = near[np.all(near < 1.0, axis=1)]
     expected = camera.render(near / gain, style, "daylight")
@@ -271,6 +277,10 @@ def test_a_response_of_exposures_does_not_run_away_above_the_brightest(camera: s
     of_raw = fit_matrix_and_response(samples.raw * complete_multipliers(samples)[0], samples.srgb).response
     dark = samples.select(samples.srgb.max(axis=1) < 0.5)
     of_pairs = fit_response_by_least_squares(pairs_of_samples(dark)).response
-    white, grey = np.stack([each.linearize([[0.3] * 3, [1.0] * 3]) for each in (of_pairs, of_raw)], axis=1)[::-1]
-    ratio = (white / grey)[0] / (white / grey)[1]
+
+    def white_over_grey(response: Response) -> Array:
+        grey, white = response.linearize([[0.3] * 3, [1.0] * 3])
+        return np.asarray(white / grey)
+
+    ratio = white_over_grey(of_pairs) / white_over_grey(of_raw)
     assert np.all((ratio > 0.65) & (ratio < 1.35)), ratio

@@ -28,7 +28,9 @@ SETTING = "standard/auto"
 def scene(low: float, high: float) -> Array:
     """Scene-linear colours (n, 3): all channels at once, and each alone, on black and on grey."""
     ramp = np.linspace(low, high, 500)[:, None]
-    alone = [ramp * np.eye(3)[c] + ground * (1 - np.eye(3)[c]) for c in range(3) for ground in (0.0, 0.18)]
+    alone = []
+    for channel in np.eye(3):
+        alone += [ramp * channel, ramp * channel + 0.18 * (1 - channel)]
     return np.concatenate([np.random.default_rng(1).uniform(low, high, (20_000, 3)), *alone])
 
 

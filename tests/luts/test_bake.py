@@ -209,9 +209,14 @@ def test_a_white_balance_in_the_shaper_is_fitted_with_it(tmp_path: Path, gain: t
     path = shaped.write(tmp_path / "a.cube")
     assert verify(path, shaped, shaped, display_referred=False).max < 2e-6
     behind = bake(lambda x: transform(np.asarray(x) / transform.gain), size=17, form="shaper")
+
     x = points()
-    errors = [np.linalg.norm(y - transform(x), axis=1).mean() for y in (full(x), shaped(x), behind(x * transform.gain))]
-    assert errors[0] < errors[1] < 1.3 * errors[2]
+    exact = transform(x)
+
+    def error(rendered: Array) -> float:
+        return float(np.linalg.norm(rendered - exact, axis=1).mean())
+
+    assert error(full(x)) < error(shaped(x)) < 1.3 * error(behind(x * transform.gain))
 
 
 def test_a_plain_cube_of_a_calibrated_camera(tmp_path: Path) -> None:

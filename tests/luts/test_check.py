@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -184,7 +185,8 @@ def test_channels_are_exchanged_by_the_whole_lut_alone(tmp_path: Path) -> None:
 
 
 def test_blenders_spi3d_begins_in_lower_case(tmp_path: Path) -> None:
-    rows = [f"{r} {g} {b} {r} {g} {b}" for r in (0, 1) for g in (0, 1) for b in (0, 1)]
+    nodes = [f"{r} {g} {b}" for r, g, b in product((0, 1), repeat=3)]
+    rows = [f"{node} {node}" for node in nodes]
     (tmp_path / "filmic.spi3d").write_text("\n".join(["spilut 1.0", "3 3", "2 2 2", *rows, ""]))
     cube = read_lut(tmp_path / "filmic.spi3d").cube
     assert cube is not None

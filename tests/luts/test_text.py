@@ -153,7 +153,8 @@ def test_inputs_in_codes_are_a_problem(tmp_path: Path, top: int) -> None:
 
 
 def test_a_cube_of_zeros_and_ones_alone_is_a_problem(tmp_path: Path) -> None:
-    rows = "".join(f"{int(r > 1)} {int(g > 1)} {int(b > 1)}\n" for b, g, r in product(range(4), repeat=3))
+    corners = [[int(index > 1) for index in node] for node in product(range(4), repeat=3)]
+    rows = "".join(f"{r} {g} {b}\n" for b, g, r in corners)
     for message in messages(write(tmp_path, "a.cube", "LUT_3D_SIZE 4\n" + rows)):
         assert "100 % of the nodes are at a limit" in message
 

@@ -20,11 +20,16 @@ FOLDERS = sorted(path.parent for path in CONFIGS.glob("*/config.ocio"))
 
 def made_again(folder: Path, data: Path, work: Path) -> Path:
     """Run the commands of a config's README on the data that it names."""
+
+    def found(word: str) -> str:
+        """A path that is in the data, else the word as it is."""
+        is_path = "." in word[-5:] or "/" in word
+        return str(next(data.rglob(word), word)) if is_path else word
+
     commands = [line.split() for line in (folder / "README.md").read_text().splitlines() if "    lutforge " in line]
     assert len(commands) == 2
     for _, *words in commands:
-        found = [str(next(data.rglob(word), word)) if "." in word[-5:] or "/" in word else word for word in words]
-        command = [sys.executable, "-m", "lutforge", *found]
+        command = [sys.executable, "-m", "lutforge", *map(found, words)]
         run = subprocess.run(command, cwd=work, capture_output=True, text=True, timeout=280)
         assert run.returncode == 0, run.stderr
     return work / folder.name / "config.ocio"

@@ -87,9 +87,11 @@ def test_the_jpeg_is_the_rendering_of_the_raw(tmp_path: Path, chart: Scene, styl
     assert small.shape == (jpeg.shape[0] // 2, jpeg.shape[1] // 2, 3)
     for area in patch_areas(chart):
         truth = 255 * rendered[area].mean(axis=(0, 1))
-        shifted = tuple(slice(s.start - b, s.stop - b) for s, b in zip(area, (BORDER // 2, BORDER), strict=True))
-        np.testing.assert_allclose(jpeg[shifted].mean(axis=(0, 1)), truth, atol=1.2)
-        halved = tuple(slice(s.start // 2 + 1, s.stop // 2) for s in shifted)
+        rows, columns = area
+        rows = slice(rows.start - BORDER // 2, rows.stop - BORDER // 2)
+        columns = slice(columns.start - BORDER, columns.stop - BORDER)
+        np.testing.assert_allclose(jpeg[rows, columns].mean(axis=(0, 1)), truth, atol=1.2)
+        halved = tuple(slice(side.start // 2 + 1, side.stop // 2) for side in (rows, columns))
         np.testing.assert_allclose(small[halved].mean(axis=(0, 1)), truth, atol=2.0)
 
 

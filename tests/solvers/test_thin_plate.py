@@ -40,7 +40,9 @@ def test_thin_plate_is_the_integral_of_all_squared_second_derivatives() -> None:
     for one in range(3):
         for two in range(3):
             orders = np.bincount([one, two], minlength=3)
-            (vr, wr), (vg, wg), (vb, wb) = (basis(n, int(order)) for n, order in zip(size, orders, strict=True))
+            vr, wr = basis(size[0], int(orders[0]))
+            vg, wg = basis(size[1], int(orders[1]))
+            vb, wb = basis(size[2], int(orders[2]))
             derivative = np.einsum("ai,bj,ck,dijk->dabc", vr, vg, vb, b)
             total += np.einsum("a,b,c,dabc->d", wr, wg, wb, derivative**2)
     plate = thin_plate(size)

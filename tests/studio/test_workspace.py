@@ -291,8 +291,10 @@ def test_the_model_puts_neutral_colours_on_its_curve(workspace: Workspace) -> No
     assert len(transfers.curves) == len(np.unique(np.rint(100 * stops))) > 1
     for ratio in np.unique(np.rint(100 * stops)):  # each pair lies on the curve of its own ratio
         mine = (np.rint(100 * stops) == ratio) & (workspace.columns["saturation"][transfers.row] < 0.1)
-        off = [np.median(np.abs(np.interp(transfers.x[mine], *one) - transfers.y[mine])) for one in transfers.curves]
-        assert min(off) < 0.01 < max(off)
+        x = transfers.x[mine]
+        y = transfers.y[mine]
+        errors = [np.median(np.abs(np.interp(x, *curve) - y)) for curve in transfers.curves]
+        assert min(errors) < 0.01 < max(errors)
     linear = points(workspace, "linearization", 1)
     near = workspace.columns["saturation"][linear.row] < 0.1
     assert np.median(np.abs(linear.y[near] - linear.x[near])) < 0.01

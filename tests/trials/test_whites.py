@@ -120,7 +120,10 @@ def test_white_is_white_by_every_way(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_cube_keeps_the_colours_beside_white() -> None:
     profile = small_profile()
-    beside = np.array([np.where(np.arange(3) == c, code, 255) for c in range(3) for code in range(250, 255)]) / 255
+    codes = np.full((3, 5, 3), 255)
+    for channel in range(3):
+        codes[channel, :, channel] = range(250, 255)
+    beside = codes.reshape(-1, 3) / 255
     for source, target in permutations(("standard/daylight", "standard/tungsten", "standard/auto"), 2):
         transform = profile.refinish(profile.selector(source), profile.selector(target))
         shaped = np.clip(_shaped(transform, DEFAULT)(beside), 0.0, 1.0)
@@ -158,7 +161,8 @@ def test_one_code_of_a_real_camera_moves_no_channel_by_more_than_eight(s40_sampl
     profile = calibrate(s40_samples, CalibrationOptions(size=33))
     balances = [*profile.white_balances, "1.7,1,1.7", "2.3,1,1.1", "2.4,1,1"]
     lights = np.arange(200.0, 260.0)[:, None]
-    rising = [np.rint(np.minimum(lights * np.array(tint) / 254, 255)) / 255 for tint in (*TINTS, (236, 246, 254))]
+    tints = [np.array(tint) / 254 for tint in (*TINTS, (236, 246, 254))]
+    rising = [np.rint(np.minimum(lights * tint, 255)) / 255 for tint in tints]
     for source, target in permutations(balances, 2):
         for ev in (-1.0, 0.0, 0.7):
             refinish = profile.refinish(f"standard/{source}", f"standard/{target}", ev)
