@@ -43,8 +43,10 @@ def write_rawtherapee(look: Look, folder: Path) -> KitFiles:
         f"Open a RAW photograph, and load {name}.pp3 as its processing profile: it chooses the .dcp beside it in "
         "Color → Color Management → Input Profile → Custom, and makes everything else neutral. White balance and "
         "Exposure → Compensation act in front of the camera's tone curve, as on the camera.",
-        f"{name} icc.pp3 takes the ICC profile instead. Exposure → Compensation then acts behind the look: below 0 it "
-        f"makes burnt-out white a flat grey. To darken, take {name}.pp3; to brighten, Raw → Raw White Points.",
+        f"{name} icc.pp3 takes the ICC profile instead. Brighten and darken with Raw → Raw White Points, which act in "
+        "front of the look: 0.25 is −2 EV. Exposure → Compensation acts behind it here, and makes burnt-out white a "
+        "flat grey below 0. Darkened by Raw White Points burnt-out white turns a little pink; with the .dcp it stays "
+        "neutral.",
         f"{name} colours.pp3 leaves the camera's tone curve out, for tone curves of your own.",
     ]
     return KitFiles(steps, errors)

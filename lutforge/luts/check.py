@@ -33,8 +33,8 @@ SHOWN_COMMENTS = 20
 CODES = {255.0: 8, 1023.0: 10, 4095.0: 12, 65535.0: 16}
 """The highest code of integers, and their bits."""
 LEAST_HIGHEST_CODE, LEAST_MEDIAN_SHARE = 64.0, 0.2
-"""Numbers that are not whole are codes, too, if the highest is at least the first of these, and the median is at least
-that share of the highest."""
+"""Numbers are codes if the highest is at least the first of these, and they are whole, or the median is at least that
+share of the highest. A matrix that doubles the exposure gives whole numbers, too: 0 and 2."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,10 +289,8 @@ def _problems_of_outputs(findings: _Findings) -> Iterator[str]:
     highest = float(outputs.max())
     are_whole = bool(np.all(outputs == np.rint(outputs)))
     # Scene-linear light reaches as high, and in nits higher, but half of such a table is dark.
-    are_codes = (
-        highest >= LEAST_HIGHEST_CODE and float(np.median(outputs)) > LEAST_MEDIAN_SHARE * highest and stated is None
-    )
-    if highest > 1 and clipped is None and (are_whole or are_codes):
+    are_bright = float(np.median(outputs)) > LEAST_MEDIAN_SHARE * highest and stated is None
+    if highest >= LEAST_HIGHEST_CODE and clipped is None and (are_whole or are_bright):
         top = next((code for code in CODES if code >= highest), highest)
         are = "are whole and run" if are_whole else "run"
         yield (

@@ -145,6 +145,9 @@ def test_houdini_cdls_and_parametric_operations_are_read_as_opencolorio_applies_
         "LUT:\nPre {\n0\n.3\n1\n}\n3D {\n"
         + "".join(f"{n & 1} {n >> 1 & 1} {n >> 2}\n" for n in range(8)) + "}\n"
     )  # fmt: skip
+    # Houdini may close a table behind its last number.
+    head = "Version 1\nFormat any\nType C\nFrom 0 1\nTo 0 1\nBlack 0\nWhite 1\nLength 4\n"
+    (tmp_path / "b.lut").write_text(f"{head}LUT:\nRGB {{\n0\n.5\n.8\n1 }}\n")
     x = np.random.default_rng(0).random((1000, 3)) + 0.01
     for path in tmp_path.iterdir():
         expected = evaluate(trusted_processor(path), x)

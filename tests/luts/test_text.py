@@ -13,7 +13,7 @@ from lutforge.errors import LutError
 from lutforge.grading.grade import LutRecipe
 from lutforge.luts.check import check_lut
 from lutforge.luts.ocio_transforms import evaluate
-from lutforge.luts.ops import Cube
+from lutforge.luts.ops import Cube, Matrix
 from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
@@ -142,6 +142,12 @@ def test_scene_linear_light_is_not_taken_for_codes(tmp_path: Path, name: str, to
         tmp_path / f"source{Path(name).suffix}"
     )
     for message in messages(source):
+        assert "as codes" not in message
+
+
+@pytest.mark.parametrize("gain", [2.0, 8.0])
+def test_a_gain_of_whole_stops_is_not_taken_for_codes(tmp_path: Path, gain: float) -> None:
+    for message in messages(Lut((Matrix(gain * np.eye(3)),)).write(tmp_path / "a.clf")):
         assert "as codes" not in message
 
 

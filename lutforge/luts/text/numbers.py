@@ -73,6 +73,8 @@ def require_numbers(lines: list[str], suffix: str, path: Path) -> None:
 
         # All words of a row should be numbers, and those after the first word of a header. Other lines are free.
         words = line.split()
+        if suffix == ".lut" and words and words[-1] == "}":
+            words.pop()  # a LUT of Houdini may close a table behind its last number
         expected = width
         if not ROW_START.match(line):
             if not words or words[0] not in headers:
