@@ -13,6 +13,9 @@ KELVIN_RANGE = (1500.0, 25000.0)
 LARGEST_TINT = 150.0
 """Largest tint to either side: the range of the sliders of raw converters."""
 
+UNKNOWN_CAMERA = "unknown camera"
+"""The name of the camera of files that state none."""
+
 LARGEST_MULTIPLIER = 1000.0
 """The largest multiplier with green = 1; no camera sets more, nor less than its reciprocal."""
 
@@ -147,6 +150,11 @@ def setting_name(text: str) -> str:
     A selector "STYLE/WB" can name whatever this returns.
     """
     return " ".join(re.sub(r"[/,]", "-", text.lower()).split()) or "unnamed"
+
+
+def camera_key(camera: str) -> str:
+    """A camera's name in lower case without spaces and hyphens, which firmware and programs write in different ways."""
+    return re.sub(r"[\s_-]+", "", camera).lower()
 
 
 def parse_selector(text: str) -> Selector:

@@ -12,6 +12,7 @@ import numpy as np
 
 from lutforge.errors import CalibrationError, LutForgeError, SampleError, ShotError, in_common
 from lutforge.pipeline.file_kinds import TABLE_SUFFIXES
+from lutforge.pipeline.one_camera import require_one_camera, with_one_name
 from lutforge.pipeline.outputs import Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet, concatenate
@@ -85,6 +86,7 @@ def sample_shots(
             "without --chart its plain areas are sampled"
         )
     files = discover(several(paths))
+    require_one_camera(files)
     # The registration of each shot starts from the result of the first file, so that it does not depend on the order
     # in which threads finish.
     first: Future[Placement | None] = Future()
@@ -139,6 +141,8 @@ def sample_each(
                 progress(file.name, index / len(files))
         finally:
             pool.shutdown(cancel_futures=True)
+    named = with_one_name([shot.samples for shot in shots])
+    shots = [replace(shot, samples=samples) for shot, samples in zip(shots, named, strict=True)]
     sample_sets = [shot.samples for shot in shots if shot.kept]
     if not sample_sets:
         raise ShotError("no usable shot: " + "; ".join([*left_out, *(shot.summary for shot in shots)]))
@@ -158,6 +162,8 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
 
     files = [file for path in several(pictures) for file in jpegs_of(path)]
     raws = discover([reference])
+    require_one_camera(files)
+    require_one_camera(raws)
     by_stem = {raw.stem.lower(): raw for raw in raws}
     if all(file.stem.lower() in by_stem for file in files):
         pairs = [(file, by_stem[file.stem.lower()]) for file in files]
@@ -195,12 +201,20 @@ def gather_samples(paths: Paths, progress: Progress = silent, substitute: RawSub
     distinct = list({path.resolve(): path for path in several(paths)}.values())
     if not distinct:
         raise SampleError("nothing given: name sample tables (.csv, .npz) or RAW files")
-    tables = [read_samples(path) for path in distinct if path.suffix.lower() in TABLE_SUFFIXES]
+    tables = {path: read_samples(path) for path in distinct if path.suffix.lower() in TABLE_SUFFIXES}
     shots = [path for path in distinct if path.suffix.lower() not in TABLE_SUFFIXES]
     if not shots:
-        return SampledShots(concatenate(_without_repeated_shots(tables)))
+        return SampledShots(_all_of([*tables.values()]))
+    require_one_camera(
+        shots, {str(camera): path for path, table in tables.items() for camera in np.unique(table.camera)}
+    )
     sampled = sample_shots(shots, progress, substitute)
-    return replace(sampled, samples=concatenate(_without_repeated_shots([*tables, sampled.samples])))
+    return replace(sampled, samples=_all_of([*tables.values(), sampled.samples]))
+
+
+def _all_of(sets: Sequence[SampleSet]) -> SampleSet:
+    """The samples of tables and shots together, with one name for each camera, and without repeated shots."""
+    return concatenate(_without_repeated_shots(with_one_name(sets)))
 
 
 def _without_repeated_shots(sets: Sequence[SampleSet]) -> list[SampleSet]:

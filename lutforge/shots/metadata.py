@@ -12,10 +12,10 @@ from lutforge.arrays import Array
 from lutforge.boundary import require_file
 from lutforge.errors import ImageError, SettingsError, one_line
 from lutforge.images.heif import is_heif
-from lutforge.images.raw import RawImage, read_multipliers
+from lutforge.images.raw import RawImage, read_multipliers, read_preview
 from lutforge.images.read import ImageReader
-from lutforge.settings import Multipliers, parse_selector, setting_name
-from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
+from lutforge.settings import UNKNOWN_CAMERA, Multipliers, camera_key, parse_selector, setting_name
+from lutforge.shots.discover import RAW_SUFFIXES, picture_beside, raw_beside
 from lutforge.shots.maker_multipliers import multipliers_of
 from lutforge.shots.maker_settings import edited_notes, notes_of, style_of, white_balance_of
 from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Tags, tags, tags_of
@@ -89,7 +89,10 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     style = style_of(shot_tags)
     doubts = (
         (raw.multipliers is None, "the file has no valid white-balance multipliers: they must be fitted or given"),
-        (not make and not model, "the file does not name its camera"),
+        (
+            not make and not model,
+            f'the file does not name its camera: taken for that of other files, else for "{UNKNOWN_CAMERA}"',
+        ),
         (style is None, 'the file does not name its picture style: taken for "standard"'),
     )
     notes = [*notes_of(shot_tags), *(note for holds, note in doubts if holds)]
@@ -150,7 +153,7 @@ def read_picture_settings(path: Path) -> ShotMetadata:
     camera = camera_of(shot_tags)
     raw = path if is_raw else raw_beside(path) if camera else None
     raw_tags = shot_tags if is_raw else {} if raw is None else tags(raw)
-    if camera_of(raw_tags) != camera:
+    if camera_key(camera_of(raw_tags)) != camera_key(camera):
         raw, raw_tags = None, {}
 
     exposures = zip(_exposure_of(shot_tags), _exposure_of(raw_tags), strict=True)
@@ -220,6 +223,20 @@ def camera_of(shot_tags: Tags) -> str:
     """Make and model in one; "" where neither is there."""
     make, model = (str(shot_tags.get(key, "")).strip() for key in (MAKE, MODEL))
     return tidy_camera(make, model) if make or model else ""
+
+
+def stated_camera(path: Path) -> str:
+    """The camera that a RAW file or a picture names, without decoding it; "" where none of its tags do.
+
+    As in `read_metadata`, the JPEG beside a RAW file and its preview complete what its own tags do not state.
+    """
+    camera = camera_of(tags(path))
+    if not camera and path.suffix.lower() in RAW_SUFFIXES:
+        beside = picture_beside(path)
+        camera = camera_of(tags(beside)) if beside is not None else ""
+        with contextlib.suppress(ImageError):
+            camera = camera or camera_of(tags_of(read_preview(path)[0]))
+    return camera
 
 
 def software_tag(camera: str, selector: str) -> str:
