@@ -5,6 +5,7 @@ Rust extensions a panic that is no Exception and prints forty lines. So every re
 """
 
 import re
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +33,27 @@ def reading(path: str | Path, kind: str, error: type[LutForgeError] = LutForgeEr
         raise
     except BaseException as failure:  # a panic of pyo3 derives from BaseException
         raise error(f"{path}: cannot be read as {kind} ({reason_of(failure)})") from failure
+
+
+@contextmanager
+def opened_archive(path: Path, error: type[LutForgeError]) -> Iterator[zipfile.ZipFile]:
+    """Open an untrusted zip file. Raises `error` where an entry is packed otherwise than plainly or by deflate.
+
+    Python unpacks the other packings in parts of any size, whatever number of bytes is asked for.
+    """
+    with zipfile.ZipFile(path) as archive:
+        if any(entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for entry in archive.infolist()):
+            raise error("refused, its parts are packed otherwise than by deflate")
+        yield archive
+
+
+def read_entry(archive: zipfile.ZipFile, name: str) -> bytes:
+    """The bytes of an entry, never more than the size that it states: an entry that unpacks to more is cut there.
+
+    `ZipFile.read` would unpack all of it before it compares the sizes.
+    """
+    with archive.open(name) as stream:
+        return stream.read(archive.getinfo(name).file_size)
 
 
 def reason_of(failure: BaseException) -> str:

@@ -17,7 +17,7 @@ from numpy.lib import format as npy
 from lutforge import __version__
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
-from lutforge.boundary import reading
+from lutforge.boundary import opened_archive, read_entry, reading
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.gamut_map import GamutMap
@@ -103,7 +103,7 @@ def read_profile(path: Path) -> ProfileData:
         raise ProfileError(f"{path}: no such profile; make one with `lutforge calibrate … -o {path}`")
     if not zipfile.is_zipfile(path):
         raise ProfileError(f"{path}: not a LutForge profile, which is a zip file")
-    with reading(path, "a LutForge profile", ProfileError), zipfile.ZipFile(path) as archive:
+    with reading(path, "a LutForge profile", ProfileError), opened_archive(path, ProfileError) as archive:
         document = _read_document(archive, path.stat().st_size)
         arrays = _Arrays(archive)
         return ProfileData(
@@ -281,9 +281,7 @@ def _read_document(archive: zipfile.ZipFile, size: int) -> dict[str, Any]:
     unpacked = sum(entry.file_size for entry in archive.infolist())
     if unpacked > LEAST_BYTES + MOST_RATIO * size:
         raise ProfileError(f"refused, it unpacks to {unpacked:,} bytes, more than any profile of its size")
-    if any(entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for entry in archive.infolist()):
-        raise ProfileError("refused, it is packed as no profile is")
-    document = json.loads(archive.read("profile.json"))
+    document = json.loads(read_entry(archive, "profile.json"))
     if not isinstance(document, dict) or document.get("format") != PROFILE_FORMAT:
         raise ProfileError("profile.json is not a LutForge profile")
     version = document.get("version")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.boundary import reading, require_file
+from lutforge.boundary import opened_archive, read_entry, reading, require_file
 from lutforge.errors import ConfigError, one_line
 from lutforge.luts.ocio_transforms import OCIO_ERRORS
 
@@ -38,12 +38,12 @@ def _require_text(path: Path) -> None:
     if not zipfile.is_zipfile(path):
         path.read_bytes().decode("utf-8")
         return
-    with zipfile.ZipFile(path) as archive:
+    with opened_archive(path, ConfigError) as archive:
         if "config.ocio" not in archive.namelist():
             raise ConfigError(f"{path}: not an OpenColorIO archive, there is no config.ocio in it")
         if archive.getinfo("config.ocio").file_size > MOST_TEXT:
             raise ConfigError(f"{path}: its config.ocio unpacks to more than any config has, refused")
-        archive.read("config.ocio").decode("utf-8")
+        read_entry(archive, "config.ocio").decode("utf-8")
 
 
 def try_file(path: str, name: str) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.atomic_write import scratch_folder
-from lutforge.boundary import reading
+from lutforge.boundary import opened_archive, reading
 from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
 from lutforge.luts.ocio_transforms import OCIO_ERRORS
@@ -239,7 +239,7 @@ def _merged_into(config: OCIO.Config, source: str, label: str, folder: Path | No
 
 def _unpack(path: Path, folder: Path) -> None:
     """Unpack an untrusted archive: no entry outside of the folder, no more than MOST_UNPACKED. Raises ConfigError."""
-    with reading(path, "an OpenColorIO archive", ConfigError), zipfile.ZipFile(path) as archive:
+    with reading(path, "an OpenColorIO archive", ConfigError), opened_archive(path, ConfigError) as archive:
         entries = [entry for entry in archive.infolist() if not entry.is_dir()]
         if sum(entry.file_size for entry in entries) > MOST_UNPACKED:
             raise ConfigError(f"{path}: unpacks to more than {MOST_UNPACKED >> 30} GB, refused")

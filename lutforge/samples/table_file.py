@@ -14,7 +14,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from lutforge.atomic_write import atomic_path
-from lutforge.boundary import reading, require_file
+from lutforge.boundary import opened_archive, reading, require_file
 from lutforge.errors import SampleError
 from lutforge.samples.columns import (
     MAX_ROWS,
@@ -74,7 +74,7 @@ def is_table(path: str | Path) -> bool:
     path = Path(path)
     if path.suffix.lower() != ".npz" or not zipfile.is_zipfile(path):
         return path.suffix.lower() == ".csv"
-    with reading(path, "a sample table", SampleError), zipfile.ZipFile(path) as archive:
+    with reading(path, "a sample table", SampleError), opened_archive(path, SampleError) as archive:
         return "raw_r.npy" in (name.strip().lower() for name in archive.namelist())
 
 
@@ -89,7 +89,7 @@ def _read_npz(path: Path) -> Columns:
     """The known columns. Each header is checked before its array is allocated."""
     if not zipfile.is_zipfile(path):
         raise SampleError(f"{path}: not a NumPy file (.npz); write it anew, or save the table as .csv")
-    with zipfile.ZipFile(path) as archive:
+    with opened_archive(path, SampleError) as archive:
         entries = archive.namelist()
         if "profile.json" in entries:
             raise SampleError(f"{path}: a camera profile; name sample tables (.csv, .npz) or RAW files instead")
@@ -120,7 +120,7 @@ def _read_column(archive: zipfile.ZipFile, entry: str, name: str, rows: int | No
         size = shape[0] * dtype.itemsize
         if archive.getinfo(entry).file_size != stream.tell() + size:
             raise SampleError(f"column {name} is not as long as it says; write it anew")
-        values: NDArray[Any] = np.frombuffer(stream.read(), dtype)
+        values: NDArray[Any] = np.frombuffer(stream.read(size), dtype)
     return values.astype(np.float64 if name in NUMBER_COLUMNS else dtype.newbyteorder("="), copy=False)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Mask
 from lutforge.atomic_write import atomic_path, scratch_folder
-from lutforge.boundary import reading
+from lutforge.boundary import opened_archive, read_entry, reading
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.evaluation import predict
 from lutforge.samples.sample_set import SampleSet
@@ -61,7 +61,7 @@ def open_workspace(path: str | Path) -> Workspace:
     """Read a workspace, without its exposure pairs, which follow from the samples. Raises WorkspaceError."""
     path = Path(path)
     with reading(path.name, "a LutForge workspace", WorkspaceError):
-        with zipfile.ZipFile(path) as archive, scratch_folder() as folder:
+        with opened_archive(path, WorkspaceError) as archive, scratch_folder() as folder:
             document = _read_document(archive)
             samples = read_samples(_extract(archive, SAMPLES, folder))
             marks = np.load(_extract(archive, MARKS, folder), allow_pickle=False)
@@ -88,7 +88,7 @@ def open_workspace(path: str | Path) -> Workspace:
 def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
     """The JSON of a workspace file. Raises WorkspaceError where it is none that this version reads."""
     is_small = DOCUMENT in archive.namelist() and archive.getinfo(DOCUMENT).file_size <= 1 << 20
-    document = json.loads(archive.read(DOCUMENT)) if is_small else None
+    document = json.loads(read_entry(archive, DOCUMENT)) if is_small else None
     if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
         raise WorkspaceError("not a LutForge workspace")
     if document.get("version") != 4:

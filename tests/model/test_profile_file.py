@@ -485,13 +485,3 @@ def test_the_sum_of_a_profile_is_judged_before_it_is_unpacked(saved: Path) -> No
     _rewrite(saved, {f"spare{n}.npy": _npy(np.zeros((126, 126, 126))) for n in range(6)})
     assert saved.stat().st_size < 1 << 20
     assert "it unpacks to" in _refused(saved)
-
-
-@pytest.mark.parametrize("packing", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
-def test_a_packing_that_asks_for_memory_is_refused(saved: Path, packing: int) -> None:
-    with zipfile.ZipFile(saved) as archive:
-        entries = {name: archive.read(name) for name in archive.namelist()}
-    with zipfile.ZipFile(saved, "w", packing) as archive:
-        for name, data in entries.items():
-            archive.writestr(name, data)
-    assert "packed as no profile is" in _refused(saved)
