@@ -1,7 +1,7 @@
 """Deviations: how a shot, or a group of shots, was rendered otherwise than the others, in the words of photographers.
 
 A fitted change (`shared_function`) is measured by its effect on greys and colours of the shots: exposure, contrast,
-saturation, the tint of greys, and what it moves besides. Standard errors come from the residuals of the fit.
+saturation, the tint of greys, hue, and what it moves besides. Standard errors come from the residuals of the fit.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,13 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.shared_function import MATRIX_TERMS, ComparedColours, SharedFunctionFit, change_basis
+from lutforge.calibration.shared_function import MATRIX_TERMS, ComparedColours, SharedFunctionFit, turn_basis
 
-QUANTITIES = ("exposure", "contrast", "saturation", "red", "blue")
-COLUMNS = ("exposure, EV", "contrast", "saturation", "red, EV", "blue, EV")
-"""What is measured of a deviation; red and blue are those of the white balance, compared with green."""
-LEAST_DEVIATION = np.array([0.1, 0.06, 0.12, 0.08, 0.08])
-"""A quantity deviates clearly only by this: EV, EV per EV, share of the saturation, EV, EV."""
+QUANTITIES = ("exposure", "contrast", "saturation", "red", "blue", "hue")
+COLUMNS = ("exposure, EV", "contrast", "saturation", "red, EV", "blue, EV", "hue, °")
+"""What is measured of a deviation; red and blue are those of the white balance, compared with green; hue is the angle
+from red to green by which all hues are turned."""
+LEAST_DEVIATION = np.array([0.1, 0.06, 0.12, 0.08, 0.08, 4.0])
+"""A quantity deviates clearly only by this: EV, EV per EV, share of the saturation, EV, EV, degrees."""
 CLEAR_STANDARD_ERRORS = 4.0
 """A quantity deviates clearly only by so many standard errors."""
 HUE_GROUPS = 5
@@ -42,8 +43,9 @@ class Deviation:
     """The deviation of a shot, or of a group of shots, from the others.
 
     values, errors: exposure in EV, contrast in EV per EV, change of saturation, red and blue of greys compared with
-    green in EV, and their standard errors; clear: which of them are beyond chance. primaries: the share of their
-    strength by which colours deviate besides. without_colour: the shot is black and white, and others are not.
+    green in EV, turn of hues in degrees, and their standard errors; clear: which of them are beyond chance. primaries:
+    the share of their strength by which colours deviate besides. without_colour: the shot is black and white, and
+    others are not.
     """
 
     shot: str
@@ -72,10 +74,15 @@ class Deviation:
         for name, value, error, clear in zip(QUANTITIES, self.values, self.errors, self.clear, strict=True):
             if not clear:
                 continue
-            is_share = name in ("contrast", "saturation")
-            number = f"{value:+.0%} ± {error:.0%}" if is_share else f"{value:+.2f} ± {error:.2f} EV"
+            match name:
+                case "contrast" | "saturation":
+                    number = f"{value:+.0%} ± {error:.0%}"
+                case "hue":
+                    number = f"{value:+.0f}° ± {error:.0f}°"
+                case _:
+                    number = f"{value:+.2f} ± {error:.2f} EV"
             shown.append(f"white balance: {name} {number}" if name in ("red", "blue") else f"{name} {number}")
-        if self.primaries > OTHER_PRIMARIES:
+        if self.primaries > OTHER_PRIMARIES and not self.clear[-1]:  # which a turn of hues moves as far
             shown.append("primaries")
         return ", ".join(shown) or "tones and colours"
 
@@ -111,7 +118,7 @@ class _ChangeMeter:
         darkest, brightest = np.maximum(np.percentile(rendered.mean(axis=1), (10, 90)), DARKEST_GREYS)
         greys = np.repeat(np.linspace(darkest, brightest, MEASURED_GREYS)[:, None], 3, axis=1)
         tones = _stops(linearize(greys).sum(axis=1))
-        return cls(chroma, basis, greys, tones, change_basis(greys, tinted=colours.tinted), linearize)
+        return cls(chroma, basis, greys, tones, colours.change(greys), linearize)
 
     @property
     def strength(self) -> float:
@@ -119,17 +126,17 @@ class _ChangeMeter:
         return max(float(np.sum(self.chroma**2)), LEAST_STRENGTH)
 
     def values(self, change: Array) -> Array:
-        """How shots with + change (q,) differ from shots with − change (5,): the values of a `Deviation`."""
+        """How shots with + change (q,) differ from shots with − change (6,): the values of a `Deviation`."""
         step = self.basis_of_greys @ change
         more, less = (self.linearize(np.clip(greys, 0.0, 1.0)) for greys in (self.greys + step, self.greys - step))
         brighter = _stops(more.sum(axis=1)) - _stops(less.sum(axis=1))
         contrast, exposure = np.polyfit(self.tones - np.median(self.tones), brighter, 1)
-        saturation = float(np.sum(self._moved_colours(change) * self.chroma)) / self.strength
+        saturation, turn = (float(share) for share in self._saturation_and_turn(self._moved_colours(change)))
         red, green, blue = (_stops(more) - _stops(less)).mean(axis=0)
-        return np.array([exposure, contrast, saturation, red - green, blue - green])
+        return np.array([exposure, contrast, saturation, red - green, blue - green, np.degrees(turn)])
 
     def slopes(self, change: Array) -> Array:
-        """The derivatives (5, q) of the values by the numbers of a change (q,)."""
+        """The derivatives (6, q) of the values by the numbers of a change (q,)."""
         values = self.values(change)
         steps = CHANGE_STEP * np.eye(len(change))
         return np.stack([(self.values(change + step) - values) / CHANGE_STEP for step in steps], axis=1)
@@ -139,8 +146,16 @@ class _ChangeMeter:
         remaining = self._moved_colours(change) - saturation * self.chroma
         return float(np.sqrt(np.sum(remaining**2) / self.strength))
 
+    def _saturation_and_turn(self, moved: Array) -> Array:
+        """The share of saturation and the angle in radians (2,) that explain most of how colours (n, 3) are moved."""
+        turned = turn_basis(self.chroma)[..., 0]  # as long as the chroma and at right angles to it
+        return np.array([np.sum(moved * self.chroma), np.sum(moved * turned)]) / self.strength
+
     def _moved_colours(self, change: Array) -> Array:
-        """How far (n, 3) colours with + change (q,) are from those with − change, apart from tone."""
+        """How far (n, 3) colours with + change (q,) are from those with − change, apart from tone.
+
+        A change of hue alone has no numbers of tone.
+        """
         return np.asarray(2.0 * (self.basis[..., -MATRIX_TERMS:] @ change[-MATRIX_TERMS:]))
 
 
@@ -165,7 +180,9 @@ def measured_deviations(
         by_hue_group = meter.slopes(change) @ inverse @ scores
         errors = np.sqrt(np.square(by_hue_group).sum(axis=1) * HUE_GROUPS / (HUE_GROUPS - 1))
 
-        clear = (np.abs(values) > LEAST_DEVIATION) & (np.abs(values) > CLEAR_STANDARD_ERRORS * errors)
+        # A turn of hues is sure only by itself: among other numbers it may be a part of other primaries.
+        sure = [True] * (len(values) - 1) + [fit.colours.change is turn_basis]
+        clear = (np.abs(values) > LEAST_DEVIATION) & (np.abs(values) > CLEAR_STANDARD_ERRORS * errors) & sure
         deviations.append(
             Deviation(
                 listed([names[place] for place in np.flatnonzero(group).tolist()]),

@@ -1,15 +1,16 @@
 """The smooth function of colour that the shots of a style share, fitted together with a change of each shot.
 
 What JPEG values differ by from those that the base renders of their RAW is a cubic polynomial of the rendered colour,
-the same for all shots. To it a shot adds a change of tone and of what differs from grey. The polynomial is fitted by
-least squares with robust weights, which are those of residuals to the polynomial and to a change of each shot. Then the
-change of any group of shots is the solution of a few equations, from sums that are made once.
+the same for all shots. To it a shot adds a change: of tone and of what differs from grey, or of hue alone. The
+polynomial is fitted by least squares with robust weights, which are those of residuals to the polynomial and to a
+change of each shot. Then the change of any group of shots is the solution of a few equations, from sums that are made
+once.
 
 Letters of the sums here: n samples, c channels, s shots, f functions of the polynomial, k and l such functions of a
 channel (three times as many), q and r numbers of a change.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,6 +55,20 @@ def change_basis(rendered: Array, *, tinted: bool) -> Array:
     return np.concatenate([part.reshape(len(rendered), 3, -1) for part in parts], axis=2)
 
 
+def turn_basis(rendered: Array) -> Array:
+    """How encoded colours (n, 3) move as hues turn about the axis of greys, by a radian from red to green: (n, 3, 1).
+
+    A change of this one number is found more surely than one of all: little else makes shots differ by it.
+    """
+    red, green, blue = rendered.T
+    turned = np.stack([blue - green, red - blue, green - red], axis=1)
+    return np.asarray(turned[..., None] / np.sqrt(3.0))
+
+
+ChangeBasis = Callable[[Array], Array]
+"""What each number of a change adds to encoded colours: (n, 3) → (n, 3, q)."""
+
+
 def _polynomials(rendered: Array) -> Array:
     """Cubic polynomials of encoded colours (n, 3), (n, 20)."""
     red, green, blue = (2.0 * rendered - 1.0).T
@@ -64,23 +79,27 @@ def _polynomials(rendered: Array) -> Array:
 class ComparedColours:
     """The colours of the shots that are compared.
 
-    rendered: (n, 3) as the base renders them; encoded: (n, 3) as the camera did; basis: (n, 3, q) what the numbers of a
-    change add to them; rows_of_shots: the samples of each shot; tinted: as in `change_basis`.
+    rendered: (n, 3) as the base renders them; encoded: (n, 3) as the camera did; rows_of_shots: the samples of each
+    shot; change: the basis of what a shot may change; basis: (n, 3, q) its values for the colours.
     """
 
     rendered: Array
     encoded: Array
-    basis: Array
     rows_of_shots: Sequence[NDArray[np.intp]]
-    tinted: bool
+    change: ChangeBasis
+    basis: Array
 
     @classmethod
     def of(
-        cls, rendered: Array, encoded: Array, rows_of_shots: Sequence[NDArray[np.intp]], *, tinted: bool
+        cls, rendered: Array, encoded: Array, rows_of_shots: Sequence[NDArray[np.intp]], change: ChangeBasis
     ) -> "ComparedColours":
-        """The colours with the basis of changes."""
+        """The colours with the values of the basis of changes."""
         clipped = np.clip(rendered, 0.0, 1.0)
-        return cls(clipped, encoded, change_basis(clipped, tinted=tinted), rows_of_shots, tinted)
+        return cls(clipped, encoded, rows_of_shots, change, change(clipped))
+
+    def by_hue(self) -> "ComparedColours":
+        """The same colours, of which a shot may turn the hues, and nothing else."""
+        return replace(self, change=turn_basis, basis=turn_basis(self.rendered))
 
     @property
     def prior(self) -> Array:

@@ -15,6 +15,7 @@ the others; of larger groups nothing says which is right.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,13 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.deviations import QUANTITIES, Deviation, listed, measured_deviations
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
-from lutforge.calibration.shared_function import CODE, ComparedColours, SharedFunctionFit, fit_shared_function
+from lutforge.calibration.shared_function import (
+    CODE,
+    ComparedColours,
+    SharedFunctionFit,
+    change_basis,
+    fit_shared_function,
+)
 from lutforge.calibration.split_search import best_split
 from lutforge.model.profile import Diagnosis
 from lutforge.samples.sample_set import SampleSet
@@ -40,6 +47,8 @@ COMMON_DISTANCE = 0.1
 USUAL_DIFFERENCE = 1.9
 """Codes that sound shots differ by from each other beforehand, between the 0.5 of most cameras and the 2.2 of the
 roughest one measured. It counts as much as one difference that was measured."""
+USUAL_DIFFERENCE_OF_HUE = 0.5
+"""The same by a change of hue alone: the share of one of the 15 numbers of a change, which differ independently."""
 LEAST_DIFFERENCE = 1.6
 """Groups are apart only if they differ by so many codes."""
 TIMES_USUAL_DIFFERENCE = 1.9
@@ -190,30 +199,48 @@ def compare_shots(
     tint is the rendering's. At most a third of the shots deviates. Groups are looked for among all shots only: the
     shots that remain after one was left out may differ by what that shot had bent.
     """
+    by_all_changes = _compare_shots_by(False, rendered, encoded, shot, linearize, balances_known)
+    if by_all_changes.deviations or by_all_changes.groups:
+        return by_all_changes
+    return _compare_shots_by(True, rendered, encoded, shot, linearize, balances_known)
+
+
+def _compare_shots_by(
+    hue_alone: bool,
+    rendered: Array,
+    encoded: Array,
+    shot: NDArray[np.str_],
+    linearize: Callable[[Array], Array],
+    balances_known: bool,
+) -> ShotCheck:
+    """Compare shots, as `compare_shots` does, by a turn of their hues alone, or by changes of all kinds."""
     names, counts = np.unique(shot, return_counts=True)
     names = names[counts >= LEAST_SAMPLES_OF_SHOT]
     most_deviations = len(names) // 3
     deviations = list[Deviation]()
     while len(names) > 1:
-        fit = fit_shared_function(_drawn_colours(rendered, encoded, shot, names, tinted=balances_known))
-        split = _groups_apart(fit)
+        colours = _drawn_colours(rendered, encoded, shot, names, tinted=balances_known)
+        comparison = _Comparison(fit_shared_function(colours.by_hue() if hue_alone else colours), hue_alone)
+        split = comparison.groups_apart()
         if split is None:
             break
-        unsure = _unsure(fit, split)
+        unsure = comparison.unsure(split)
         few, others = split & ~unsure, ~split & ~unsure
         if not (few.any() and others.any()):
             break
 
-        if not _is_large(few[~unsure]) and np.count_nonzero(few) <= most_deviations - len(deviations):
+        # Shots that show few strong colours fit any turn of hues: they may be of the smaller group, too.
+        smaller = few | unsure if hue_alone else few[~unsure]
+        if not _is_large(smaller) and np.count_nonzero(few) <= most_deviations - len(deviations):
             # Only what has a standard error leaves a shot out; primaries have none.
-            measured = measured_deviations(names.tolist(), fit, _singles(few), linearize)
+            measured = measured_deviations(names.tolist(), comparison.fit, _singles(few), linearize)
             clear = [deviation for deviation in measured if any(deviation.clear)]
             if not clear:
                 break
             deviations += clear
             names = np.setdiff1d(names, [deviation.shot for deviation in clear])
         else:
-            (deviation,) = measured_deviations(names.tolist(), fit, [split], linearize)
+            (deviation,) = measured_deviations(names.tolist(), comparison.fit, [split], linearize)
             if deviations or not deviation.is_known:
                 break
             first, second, either = (tuple(str(name) for name in names[rows]) for rows in (others, few, unsure))
@@ -221,59 +248,66 @@ def compare_shots(
     return ShotCheck(tuple(deviations))
 
 
-def _groups_apart(fit: SharedFunctionFit) -> Mask | None:
-    """The smaller (s,) of two groups of shots that are apart, or a single shot that is; None where none is."""
-    count = len(fit.colours.rows_of_shots)
-    smaller = _minority(best_split(count, fit.error_saved))
-    single = max(_singles(np.ones(count, dtype=np.bool_)), key=fit.error_saved)
-    return next((group for group in (smaller, single) if _are_apart(fit, group)), None)
+@dataclass(frozen=True, eq=False)
+class _Comparison:
+    """A comparison of shots by changes of all kinds, or by a turn of their hues alone."""
 
+    fit: SharedFunctionFit
+    hue_alone: bool
 
-def _are_apart(fit: SharedFunctionFit, group: Mask) -> bool:
-    """True where a group of shots (s,) is far from the others, compared with how far single shots usually are.
+    def groups_apart(self) -> Mask | None:
+        """The smaller (s,) of two groups of shots that are apart, or a single shot that is; None where none is."""
+        count = len(self.fit.colours.rows_of_shots)
+        smaller = _minority(best_split(count, self.fit.error_saved))
+        single = max(_singles(np.ones(count, dtype=np.bool_)), key=self.fit.error_saved)
+        return next((group for group in (smaller, single) if self._are_apart(group)), None)
 
-    By the colours that both show it has to be farther than usual, too: strong colours may be missing among these.
-    """
-    usual = _usual_difference(fit, group)
-    if _difference(fit, group) <= max(LEAST_DIFFERENCE, TIMES_USUAL_DIFFERENCE * usual):
-        return False
-    common, enough = fit.colours.common(group, COMMON_DISTANCE, LEAST_SAMPLES_OF_SHOT)
-    remaining = group[enough]
-    if remaining.all() or not remaining.any():
-        return False
-    return _difference(fit_shared_function(common), remaining) > max(LEAST_DIFFERENCE, usual)
+    def unsure(self, group: Mask) -> Mask:
+        """The shots (s,) that fit a group (s,) about as well as the others."""
+        saved = self.fit.error_saved(group)
+        least = max(LEAST_DIFFERENCE if self.hue_alone else 0.0, SURE_OF_GROUP * self._usual_difference(group))
+        return np.array(
+            [
+                self.fit.difference_in_codes(saved - self.fit.error_saved(group ^ single), single, ~single) < least
+                for single in _singles(np.ones(len(group), dtype=np.bool_))
+            ]
+        )
+
+    def _are_apart(self, group: Mask) -> bool:
+        """True where a group of shots (s,) is far from the others, compared with how far single shots usually are.
+
+        By the colours that both show it has to be farther than usual, too: strong colours may be missing among these.
+        """
+        usual = self._usual_difference(group)
+        if _difference(self.fit, group) <= max(LEAST_DIFFERENCE, TIMES_USUAL_DIFFERENCE * usual):
+            return False
+        common, enough = self.fit.colours.common(group, COMMON_DISTANCE, LEAST_SAMPLES_OF_SHOT)
+        remaining = group[enough]
+        if remaining.all() or not remaining.any():
+            return False
+        return _difference(fit_shared_function(common), remaining) > max(LEAST_DIFFERENCE, usual)
+
+    def _usual_difference(self, group: Mask) -> float:
+        """How far single shots are from the others of their own side, a group of shots (s,) or not, in codes.
+
+        The median of the shots, and what is usual beforehand as one more difference to those within groups.
+        """
+        saved = self.fit.error_saved(group)
+        differences = []
+        for single in _singles(np.ones(len(group), dtype=np.bool_)):
+            others = (group == group[single]) & ~single
+            if others.any():
+                further = self.fit.error_saved(group, single) - saved
+                differences.append(self.fit.difference_in_codes(further, single, others))
+        within = len(group) - 2
+        squared = within * float(np.median(differences)) ** 2 if differences else 0.0
+        beforehand = USUAL_DIFFERENCE_OF_HUE if self.hue_alone else USUAL_DIFFERENCE
+        return float(np.sqrt((beforehand**2 + squared) / (1 + within)))
 
 
 def _difference(fit: SharedFunctionFit, group: Mask) -> float:
     """How far a group of shots (s,) is from the others, in codes."""
     return fit.difference_in_codes(fit.error_saved(group), group, ~group)
-
-
-def _usual_difference(fit: SharedFunctionFit, group: Mask) -> float:
-    """How far single shots are from the others of their own side, a group of shots (s,) or not, in codes.
-
-    The median of the shots, and what is usual beforehand as one more difference to those within groups.
-    """
-    saved = fit.error_saved(group)
-    differences = []
-    for single in _singles(np.ones(len(group), dtype=np.bool_)):
-        others = (group == group[single]) & ~single
-        if others.any():
-            differences.append(fit.difference_in_codes(fit.error_saved(group, single) - saved, single, others))
-    within = len(group) - 2
-    squared = within * float(np.median(differences)) ** 2 if differences else 0.0
-    return float(np.sqrt((USUAL_DIFFERENCE**2 + squared) / (1 + within)))
-
-
-def _unsure(fit: SharedFunctionFit, group: Mask) -> Mask:
-    """The shots (s,) that fit a group (s,) about as well as the others."""
-    saved, least = fit.error_saved(group), SURE_OF_GROUP * _usual_difference(fit, group)
-    return np.array(
-        [
-            fit.difference_in_codes(saved - fit.error_saved(group ^ single), single, ~single) < least
-            for single in _singles(np.ones(len(group), dtype=np.bool_))
-        ]
-    )
 
 
 def _singles(shots: Mask) -> list[Mask]:
@@ -291,4 +325,4 @@ def _drawn_colours(
     rows = np.concatenate(drawn)
     ends_of_shots = np.cumsum([len(of_shot) for of_shot in drawn])
     rows_of_shots = np.split(np.arange(len(rows)), ends_of_shots[:-1])
-    return ComparedColours.of(rendered[rows], encoded[rows], rows_of_shots, tinted=tinted)
+    return ComparedColours.of(rendered[rows], encoded[rows], rows_of_shots, partial(change_basis, tinted=tinted))
