@@ -425,16 +425,8 @@ def test_two_visitors_do_not_mix_and_a_fit_can_be_cancelled(browser: Browser, ur
     context.close()
 
 
-@pytest.mark.slow
-def test_nothing_is_lost_in_any_step_when_its_tab_is_closed_beside_another_tab(
-    browser: Browser, url: str, folder: Path
-) -> None:
-    """Ten actions in each step, after which the tab is closed and another one goes on, also while work is under way."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800})
-    visit, other = Visit(context, url), Visit(context, url)
-    other.open("hostile.csv", "hostile.csv: 162 samples")
-
-    # Shots: paths, boxes, undo
+def shots_kept(visit: Visit, folder: Path) -> Visit:
+    """Keep paths, boxes and Undo of Shots. Returns the visit that went on."""
     samples = read_samples(folder / "samples.csv")
     visit.press("List again")
     visit.write("or its path", "nothing.csv")
@@ -455,8 +447,11 @@ def test_nothing_is_lost_in_any_step_when_its_tab_is_closed_beside_another_tab(
         expect(visit.page.get_by_role("checkbox", name=name)).to_be_checked(checked=name == names[3])
     visit.press_named("Redo")
     visit.reads("done again: 4 shots left out")
+    return visit
 
-    # Samples: views, limits, a selection, marks, a group
+
+def samples_kept(visit: Visit) -> Visit:
+    """Keep views, limits, a selection, marks and a group of Samples. Returns the visit that went on."""
     visit.step("Samples")
     visit.choose("Left plot", "Saturation against brightness")
     visit.choose("Right plot", "sRGB against RAW")
@@ -482,8 +477,11 @@ def test_nothing_is_lost_in_any_step_when_its_tab_is_closed_beside_another_tab(
     expect(visit.page.get_by_role("checkbox", name="by hand")).to_be_checked()
     expect(visit.page.get_by_label("Inliers only")).to_be_checked()
     expect(visit.page.get_by_label("Select row, shot or patch")).to_have_value("300-305")
+    return visit
 
-    # Model: options, and two fits, during which the tab is closed
+
+def model_kept(visit: Visit) -> Visit:
+    """Keep options of Model, and two fits, during which the tab is closed. Returns the visit that went on."""
     visit.step("Model")
     visit.fold("Options")
     visit.slide("Nodes per axis", 9)
@@ -509,8 +507,11 @@ def test_nothing_is_lost_in_any_step_when_its_tab_is_closed_beside_another_tab(
     visit.fold("Options")
     visit.is_at("Nodes per axis", "9")
     visit.shows(Node_levels="evenly spaced", Interpolation="tetrahedral")
+    return visit
 
-    # Look: before there is a picture, and with one
+
+def look_kept(visit: Visit) -> Visit:
+    """Keep what Look shows, before there is a picture and with one. Returns the visit that went on."""
     visit.step("Look")
     for button in ("Clipping", "100 %", "Fit", "Keep as B"):
         visit.press(button)
@@ -530,8 +531,14 @@ def test_nothing_is_lost_in_any_step_when_its_tab_is_closed_beside_another_tab(
     visit.press_named("Undo")
     visit.reads("From standard/tungsten to vivid/cloudy, +0 EV.")
     visit.press_named("Redo")
+    return visit
 
-    # Export: names, kinds, files; one is under way as the tab is closed
+
+def export_kept(visit: Visit, folder: Path) -> Visit:
+    """Keep names, kinds and files of Export, one of which is under way as the tab is closed.
+
+    Returns the visit that went on.
+    """
     visit.export("kept")
     visit.choose("Transform of the LUT", "linearize")
     visit.choose("Scene of render and linearize", "acescg")
@@ -549,6 +556,23 @@ def test_nothing_is_lost_in_any_step_when_its_tab_is_closed_beside_another_tab(
     expect(visit.page.get_by_label("Name of the files")).to_have_value("kept")
     assert (folder / "kept_lightroom_kit" / "README.md").is_file()
     expect(visit.page.get_by_role("tab", name=re.compile(": done$"))).to_have_count(5)
+    return visit
+
+
+@pytest.mark.slow
+def test_nothing_is_lost_in_any_step_when_its_tab_is_closed_beside_another_tab(
+    browser: Browser, url: str, folder: Path
+) -> None:
+    """Ten actions in each step, after which the tab is closed and another one goes on, also while work is under way."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    visit, other = Visit(context, url), Visit(context, url)
+    other.open("hostile.csv", "hostile.csv: 162 samples")
+
+    visit = shots_kept(visit, folder)
+    visit = samples_kept(visit)
+    visit = model_kept(visit)
+    visit = look_kept(visit)
+    visit = export_kept(visit, folder)
 
     # The other tab has kept what is its own, and heard of none of this.
     other.step("Samples")
