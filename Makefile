@@ -14,11 +14,10 @@ demo: .venv/installed
 pictures: .venv/ready demo
 	$(BIN)/python examples/pictures/make_pictures.py demo
 
-# The guide's pictures of the studio, which two of its tests take; some minutes.
+# The guide's pictures of the studio, which one of its tests takes; some minutes.
 studio-pictures: .venv/ready
 	LUTFORGE_SCREENSHOTS=$(CURDIR)/examples/pictures $(BIN)/python -m pytest -n 0 --basetemp $$(mktemp -d)/photographs \
-	  tests/studio/test_page.py \
-	  -k "from_a_folder_of_shots or filters_marks"
+	  tests/studio/test_page.py -k from_a_folder_of_shots
 
 # The guide as a site that needs no network: site/index.html.
 docs: .venv/ready

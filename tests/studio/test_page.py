@@ -286,7 +286,14 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.reads("1 shots left out")
     box.click()
     visit.reads("all shots take part")
+    visit.step("Samples")
+    visit.choose("Picture of the shot", "LF0006-standard-tungsten-still-life")
+    visit.write("Select row, shot or patch", "LF0006-standard-tungsten-still-life")
+    visit.reads("selected, 0 of them outliers")
+    visit.picture("samples")
     visit.fit(SIZE)
+    visit.fold("Options")  # it closes again
+    visit.picture("model")
     visit.step("Look")
     visit.choose("Photograph in the folders", "shots/LF0015-vivid-cloudy-still-life.JPG")
     visit.press("Show")
@@ -335,12 +342,10 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.write("Outlier group", "by hand")
     visit.press("Save group")
     visit.reads("outlier group by hand: 6 samples, in effect")
-    visit.picture("samples")
 
     visit.fit(SIZE, "Response, matrix and white balance", "Lattice")
     visit.reads("It builds on the response and matrix that you fitted.")
     visit.reads("Matrix: white-balanced camera RGB → linear sRGB")
-    visit.picture("model")
     visit.press("Lattice")
 
     visit.look_at("picture.jpg", "standard", "tungsten")
