@@ -199,28 +199,48 @@ def compare_shots(
     tint is the rendering's. At most a third of the shots deviates. Groups are looked for among all shots only: the
     shots that remain after one was left out may differ by what that shot had bent.
     """
-    by_all_changes = _compare_shots_by(False, rendered, encoded, shot, linearize, balances_known)
+    by_all_changes = _compare_shots_by(_ALL_CHANGES, rendered, encoded, shot, linearize, balances_known)
     if by_all_changes.deviations or by_all_changes.groups:
         return by_all_changes
-    return _compare_shots_by(True, rendered, encoded, shot, linearize, balances_known)
+    return _compare_shots_by(_HUE_ALONE, rendered, encoded, shot, linearize, balances_known)
+
+
+@dataclass(frozen=True)
+class _Changes:
+    """The changes by which shots are compared.
+
+    of: the colours, with the basis of these changes. usual_difference: codes that sound shots differ by beforehand.
+    least_of_sure: codes that a shot is surely of its group by, at least. unsure_are_either: whether shots that fit both
+    groups may be of the smaller one.
+    """
+
+    of: Callable[[ComparedColours], ComparedColours]
+    usual_difference: float
+    least_of_sure: float
+    unsure_are_either: bool
+
+
+_ALL_CHANGES = _Changes(lambda colours: colours, USUAL_DIFFERENCE, 0.0, unsure_are_either=False)
+_HUE_ALONE = _Changes(ComparedColours.by_hue, USUAL_DIFFERENCE_OF_HUE, LEAST_DIFFERENCE, unsure_are_either=True)
+"""Shots that show few strong colours fit any turn of hues."""
 
 
 def _compare_shots_by(
-    hue_alone: bool,
+    changes: _Changes,
     rendered: Array,
     encoded: Array,
     shot: NDArray[np.str_],
     linearize: Callable[[Array], Array],
     balances_known: bool,
 ) -> ShotCheck:
-    """Compare shots, as `compare_shots` does, by a turn of their hues alone, or by changes of all kinds."""
+    """Compare shots by some changes, as `compare_shots` does by all."""
     names, counts = np.unique(shot, return_counts=True)
     names = names[counts >= LEAST_SAMPLES_OF_SHOT]
     most_deviations = len(names) // 3
     deviations = list[Deviation]()
     while len(names) > 1:
         colours = _drawn_colours(rendered, encoded, shot, names, tinted=balances_known)
-        comparison = _Comparison(fit_shared_function(colours.by_hue() if hue_alone else colours), hue_alone)
+        comparison = _Comparison(fit_shared_function(changes.of(colours)), changes)
         split = comparison.groups_apart()
         if split is None:
             break
@@ -229,8 +249,7 @@ def _compare_shots_by(
         if not (few.any() and others.any()):
             break
 
-        # Shots that show few strong colours fit any turn of hues: they may be of the smaller group, too.
-        smaller = few | unsure if hue_alone else few[~unsure]
+        smaller = few | unsure if changes.unsure_are_either else few[~unsure]
         if not _is_large(smaller) and np.count_nonzero(few) <= most_deviations - len(deviations):
             # Only what has a standard error leaves a shot out; primaries have none.
             measured = measured_deviations(names.tolist(), comparison.fit, _singles(few), linearize)
@@ -250,10 +269,10 @@ def _compare_shots_by(
 
 @dataclass(frozen=True, eq=False)
 class _Comparison:
-    """A comparison of shots by changes of all kinds, or by a turn of their hues alone."""
+    """A comparison of shots by some changes, and the fit of these."""
 
     fit: SharedFunctionFit
-    hue_alone: bool
+    changes: _Changes
 
     def groups_apart(self) -> Mask | None:
         """The smaller (s,) of two groups of shots that are apart, or a single shot that is; None where none is."""
@@ -265,7 +284,7 @@ class _Comparison:
     def unsure(self, group: Mask) -> Mask:
         """The shots (s,) that fit a group (s,) about as well as the others."""
         saved = self.fit.error_saved(group)
-        least = max(LEAST_DIFFERENCE if self.hue_alone else 0.0, SURE_OF_GROUP * self._usual_difference(group))
+        least = max(self.changes.least_of_sure, SURE_OF_GROUP * self._usual_difference(group))
         return np.array(
             [
                 self.fit.difference_in_codes(saved - self.fit.error_saved(group ^ single), single, ~single) < least
@@ -301,8 +320,7 @@ class _Comparison:
                 differences.append(self.fit.difference_in_codes(further, single, others))
         within = len(group) - 2
         squared = within * float(np.median(differences)) ** 2 if differences else 0.0
-        beforehand = USUAL_DIFFERENCE_OF_HUE if self.hue_alone else USUAL_DIFFERENCE
-        return float(np.sqrt((beforehand**2 + squared) / (1 + within)))
+        return float(np.sqrt((self.changes.usual_difference**2 + squared) / (1 + within)))
 
 
 def _difference(fit: SharedFunctionFit, group: Mask) -> float:
