@@ -17,6 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.options import MOST_CENTRES
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import (
     OFFSET,
@@ -32,8 +33,6 @@ from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 NOISE = 1.5e-4
 """Variance of a sample's error, where a priori the correction's is 1."""
-MOST_CENTRES = 4_000
-"""Samples are merged in cells until they are this few; the thesis has 3,000 to 5,000."""
 CELL = 0.005
 """The least size of these cells. Samples so near are of one surface, share their errors, and count once."""
 LIKELIHOOD_CENTRES = 500

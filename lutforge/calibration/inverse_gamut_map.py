@@ -15,7 +15,7 @@ from lutforge.solvers.lattice_regression import Prior, Regularization, fit_latti
 
 SIZE = 25
 """Nodes per axis."""
-SMOOTH = Regularization(smoothness=0.01, mixed=0.01)
+SMOOTH_LATTICE = Regularization(smoothness=0.01, mixed=0.01)
 """Weights of second differences beside a scene's weight of 1: the lattice continues where no scene is."""
 HOLD = 0.01
 """Weight of matrix and response alone at a node."""
@@ -37,7 +37,7 @@ def fit_inverse(
         even / top,
         correction,
         uniform_levels(SIZE),
-        SMOOTH,
+        SMOOTH_LATTICE,
         weight=weight[whole] / weight[whole].mean(),
         prior=Prior(np.zeros(shape), np.full(shape, HOLD)),
         tolerance=1e-3,

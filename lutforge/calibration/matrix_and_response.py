@@ -64,7 +64,7 @@ LONGEST_STEP = 0.5
 """The logarithms of gains change by no more than this in a round: a first step may be far too long."""
 STEEPEST = 20.0
 """The largest slope of f that counts, so that no dark sample outweighs all others."""
-ALIKE = 30.0
+CURVES_ALIKE = 30.0
 """By how many times a sample's precision the curves of the channels are kept alike, where they are one."""
 BENDS_ALIKE = 100.0
 """By how many times the prior's precision of a bend the bends of the three curves are kept alike.
@@ -270,7 +270,7 @@ class JointFit:
         from_mean = np.eye(3) - 1.0 / 3.0
         bends = np.sqrt(BENDS_ALIKE) * np.kron(from_mean, basis.bends)
         differences = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])[: 2 if self.alike else 0]
-        ties = ALIKE * np.sqrt(SAMPLE) * np.kron(differences, np.eye(basis.design.shape[1]))
+        ties = CURVES_ALIKE * np.sqrt(SAMPLE) * np.kron(differences, np.eye(basis.design.shape[1]))
         return np.vstack([bends, ties]), np.eye(len(self.logs))
 
     def update(self, curves: Array, by_channel: Array, shared: Array) -> float:

@@ -13,7 +13,7 @@ BETA = 0.3
 CURVES = 15
 """Curves of EMoR of which f⁻¹ is made."""
 MOST_CENTRES = 4_000
-"""Centres of a gamut map; the thesis has 3,000 to 5,000."""
+"""Centres of a gamut map, to which samples are merged; the thesis has 3,000 to 5,000."""
 SMALLEST_LATTICE = 3
 LARGEST_LATTICE = 65
 """Nodes per axis."""
