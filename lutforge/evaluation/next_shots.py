@@ -55,7 +55,7 @@ class Gap:
     error: float = np.nan
 
     def __str__(self) -> str:
-        expected = "" if np.isnan(self.error) else f", an error of {self.error:.3f} of full scale to expect"
+        expected = "" if np.isnan(self.error) else f", likely {255 * self.error:.0f} of 255 codes off"
         return f"{self.colour} ({self.unseen:.0%} of them unseen{expected})"
 
 

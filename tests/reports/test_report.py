@@ -310,7 +310,7 @@ def test_gaps_are_where_errors_are_expected() -> None:
     gaps = colour_gaps(everything, expected_error)
     assert gaps
     assert all("blue" in gap.colour or "purple" in gap.colour for gap in gaps)
-    assert "of full scale to expect" in str(gaps[0])
+    assert "of 255 codes off" in str(gaps[0])
     assert colour_gaps(everything, lambda encoded: np.full(len(encoded), 1 / 255)) == ()
 
 
