@@ -68,7 +68,13 @@ def test_a_dng_profile_shows_the_look(profile: CameraProfile, s40_samples: Sampl
 
 @pytest.mark.parametrize(
     ("camera", "dng_camera", "stated"),
-    [("DJI FC300S", "FC300S", "FC300S"), ("Leica Q2", "", "LEICA Q2"), ("Sigma fp", "SIGMA fp", "SIGMA fp")],
+    [
+        ("DJI FC300S", "FC300S", "FC300S"),
+        ("Leica Q2", "", "LEICA Q2"),
+        ("Ricoh GR III", "", "RICOH GR III"),
+        ("Sigma fp", "", "SIGMA fp"),
+        ("Sigma fp", "SIGMA fp", "SIGMA fp"),
+    ],
 )
 def test_a_dng_profile_names_the_camera_as_its_raw_files_do(
     profile: CameraProfile, tmp_path: Path, camera: str, dng_camera: str, stated: str
