@@ -111,7 +111,8 @@ def test_the_pages_hold_the_figures_that_were_measured_last() -> None:
 
 def test_pages_say_what_files_need_and_cost() -> None:
     """Which OpenColorIO reads a config and an archive, and what a refinish in three cubes costs."""
-    of_configs, of_batches = ((ROOT / "examples" / "guide" / name).read_text() for name in ("ocio.md", "batches.md"))
+    guide = ROOT / "examples" / "guide"
+    of_configs, of_batches = ((guide / name).read_text(encoding="utf-8") for name in ("ocio.md", "batches.md"))
     assert "every OpenColorIO since August 2021 (2.1)" in of_configs
     assert re.search(r"archives \(`\.ocioz`\) need OpenColorIO 2\.2", of_configs)
     assert re.search(r"refinish `\.clf`[^.]*\. oiiotool takes [\d.]+ to [\d.]+ times as long", of_batches)
