@@ -161,7 +161,7 @@ def test_two_shots_on_the_thesis_preset_without_exposure_pairs() -> None:
     assert not profile.styles["standard"].models
     assert any("lattices alone" in note for note in profile.notes)
     assert {"lattice", "nonuniform lattice 5"} <= {row.method for row in found.rows}
-    assert any("no camera model of the thesis" in note for note in found.notes)
+    assert any("no camera model by the thesis's method" in note for note in found.notes)
 
 
 @pytest.mark.slow

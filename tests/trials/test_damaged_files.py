@@ -33,6 +33,9 @@ def test_whole_files_are_read(sound: dict[str, bytes], kind: str, tmp_path: Path
 @pytest.mark.parametrize("kind", [end if end in LUTS else pytest.param(end, marks=pytest.mark.slow) for end in READERS])
 def test_damaged_files_are_one_line(sound: dict[str, bytes], kind: str, tmp_path: Path) -> None:
     rng, path = np.random.default_rng(7), tmp_path / f"a{kind}"
+    path.write_bytes(sound[kind])
+    READERS[kind](path)  # what is compiled for the first file takes none of a damaged one's time
+
     faults = {}
     for number in range(COUNT // 3 if kind == ".dng" else COUNT):
         path.write_bytes(damaged(sound[kind], rng))
