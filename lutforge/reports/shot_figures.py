@@ -1,6 +1,7 @@
 """Figures of single shots: the JPEG with its prediction side by side, and maps of the errors over the picture."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,10 +56,7 @@ def shot_pictures(
     for kind, row in zip(kinds.get(len(rows), ()), rows, strict=True):
         predictions = evaluation.predictions[row.style]
         cells = ShotCells(profile, predictions, row.shot, files[row.shot], COMPARED_ROWS)
-        inside = np.isfinite(cells.balanced).all(axis=-1)
-        predicted = np.full(cells.jpeg.shape, 0.5)
-        sample = np.repeat(cells.samples[:1], np.count_nonzero(inside))
-        predicted[inside] = np.clip(predictions.render(method, cells.balanced[inside], sample), 0.0, 1.0)
+        predicted = rendered_cells(partial(_predicted, predictions, method, cells.samples[0]), cells.balanced)
         panels = (cells.panel("the camera's JPEG", cells.jpeg), cells.panel("predicted from RAW", predicted))
         height, width = upright(cells.jpeg, cells.orientation).shape[:2]
         drawing = Drawing((panels,), 5.5 * height / width + 0.3, 11.0)
@@ -67,6 +65,22 @@ def shot_pictures(
         yield Picture(
             f"shot_{setting_name(row.shot)}", drawing, f"{kind}{row.shot}, {cells.setting}; {seen_by}{difference}."
         )
+
+
+def rendered_cells(render: Callable[[Array], Array], balanced: Array) -> Array:
+    """Encoded values (h, w, 3) that a rendering (n, 3) → (n, 3) makes of balanced RAW (h, w, 3); grey where it is NaN.
+
+    A channel that saturates the sensor is at 1, whatever its white balance: else burnt-out light would get its colour.
+    """
+    inside = np.isfinite(balanced).all(axis=-1)
+    rendered = np.full(balanced.shape, 0.5)
+    rendered[inside] = np.clip(render(np.clip(balanced[inside], 0.0, 1.0)), 0.0, 1.0)
+    return rendered
+
+
+def _predicted(predictions: Predictions, method: str, sample: int, balanced: Array) -> Array:
+    """Encoded values of balanced RAW (n, 3) by the fit that predicts a sample."""
+    return predictions.render(method, balanced, np.full(len(balanced), sample))
 
 
 def error_map_pictures(

@@ -21,7 +21,7 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.reports.page import Picture, Report, write_page
 from lutforge.reports.report import build_report, error_tables, exposure_blocks
-from lutforge.reports.shot_figures import shown_shots
+from lutforge.reports.shot_figures import rendered_cells, shown_shots
 from lutforge.reports.tables import Table, balance_table, method_name
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
@@ -294,6 +294,13 @@ def test_the_pictures_are_ordered_by_the_figure_below_them() -> None:
     files = dict.fromkeys(figures, Path("a.CRW"))
     shown = shown_shots(LATTICE, Evaluation("A camera", tuple(rows), ()), files)
     assert [row.shot for row in shown] == ["light", "middle", "dark"]
+
+
+def test_burnt_out_light_is_white_in_a_shots_prediction() -> None:
+    """Its RAW is at the sensor's end in all channels, and the white balance makes it 1.9, 1, 1.4."""
+    cells = np.array([[[1.9, 1.0, 1.4], [0.2, 0.3, 0.4], [np.nan, 0.3, 0.4]]])
+    rendered = rendered_cells(lambda balanced: balanced / balanced.max(axis=1, keepdims=True), cells)
+    np.testing.assert_allclose(rendered, [[[1.0, 1.0, 1.0], [0.5, 0.75, 1.0], [0.5, 0.5, 0.5]]])
 
 
 def test_a_spread_is_told_of_white_balances_that_shots_were_taken_with() -> None:
