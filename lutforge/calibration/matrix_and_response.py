@@ -266,7 +266,7 @@ class JointFit:
         return np.asarray(SAMPLE * self.weight[:, None] * encoding_slope(self.response, self.encoded) ** 2)
 
     def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
-        """The prior by which the curves bend alike, by which those that are one stay one, and which gains are small."""
+        """The prior: the curves bend alike, curves that are one stay one, and gains that nothing determines stay."""
         from_mean = np.eye(3) - 1.0 / 3.0
         bends = np.sqrt(BENDS_ALIKE) * np.kron(from_mean, basis.bends)
         differences = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])[: 2 if self.alike else 0]

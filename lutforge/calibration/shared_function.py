@@ -98,7 +98,7 @@ class ComparedColours:
         return cls(clipped, encoded, rows_of_shots, change, change(clipped))
 
     def by_hue(self) -> "ComparedColours":
-        """The same colours, of which a shot may turn the hues, and nothing else."""
+        """The same shots, compared by a turn of hue as the only change of a shot."""
         return replace(self, change=turn_basis, basis=turn_basis(self.rendered))
 
     @property

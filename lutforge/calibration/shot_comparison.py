@@ -48,7 +48,8 @@ USUAL_DIFFERENCE = 1.9
 """Codes that sound shots differ by from each other beforehand, between the 0.5 of most cameras and the 2.2 of the
 roughest one measured. It counts as much as one difference that was measured."""
 USUAL_DIFFERENCE_OF_HUE = 0.5
-"""The same by a change of hue alone: the share of one of the 15 numbers of a change, which differ independently."""
+"""Codes that sound shots differ by beforehand, where a turn of hue is the only change: 1.9 / √15, since a change of all
+kinds has 15 numbers, which differ independently."""
 LEAST_DIFFERENCE = 1.6
 """Groups are apart only if they differ by so many codes."""
 TIMES_USUAL_DIFFERENCE = 1.9

@@ -68,7 +68,7 @@ def shot_pictures(
 
 
 def rendered_cells(render: Callable[[Array], Array], balanced: Array) -> Array:
-    """Encoded values (h, w, 3) that a rendering (n, 3) → (n, 3) makes of balanced RAW (h, w, 3); grey where it is NaN.
+    """Render white-balanced RAW (h, w, 3), by a function of colours (n, 3), to encoded values; grey where RAW is NaN.
 
     A channel that saturates the sensor is at 1, whatever its white balance: else burnt-out light would get its colour.
     """

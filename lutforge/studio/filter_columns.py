@@ -11,7 +11,7 @@ from lutforge.samples.sample_set import SampleSet
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the table that samples are filtered by. usual: the limits that nobody moved, both within `reach`.
+    """A column of the table that samples are filtered by. usual: limits before a user moves them, within `reach`.
 
     of_stages: whether its limits leave samples out of the stages alone, since gamut map and lattice need them.
     """

@@ -47,7 +47,7 @@ class Folders:
         paths = (path for root in self.roots for pattern in ("*", "*/*") for path in sorted(root.glob(pattern)))
         shown = (path for path in paths if path.suffix.lower() in lower_suffixes and not path.name.startswith("."))
         names = (self.name(path) for path in shown if path.is_file() and self.holds(path.resolve()))
-        return list(dict.fromkeys(islice(names, 500)))  # more would make a list that nobody reads
+        return list(dict.fromkeys(islice(names, 500)))  # a longer list is too long to choose from
 
     def with_shots(self) -> list[str]:
         """The folders that hold RAW files, or at least two JPEGs of which none has any, as a visitor may name them."""

@@ -131,7 +131,10 @@ def linearizing(workspace: Workspace, channel: int) -> Points:
 
 
 def _linear_values(workspace: Workspace, channel: int, values: Callable[[Predicted], tuple[Array, Array]]) -> Points:
-    """Linear values of JPEGs against those of transformed RAW. values: x and y (n, 3), of what a model predicts."""
+    """Linear values of JPEGs against those of transformed RAW.
+
+    values: a function of the predictions that returns x and y of the plot, each (n, 3).
+    """
     if workspace.fitted is None:
         return _no_points(NO_MODEL_YET)
     x, y = values(workspace.fitted.predicted)

@@ -142,7 +142,7 @@ def serve(
 
 
 def _free_port(address: str) -> int:
-    """A port that nobody listens on. Raises OSError."""
+    """Return a port that is free. Raises OSError."""
     with socket.socket() as probe:
         probe.bind((address, 0))
         return int(probe.getsockname()[1])
