@@ -64,11 +64,6 @@ def read_heif(path: Path) -> Heif:
         )
 
 
-def read_heif_exif(path: Path) -> bytes:
-    """The TIFF structure of a file's EXIF; empty where it has none. Raises ImageError as `read_heif`."""
-    return _exif_of(_opened(path).info)
-
-
 @dataclass(frozen=True)
 class HeifDescription:
     """The metadata of a picture, without its pixels.

@@ -13,9 +13,11 @@ from lutforge.shots.tags import MAKE, MAKER_NOTE, SOFTWARE, TOOLS, Tags, Value, 
 
 _NO_STYLE = ("", "none", "n/a", "unknown", "unset", "auto ", "off", "color", "normal ")
 _EDITORS = re.compile(
-    "photoshop|lightroom|camera raw|dng converter|gimp|darktable|rawtherapee|^art |capture one|affinity|dxo|luminar|"
-    "on1|acdsee|snapseed|picasa|imagemagick|paint|digikam|krita|silkypix|capture nx|viewnx|nx studio|"
-    "digital photo professional",
+    "photoshop|lightroom|camera raw|dng converter|gimp|darktable|rawtherapee|^art |capture ?one|affinity|dxo|luminar|"
+    "on1|acdsee|picasa|imagemagick|graphicsmagick|paint|digikam|krita|silkypix|capture nx|viewnx|nx studio|"
+    "digital photo professional|pixelmator|photo ?lab|photo editor|photo viewer|photoscape|faststone|irfanview|xnview|"
+    "zoner|topaz|iridient|exposure x|^aperture|iphoto|^photos |canva|"
+    "snapseed|vsco|instagram|picsart|polarr|facetune|meitu|airbrush|afterlight|retouch|b612|prequel",
     re.IGNORECASE,
 )
 """Programs that change colours, by the name that they leave in the Software tag, where cameras name their firmware."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
-from lutforge.images.heif import is_heif, read_heif_exif
+from lutforge.images.heif import is_heif, read_heif_description
 from lutforge.images.jpeg import SOI, read_header
 from lutforge.images.packets import packets_of
 from lutforge.images.tiff import SIZES, Entry, byte_order, number, offset_in, read_directory
@@ -31,9 +31,20 @@ Tags = dict[Key, Value]
 MAKE, MODEL, SOFTWARE = ("Image", 0x010F), ("Image", 0x0110), ("Image", 0x0131)
 MAKER_NOTE = ("Photo", 0x927C)
 TOOLS = ("Xmp", 0)
-"""The programs that XMP names: its CreatorTool, and those of its history."""
+"""The programs that XMP names: its CreatorTool, those of its history, and those whose own properties it has."""
 
-_TOOL_NAMES = re.compile(rb"""(?:xmp:CreatorTool|stEvt:softwareAgent)(?:\s*=\s*["']|\s*>)\s*([^"'<]{1,200})""")
+_TOOL_NAMES = re.compile(
+    rb"""\b[\w.-]{1,40}:(?:CreatorTool|softwareAgent|Software)(?:\s*=\s*["']|\s*>)\s*([^"'<]{1,200})"""
+)
+"""Any prefix may stand for a namespace: Adobe's programs wrote "xap" for a time, where they write "xmp" now."""
+_OWN_PROPERTIES = (
+    ("Photoshop", re.compile(rb"\bphotoshop:(?:ColorMode|ICCProfile|History|DocumentAncestors)\b")),
+    ("Camera Raw", re.compile(rb"""\bcrs:(?:AlreadyApplied|HasSettings)(?:\s*=\s*["']|\s*>)\s*True""")),
+    ("darktable", re.compile(rb"\bdarktable:\w")),
+    ("GIMP", re.compile(rb"\bGIMP:\w")),
+)
+"""Properties that only one program writes. Cameras write others of these namespaces: drones, that there are no settings
+of Camera Raw; cameras with names and places for the press, those of Photoshop."""
 _MOST_VALUE_BYTES = 8192
 """Bytes of a value that are kept: longer ones are pictures and tables."""
 _TIFF_MAGIC = (42, 0x55, 0x4F52, 0x5352)  # TIFF, RW2, ORF, ORF
@@ -48,7 +59,11 @@ def tags(path: Path) -> Tags:
         path.open("rb") as file,
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
-        result = tags_of(read_heif_exif(path) if is_heif(path) else data)
+        if is_heif(path):
+            described = read_heif_description(path)
+            result = tags_of(described.exif) | _tools_of(described.xmp)
+        else:
+            result = tags_of(data)
     return result
 
 
@@ -60,15 +75,20 @@ def tags_of(data: Buffer) -> Tags:
             return _ciff_tags(data)
         for block, group in tiff_blocks(data):
             _Structure(block, result).read(group)
-        tools = [text.decode("utf-8", "replace") for text in _TOOL_NAMES.findall(packets_of(data).xmp)[:200]]
-        if any(tools):
-            result[TOOLS] = " ".join(tools)
+        result |= _tools_of(packets_of(data).xmp)
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
             # A JPEG that LutForge graded has its source's EXIF, and its settings now in a comment.
             for comment in header.comments:
                 if comment.startswith("LutForge"):
                     result[SOFTWARE] = comment.partition("\n")[0]
     return result
+
+
+def _tools_of(xmp: bytes) -> Tags:
+    """The programs that a packet of XMP names, as one tag; none where it names none."""
+    names = [text.decode("utf-8", "replace") for text in _TOOL_NAMES.findall(xmp)[:200]]
+    names += [name for name, properties in _OWN_PROPERTIES if properties.search(xmp)]
+    return {TOOLS: " ".join(names)} if names else {}
 
 
 @cache

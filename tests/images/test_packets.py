@@ -17,8 +17,6 @@ from lutforge.grading.image import apply_image
 from lutforge.images.packets import read_packets
 from lutforge.images.read import ImageReader
 from lutforge.images.xmp import declares_film, extended_segments, without_further_pictures
-from lutforge.shots.maker_settings import edited_notes
-from lutforge.shots.tags import tags
 from tests.cases.pictures import write_cube
 
 TAGS: dict[str, tuple[str, ...]] = {
@@ -309,15 +307,3 @@ def test_a_png_says_how_it_is_encoded(tmp_path: Path, chunks: dict[bytes, bytes]
     )
     (tmp_path / "a.png").write_bytes(data[:33] + added + data[33:])
     assert read_packets(tmp_path / "a.png").encoding == encoding
-
-
-def test_xmp_alone_names_the_editor(tmp_path: Path) -> None:
-    for name, packet in (
-        ("a.jpg", b'<rdf:Description xmp:CreatorTool="Adobe Photoshop 25.0 (Windows)"/>'),
-        ("b.jpg", b"<stEvt:softwareAgent>Adobe Lightroom 7.1</stEvt:softwareAgent>"),
-    ):
-        Image.new("RGB", (8, 8)).save(tmp_path / name, xmp=packet)
-        (note,) = edited_notes(tags(tmp_path / name))
-        assert "wrote this file" in note
-    Image.new("RGB", (8, 8)).save(tmp_path / "c.jpg", xmp=b'<rdf:Description xmp:CreatorTool="NIKON D750 Ver.1.10"/>')
-    assert not edited_notes(tags(tmp_path / "c.jpg"))

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import PIL.Image
 import pytest
 
 from lutforge.calibration.calibrate import assembled
@@ -17,7 +18,9 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.inspection import inspect
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
+from lutforge.shots.maker_settings import edited_notes
 from lutforge.shots.metadata import read_metadata, read_picture_settings, software_tag
+from lutforge.shots.tags import tags
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dials import CameraSettings
 from lutforge.simulate.dng import write_dng
@@ -55,6 +58,57 @@ def test_an_editor_is_named_and_a_stranger_is_unknown(tmp_path: Path) -> None:
     (tmp_path / "b.jpg").write_bytes(b"nothing")
     with pytest.raises(ImageError):
         read_picture_settings(tmp_path / "b.jpg")
+
+
+PHOTOSHOP = b'xmp:CreatorTool="Adobe Photoshop 25.0 (Windows)"'
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        PHOTOSHOP,
+        b"xmp:CreatorTool = 'Adobe Photoshop Lightroom Classic 13.0 (Macintosh)'",
+        b'xap:CreatorTool="Adobe Photoshop CS Windows"',
+        b'tiff:Software="Adobe Photoshop CS6"',
+        b"><xmp:CreatorTool>\nCapture One 23 Macintosh</xmp:CreatorTool>",
+        b"><stEvt:softwareAgent>Adobe Lightroom 7.1</stEvt:softwareAgent>",
+        b'photoshop:ColorMode="3"',
+        b"><photoshop:History>opened</photoshop:History>",
+        b'crs:Version="15.0" crs:AlreadyApplied="True"',
+        b'darktable:history_end="11"',
+        b'GIMP:Platform="Linux"',
+        *(f'xmp:CreatorTool="{name}"'.encode() for name in ("Snapseed 2.0", "VSCO", "PicsArt", "Photos 8.0", "Picasa")),
+    ],
+)
+def test_xmp_alone_names_the_editor(tmp_path: Path, stated: bytes) -> None:
+    PIL.Image.new("RGB", (8, 8)).save(tmp_path / "a.jpg", xmp=b"<rdf:Description " + stated + b"/>")
+    (note,) = edited_notes(tags(tmp_path / "a.jpg"))
+    assert "wrote this file" in note
+    PIL.Image.new("RGB", (8, 8)).save(tmp_path / "a.webp", xmp=b"<rdf:Description " + stated + b"/>")
+    assert edited_notes(tags(tmp_path / "a.webp")) == (note,)
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        b'xmp:CreatorTool="NIKON D750 Ver.1.10"',
+        b'xmp:CreatorTool="17.1.1" photoshop:DateCreated="2024-01-01"',  # of an iPhone
+        b'xmp:CreatorTool="HDR+ 1.0.585804376zd"',
+        b'photoshop:Credit="A. N." photoshop:City="Rome"',  # which cameras write for the press
+        b'crs:Version="7.0" crs:HasSettings="False" crs:AlreadyApplied="False"',  # of a drone
+        b'xmp:Rating="3"',
+    ],
+)
+def test_xmp_of_a_camera_names_no_editor(tmp_path: Path, stated: bytes) -> None:
+    PIL.Image.new("RGB", (8, 8)).save(tmp_path / "a.jpg", xmp=b"<rdf:Description " + stated + b"/>")
+    assert not edited_notes(tags(tmp_path / "a.jpg"))
+
+
+def test_xmp_of_heif_names_the_editor(tmp_path: Path) -> None:
+    heif = pytest.importorskip("pillow_heif", reason="needs pillow-heif")
+    xmp = b"<rdf:Description " + PHOTOSHOP + b"/>"
+    heif.from_pillow(PIL.Image.new("RGB", (64, 64))).save(str(tmp_path / "a.heic"), xmp=xmp)
+    assert any("Photoshop 25.0" in note for note in read_picture_settings(tmp_path / "a.heic").notes)
 
 
 def test_an_aperture_that_the_file_does_not_state_is_told(tmp_path: Path) -> None:

@@ -92,6 +92,19 @@ def test_prefers_the_jpeg_that_no_program_has_touched(folder: Path, tmp_path: Pa
     assert any("pair.JPG: Adobe Photoshop 21.0 wrote this file" in note for note in shot.metadata.notes)
 
 
+@pytest.mark.parametrize("xmp", [b'xmp:CreatorTool="Adobe Photoshop 25.0"', b'crs:AlreadyApplied="True"'])
+def test_prefers_it_where_only_xmp_names_the_program(folder: Path, tmp_path: Path, xmp: bytes) -> None:
+    """The EXIF is still the camera's own, its Software tag too."""
+    (tmp_path / "pair.dng").write_bytes((folder / "pair.dng").read_bytes())
+    packet = b"http://ns.adobe.com/xap/1.0/\0<rdf:Description " + xmp + b"/>"
+    data = (folder / "pair.JPG").read_bytes()
+    segment = b"\xff\xe1" + (len(packet) + 2).to_bytes(2, "big") + packet
+    (tmp_path / "pair.JPG").write_bytes(data[:2] + segment + data[2:])
+    shot = read_shot(tmp_path / "pair.dng")
+    assert shot.jpeg_source == EMBEDDED
+    assert any("pair.JPG" in note and "wrote this file" in note for note in shot.metadata.notes)
+
+
 def test_says_that_a_converters_dng_holds_the_converters_rendering(folder: Path, tmp_path: Path) -> None:
     data = (folder / "alone.dng").read_bytes()
     firmware = b"LutForge simulated camera"
