@@ -32,6 +32,7 @@ from lutforge.images.orientation import upright
 from lutforge.images.output_spec import IN_SRGB, describe_output, format_of, keeps_orientation, with_shape
 from lutforge.images.packets import Packets, read_packets
 from lutforge.images.read import Image, ImageReader, is_premultiplied, read_image
+from lutforge.images.stated_encoding import of_interchange_name
 from lutforge.images.write import ImageWriter, image_writer
 from lutforge.images.xmp import without_further_pictures
 from lutforge.samples.clipping import clipped
@@ -118,7 +119,8 @@ def _read_picture(grade: Grade, source: Path, target: Path, image: ImageReader |
     check_colours(source, image.spec)
     packets = Packets() if grade.raw else read_packets(source)
     if image.format == "openexr":  # where XMP is an attribute, which `image_writer` sets
-        packets = replace(packets, xmp=image.spec.get_string_attribute("xmp").encode())
+        encoding = of_interchange_name(image.spec.get_string_attribute("colorInteropID"))
+        packets = replace(packets, xmp=image.spec.get_string_attribute("xmp").encode(), encoding=encoding)
     if grade.for_srgb and packets.encoding:
         raise ImageError(
             f"{source}: says that its colours are in {packets.encoding}, and this grade is for sRGB; "

@@ -21,13 +21,14 @@ HEIF_SUFFIXES = (".heic", ".heif", ".hif")
 class Heif:
     """A decoded picture. codes: (h, w, 3), 0 … 65535 whatever the bits; exif: its TIFF structure; icc: the profile.
 
-    exif and icc are empty where there are none.
+    exif and icc are empty where there are none. parts: how many pictures the file holds.
     """
 
     codes: NDArray[np.uint16]
     bits: int
     exif: bytes
     icc: bytes
+    parts: int = 1
 
     @property
     def codes8(self) -> NDArray[np.uint8]:
@@ -61,6 +62,7 @@ def read_heif(path: Path) -> Heif:
             bits,
             _exif_of(opened.info),
             bytes(opened.info.get("icc_profile") or b""),
+            len(opened),
         )
 
 

@@ -86,7 +86,7 @@ class JpegHeader:
 
         Ultra HDR 1.1 declares its gain map in XMP, ISO 21496-1 in a segment.
         """
-        words = (b"ns.adobe.com/hdr-gain-map", b"urn:iso:std:iso:ts:21496:-1")
+        words = (b"ns.adobe.com/hdr-gain-map", b"ns.apple.com/HDRGainMap", b"urn:iso:std:iso:ts:21496:-1")
         bodies = [segment.body for segment in self.segments if segment.marker in (APP1, APP2)]
         if any(word in body for word in words for body in bodies):
             return ("the gain map (Ultra HDR) is of the old colours, and was left out: the picture is SDR now",)

@@ -6,9 +6,12 @@ file has no packets.
 
 import struct
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
+
+import numpy as np
 
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
@@ -17,7 +20,7 @@ from lutforge.images.heif import is_heif, read_heif_description
 from lutforge.images.iptc import PHOTOSHOP, iptc_of
 from lutforge.images.jpeg import APP1, EXIF, SOI, read_header
 from lutforge.images.stated_encoding import of_codes, of_gamma_and_primaries
-from lutforge.images.tiff import byte_order, number, offset_in, read_directory
+from lutforge.images.tiff import Entry, byte_order, number, offset_in, read_directory
 from lutforge.images.xmp import EXTENSION, XMP_SEGMENT, with_extension
 
 PNG_XMP = b"XML:com.adobe.xmp\0"
@@ -29,6 +32,7 @@ UUID_XMP = bytes.fromhex("be7acfcb97a942e89c71999491e3afac")
 UUID_IPTC = bytes.fromhex("33c7a4d2b81d4723a0baf1a3e097ad38")
 """Kinds of boxes of JPEG 2000, which precede the packet in a box "uuid"."""
 TIFF_XMP, TIFF_IPTC = 700, 33723
+_TIFF_TABLES, _TIFF_WHITE, _TIFF_PRIMARIES, _TIFF_ICC = 301, 318, 319, 34675
 """Tags of TIFF."""
 _PHOTO_DIRECTORY, _MAKER_NOTE, _USER_COMMENT = 0x8769, 0x927C, 0x9286
 """Tags of EXIF."""
@@ -43,8 +47,8 @@ class Packets:
     xmp, iptc: packets as the file has them, empty where there are none; exif: the same, but of JPEG 2000 only, where
     OpenImageIO does not look for it. animated: the file has several frames. lossless: it is a WebP without loss.
     extended: a JPEG's XMP continues beyond 64 kB, and this extension is damaged and not in `xmp`. encoding: the
-    one that a PNG or HEIF without an ICC profile states, if that is not sRGB. not_described: the parts of its EXIF that
-    a description of OpenImageIO cannot hold.
+    one that a PNG, TIFF or HEIF without an ICC profile states, if that is not sRGB. not_described: the parts of its
+    EXIF that a description of OpenImageIO cannot hold.
     """
 
     xmp: bytes = b""
@@ -91,7 +95,7 @@ def packets_of(data: bytes | mmap) -> Packets:
     if order is not None and data[2:4] == struct.pack(f"{order}H", 42):
         entries, _ = read_directory(data, order, number(data, order, "I", 4))
         xmp, iptc = (data[entries[tag].place] if tag in entries else b"" for tag in (TIFF_XMP, TIFF_IPTC))
-        return Packets(xmp, iptc, not_described=_not_described(data))
+        return Packets(xmp, iptc, encoding=_tiff_encoding(data, order, entries), not_described=_not_described(data))
     return Packets()
 
 
@@ -166,6 +170,24 @@ def _png_encoding(chunks: dict[bytes, bytes]) -> str:
     exponent = number(gamma, ">", "I", 0) / 100_000 if len(gamma) == 4 else 0.0
     stated = tuple(value / 100_000 for value in struct.unpack(">8I", corners)) if len(corners) == 32 else ()
     return of_gamma_and_primaries(exponent, stated)
+
+
+def _tiff_encoding(data: bytes | mmap, order: str, entries: Mapping[int, Entry]) -> str:
+    """The encoding that a TIFF states by its tables of linear light, its white and its primaries (TIFF 6, 20)."""
+    if _TIFF_ICC in entries:
+        return ""
+    table, white, primaries = (
+        np.frombuffer(data[entries[tag].place], f"{order}u{size}").astype(np.float64) if tag in entries else np.zeros(0)
+        for tag, size in ((_TIFF_TABLES, 2), (_TIFF_WHITE, 4), (_TIFF_PRIMARIES, 4))
+    )
+    # A table states the linear light of each code, for one channel or three: a power, by its middle.
+    channel = table[: len(table) // 3] if len(table) % 3 == 0 else table
+    place = len(channel) // 2
+    middle = float(channel[place]) / 65535 if place else 0.0
+    exponent = float(np.log(place / (len(channel) - 1)) / np.log(middle)) if 0 < middle < 1 and place > 1 else 0.0
+    stated = np.concatenate([white, primaries])
+    chromaticities = stated[::2] / np.maximum(stated[1::2], 1) if len(stated) == 16 else np.zeros(0)
+    return of_gamma_and_primaries(exponent, tuple(chromaticities.tolist()))
 
 
 def read_heif_packets(path: Path) -> Packets:

@@ -176,7 +176,7 @@ def read_image(path: str | Path) -> Image:
     path = Path(path)
     if is_heif(path):
         heif = read_heif(path)
-        return Image(np.divide(heif.codes, 65535, dtype=np.float32), _heif_spec(heif), "heif")
+        return Image(np.divide(heif.codes, 65535, dtype=np.float32), _heif_spec(heif), "heif", heif.parts)
     with ImageReader(path) as reader:
         return Image(reader.read(reader.whole), reader.spec, reader.format, reader.parts)
 

@@ -29,8 +29,13 @@ def of_codes(primaries: int, transfer: int, is_full_range: bool = True) -> str:
     return "" if is_full_range else "video levels, 16 to 235"
 
 
+def of_interchange_name(name: str) -> str:
+    """The encoding that a colorInteropID of OpenEXR names, of pictures for a screen; "" for linear light and sRGB."""
+    return {"pq": "PQ", "hlg": "HLG"}.get(name.partition("_")[0].lower(), "")
+
+
 def of_gamma_and_primaries(exponent: float, chromaticities: tuple[float, ...]) -> str:
-    """The encoding that a PNG's gAMA and cHRM state.
+    """The encoding that an exponent and primaries state, such as those of a PNG or a TIFF.
 
     exponent: of the encoding, 0 for none; chromaticities: x and y of white, red, green and blue, empty for none.
     """

@@ -23,15 +23,21 @@ _PIECE = 65_000
 _LARGEST_EXTENSION = 1 << 24
 """Bytes of an extension that is read."""
 
-# A packet is padded with tens of thousands of spaces, and an untrusted one may repeat anything. Therefore each pattern
-# reads a byte only a fixed number of times: with (?<!\s), a match begins only at the first space of a run.
-_GAIN_MAP = re.compile(rb"(?<!\s)\s+hdrgm:\w+\s*=\s*(\"[^\"]*\"|'[^']*')")
-_MOTION = re.compile(
-    rb"(?<!\s)\s+(?:GCamera|Camera|OpCamera|MiCamera):(?:MotionPhoto|MicroVideo)\w*\s*=\s*(\"[^\"]*\"|'[^']*')"
-)
-_MOTION_ELEMENT = re.compile(rb"<((?:GCamera|Camera):(?:MotionPhoto|MicroVideo)\w*)>[^<]*</\1>")
-_DIRECTORY = re.compile(rb"<Container:Directory\b.*?</Container:Directory\s*>", re.DOTALL)
-_DIRECTORY_END = re.compile(rb"</Container:Directory\s*>")
+_GAIN_MAP, _ITEMS, _CAMERA = range(3)
+_NAMESPACES_OF = {
+    _GAIN_MAP: (b"http://ns.adobe.com/hdr-gain-map/1.0/", b"http://ns.apple.com/HDRGainMap/1.0/"),
+    _ITEMS: (b"http://ns.google.com/photos/1.0/container/",),
+    _CAMERA: (b"http://ns.google.com/photos/1.0/camera/",),
+}
+_USUAL_PREFIXES = {
+    _GAIN_MAP: (b"hdrgm", b"HDRGainMap"),
+    _ITEMS: (b"Container",),
+    _CAMERA: (b"GCamera", b"Camera", b"OpCamera", b"MiCamera"),
+}
+"""Prefixes that packets use, some without a declaration."""
+_LOCAL_NAMES = {_GAIN_MAP: rb"\w+", _ITEMS: b"Directory", _CAMERA: rb"(?:MotionPhoto|MicroVideo)\w*"}
+"""The properties of each namespace that declare a gain map, a list of items behind the picture, and a film."""
+_DECLARATION = re.compile(rb"\bxmlns:(\w+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 
 _EXTENSION_CHECKSUM = re.compile(rb"HasExtendedXMP(?:\s*=\s*[\"']|>)([0-9A-F]{32})")
 _NAMES_IT = re.compile(
@@ -43,18 +49,42 @@ _NAMESPACES = re.compile(rb"\bxmlns:(\w+)")
 
 def without_further_pictures(xmp: bytes) -> bytes:
     """An XMP packet that declares no gain map, film or other item behind the picture (Ultra HDR, motion photos)."""
-    for declared in (_GAIN_MAP, _MOTION, _MOTION_ELEMENT):
-        xmp = declared.sub(b"", xmp)
-
-    # The search for lists stops at the end of the last one: after it, it would read the rest of the packet in vain.
-    list_ends = [end.end() for end in _DIRECTORY_END.finditer(xmp)]
-    last = list_ends[-1] if list_ends else 0
-    return _DIRECTORY.sub(b"", xmp[:last]) + xmp[last:]
+    for kind in (_GAIN_MAP, _CAMERA, _ITEMS):
+        xmp = _without_elements(_attribute(xmp, kind).sub(b"", xmp), kind)
+    return xmp
 
 
 def declares_film(xmp: bytes) -> bool:
     """True where an XMP packet declares that a film follows the picture."""
-    return bool(_MOTION.search(xmp) or _MOTION_ELEMENT.search(xmp))
+    return bool(_attribute(xmp, _CAMERA).search(xmp)) or _without_elements(xmp, _CAMERA) != xmp
+
+
+def _names(xmp: bytes, kind: int) -> bytes:
+    """A pattern of the names that properties of a kind have in a packet, by the prefixes that it declares."""
+    declared = {prefix for prefix, *space in _DECLARATION.findall(xmp) if b"".join(space) in _NAMESPACES_OF[kind]}
+    prefixes = b"|".join(sorted(declared.union(_USUAL_PREFIXES[kind])))
+    return rb"(?:" + prefixes + rb"):" + _LOCAL_NAMES[kind] + rb"(?![\w.-])"
+
+
+# A packet is padded with tens of thousands of spaces, and an untrusted one may repeat anything. Therefore each pattern
+# reads a byte only a fixed number of times: with (?<!\s), a match begins only at the first space of a run.
+def _attribute(xmp: bytes, kind: int) -> re.Pattern[bytes]:
+    """The pattern of properties that are attributes, with the spaces before them."""
+    return re.compile(rb"(?<!\s)\s+" + _names(xmp, kind) + rb"\s*=\s*(\"[^\"]*\"|'[^']*')")
+
+
+def _without_elements(xmp: bytes, kind: int) -> bytes:
+    """A packet without the properties of a kind that are elements; one that does not end stays."""
+    kept, start, name = [0], 0, b""
+    for tag in re.finditer(rb"<(/?)(" + _names(xmp, kind) + rb")[^<>]*>", xmp):
+        is_end, is_whole = bool(tag[1]), tag[0].endswith(b"/>")
+        if not is_end and not name:
+            start, name = tag.start(), tag[2]
+        if name == tag[2] and (is_end or (is_whole and start == tag.start())):
+            kept += [start, tag.end()]
+            name = b""
+    ends = [*kept[1:], len(xmp)]
+    return b"".join(xmp[first:last] for first, last in zip(kept[::2], ends[::2], strict=True))
 
 
 def with_extension(xmp: bytes, segments: Sequence[Segment]) -> bytes | None:

@@ -6,18 +6,21 @@ import struct
 import subprocess
 import zlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image, ImageCms
+from numpy.typing import ArrayLike
+from PIL import Image, ImageCms, TiffImagePlugin
 
+from lutforge.errors import ImageError
 from lutforge.grading.grade import LutRecipe
 from lutforge.grading.image import apply_image
 from lutforge.images.packets import read_packets
 from lutforge.images.read import ImageReader
 from lutforge.images.xmp import declares_film, extended_segments, without_further_pictures
-from tests.cases.pictures import write_cube
+from tests.cases.pictures import write_cube, write_picture
 
 TAGS: dict[str, tuple[str, ...]] = {
     "EXIF": ("-ExifIFD:FocalLength=35",),
@@ -218,6 +221,27 @@ def test_no_film_and_no_gain_map_is_declared_that_is_not_there() -> None:
     )
     assert declares_film(xmp)
     assert without_further_pictures(xmp) == b'<rdf:Description xmp:Rating="3"></rdf:Description>'
+    elements = (
+        b'<rdf:Description xmp:Rating="3"><hdrgm:Version>1.0</hdrgm:Version><hdrgm:GainMapMax><rdf:Seq>'
+        b"<rdf:li>1.4</rdf:li></rdf:Seq></hdrgm:GainMapMax><hdrgm:BaseRenditionIsHDR/></rdf:Description>"
+    )
+    assert without_further_pictures(elements) == b'<rdf:Description xmp:Rating="3"></rdf:Description>'
+
+
+@pytest.mark.parametrize(
+    ("space", "stated"),
+    [
+        (b"http://ns.adobe.com/hdr-gain-map/1.0/", b'ns1:Version="1.0"'),
+        (b"http://ns.apple.com/HDRGainMap/1.0/", b"ns1:HDRGainMapVersion='65536'"),
+        (b"http://ns.google.com/photos/1.0/camera/", b'ns1:MotionPhoto="1"'),
+        (b"http://ns.google.com/photos/1.0/container/", b"><ns1:Directory><rdf:Seq/></ns1:Directory"),
+    ],
+)
+def test_nor_by_another_prefix_of_its_namespace(space: bytes, stated: bytes) -> None:
+    declared = b'<rdf:Description xmlns:ns1="' + space + b'"'
+    assert without_further_pictures(declared + b" " + stated + b">").strip(b" >") == declared
+    other = b'<rdf:Description xmlns:ns1="http://example.org/" ' + stated + b">"
+    assert without_further_pictures(other) == other
 
 
 @pytest.mark.parametrize("source", ["jpg", "tif", "png", "webp", "jp2", "heic"])
@@ -255,21 +279,16 @@ def test_an_empty_user_comment_is_no_loss(tmp_path: Path) -> None:
     assert done.notes == ()
 
 
-@pytest.mark.parametrize("part", [b" ", b" hdrgm:a ", b"<Container:Directory ", b"</Container:Directory "])
+@pytest.mark.parametrize(
+    "part", [b" ", b" hdrgm:a ", b"<hdrgm:a>", b"<hdrgm:a", b"<Container:Directory ", b"</Container:Directory "]
+)
 def test_a_long_packet_is_looked_through_once(part: bytes) -> None:
     """Cameras pad packets with 64 KB of spaces; a search that began anew at each byte of 2 MB would take hours."""
-    packet = b"<rdf:Description" + part * ((2 << 20) // len(part)) + b"/>"
+    packet = b"<rdf:Description" + part * ((2 << 20) // len(part)) + b"<x/>"
     assert without_further_pictures(packet) == packet
     assert not declares_film(packet)
-    padded = packet.replace(b"/>", b' hdrgm:Version="1.0"/>')
-    assert without_further_pictures(padded).rstrip(b" />") == packet.rstrip(b" />")
-
-
-def test_an_animated_png_is_said(tmp_path: Path) -> None:
-    frames = [Image.new("RGB", (20, 20), colour) for colour in ("red", "blue")]
-    frames[0].save(tmp_path / "a.png", save_all=True, append_images=frames[1:])
-    grade = LutRecipe(write_cube(tmp_path / "a.cube")).grade(tmp_path / "a.png")
-    assert any("first frame" in note for note in apply_image(grade, tmp_path / "a.png", tmp_path / "b.png").notes)
+    padded = packet.replace(b"<x/>", b' hdrgm:Version="1.0"<x/>')
+    assert without_further_pictures(padded).replace(b" ", b"") == packet.replace(b" ", b"")
 
 
 def corners(*primaries: float) -> bytes:
@@ -307,3 +326,58 @@ def test_a_png_says_how_it_is_encoded(tmp_path: Path, chunks: dict[bytes, bytes]
     )
     (tmp_path / "a.png").write_bytes(data[:33] + added + data[33:])
     assert read_packets(tmp_path / "a.png").encoding == encoding
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "encoding"),
+    [
+        ("PrimaryChromaticities", (0.708, 0.292, 0.17, 0.797, 0.131, 0.046), "the primaries of BT.2020"),
+        ("PrimaryChromaticities", (0.64, 0.33, 0.3, 0.6, 0.15, 0.06), ""),
+        ("TransferFunction", np.linspace(0, 65535, 256), "linear light"),
+        ("TransferFunction", 65535 * np.linspace(0, 1, 256) ** 1.8, "gamma 1.80"),
+        ("TransferFunction", 65535 * np.linspace(0, 1, 256) ** 2.2, ""),
+        ("TransferFunction", np.zeros(256), ""),
+        ("TransferFunction", np.linspace(0, 65535, 256)[:3], ""),
+    ],
+)
+def test_a_tiff_says_how_it_is_encoded(tmp_path: Path, name: str, values: ArrayLike, encoding: str) -> None:
+    directory = TiffImagePlugin.ImageFileDirectory_v2()
+    numbers = np.asarray(values)
+    if name == "TransferFunction":
+        directory[301] = tuple(np.rint(numbers).astype(int).tolist()) * 3
+        directory.tagtype[301] = 3
+    else:
+        directory[318] = (0.3127, 0.329)
+        directory[319] = tuple(numbers.tolist())
+        directory.tagtype |= {318: 5, 319: 5}
+    Image.new("RGB", (8, 8), "green").save(tmp_path / "a.tif", tiffinfo=directory)
+    assert read_packets(tmp_path / "a.tif").encoding == encoding
+    icc = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    Image.new("RGB", (8, 8), "green").save(tmp_path / "b.tif", tiffinfo=directory, icc_profile=icc)
+    assert read_packets(tmp_path / "b.tif").encoding == ""
+
+
+@pytest.mark.parametrize(("kind", "encoding"), [("pq_rec2020_display", "PQ"), ("lin_rec709_scene", ""), ("", "")])
+def test_a_grade_for_srgb_refuses_an_exr_that_is_encoded_otherwise(tmp_path: Path, kind: str, encoding: str) -> None:
+    write_picture(tmp_path / "a.exr", kind="half", colorInteropID=kind)
+    grade = replace(LutRecipe(write_cube(tmp_path / "a.cube")).grade(tmp_path / "a.exr"), for_srgb=True)
+    if encoding:
+        with pytest.raises(ImageError, match=f"its colours are in {encoding}, and this grade is for sRGB"):
+            apply_image(grade, tmp_path / "a.exr", tmp_path / "b.exr")
+    else:
+        apply_image(grade, tmp_path / "a.exr", tmp_path / "b.exr")
+
+
+@pytest.mark.parametrize("suffix", ["gif", "webp", "png", "tif", "heic"])
+def test_every_file_of_several_pictures_says_that_one_is_graded(tmp_path: Path, suffix: str) -> None:
+    frames = [Image.new("RGB", (64, 64), colour) for colour in ("red", "blue")]
+    path = tmp_path / f"a.{suffix}"
+    if suffix == "heic":
+        heif = pytest.importorskip("pillow_heif", reason="needs pillow-heif")
+        both = heif.from_pillow(frames[0])
+        both.add_from_pillow(frames[1])
+        both.save(str(path))
+    else:
+        frames[0].save(path, save_all=True, append_images=frames[1:])
+    done = apply_image(LutRecipe(write_cube(tmp_path / "a.cube")).grade(path), path, tmp_path / "b.tif")
+    assert any("first of 2 images" in note or "first frame" in note for note in done.notes)
