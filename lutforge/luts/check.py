@@ -286,23 +286,42 @@ def _problems_of_inputs(findings: _Findings) -> Iterator[str]:
 def _problems_of_outputs(findings: _Findings) -> Iterator[str]:
     """Outputs beyond 0 to 1, which most programs expect, or nearly all at these limits."""
     outputs, clipped, stated = findings.outputs, findings.clipped, findings.stated
+    metadata_bits = findings.lut.metadata.bits
     highest = float(outputs.max())
     are_whole = bool(np.all(outputs == np.rint(outputs)))
     # Scene-linear light reaches as high, and in nits higher, but half of such a table is dark.
     are_bright = float(np.median(outputs)) > LEAST_MEDIAN_SHARE * highest and stated is None
     if highest >= LEAST_HIGHEST_CODE and clipped is None and (are_whole or are_bright):
-        top = next((code for code in CODES if code >= highest), highest)
         are = "are whole and run" if are_whole else "run"
         yield (
-            f"its numbers {are} to {highest:g}, as codes, where 0 to 1 are meant: all is white; divide them by {top:g}"
+            f"its numbers {are} to {highest:g}, as codes, where 0 to 1 are meant: all is white; divide them by "
+            f"{_code_of_white(highest)}"
         )
     elif clipped is None:
         in_floats = findings.lut.metadata.format in FLOAT_FORMATS
         gives_linear = stated is not None and stated.are_linear[1]
         if not in_floats and not gives_linear:
             yield "outputs leave [0, 1]: programs with integers clip them, others pass them on"
+    if clipped is not None and metadata_bits is not None:
+        yield from _problem_of_lower_codes(highest, metadata_bits)
     if clipped is not None and clipped > 0.9995 and len(outputs.reshape(-1, 3)) > 8:
         yield "100 % of the nodes are at a limit, 0 or 1: its numbers are cut, or are codes of other than 0 to 1"
+
+
+def _code_of_white(highest: float) -> str:
+    """The code of white of a table whose highest number is this, which in video range is 0.92 of it."""
+    near = [code for code in CODES if 0.9 * code <= highest <= code]
+    return f"{near[0]:g}" if near else "the code of white, such as 255 or 1023"
+
+
+def _problem_of_lower_codes(highest: float, bits: int) -> Iterator[str]:
+    """A table of integers of so many bits whose white, `highest` in 0 to 1, is that of fewer bits, or is 1."""
+    top = 2**bits - 1
+    kinds = {1.0: "as numbers from 0 to 1"} | {code: f"as codes of {depth} bits" for code, depth in CODES.items()}
+    for code, kind in kinds.items():
+        if code < top and abs(highest * top - code) < 1e-3:
+            factor = f"{top / code:.6g}"
+            yield f"its numbers run to {code:g}, {kind}, where {top} is white: all is dark; multiply them by {factor}"
 
 
 def _domain(lut: Lut) -> tuple[Colour, Colour]:

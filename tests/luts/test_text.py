@@ -134,6 +134,54 @@ def test_codes_with_decimals_are_codes(tmp_path: Path, name: str, top: int) -> N
         assert f"run to {top}, as codes" in message, message
 
 
+@pytest.mark.parametrize("code", [1, 255, 1023])
+@pytest.mark.parametrize(("name", "top"), [("a.vlt", 4095), ("discreet.lut", 1023), ("a.m3d", 1023)])
+def test_codes_of_fewer_bits_than_the_file_states_are_a_problem(tmp_path: Path, name: str, top: int, code: int) -> None:
+    """Numbers from 0 to 1, or codes of 8 or 10 bits, in a file whose white is a higher code: all is dark."""
+    if code == top:
+        pytest.skip("these are the codes that the file should hold")
+
+    def scaled(line: str) -> str:
+        *place, r, g, b = line.split()
+        return " ".join([*place, *(str(round(int(value) * code / white)) for value in (r, g, b))])
+
+    lines = SOUND[name].splitlines()
+    if name == "discreet.lut":
+        lines = [lines[0], *(f"{int(line) * code / top:.5f}" for line in lines[1:])]
+    else:
+        white = max(int(line.split()[-1]) for line in lines if line[:1].isdecimal())
+        lines = [scaled(line) if line[:1].isdecimal() else line for line in lines]
+    for message in messages(write(tmp_path, name, "\n".join(lines) + "\n")):
+        assert f"its numbers run to {code}, " in message and f"where {top} is white: all is dark" in message
+
+
+@pytest.mark.parametrize(("highest", "advice"), [(235, "by 255"), (940, "by 1023"), (100, "by the code of white")])
+def test_the_code_of_white_is_named_where_the_numbers_come_near_it(tmp_path: Path, highest: int, advice: str) -> None:
+    path = write(
+        tmp_path, "a.cube", SOUND["a.cube"].replace("1.0 1.0 1.0\n0", "1 1 1\n0").replace("1.0\n", f"{highest}\n")
+    )
+    assert advice in messages(path)[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "spoilt"),
+    [
+        ("a.cube", "LUT_3D_SIZE 2", "LUT_3D_SIZE 2.7"),
+        ("a.itx", "LUT_3D_SIZE 2", "LUT_3D_SIZE 2.7"),
+        ("1d.cube", "LUT_1D_SIZE 3", "LUT_1D_SIZE 3.2"),
+        ("curve.spi1d", "Length 3", "Length 3.5"),
+        ("a.csp", "\n2 2 2\n", "\n2.5 2 2\n"),
+        ("a.csp", "\n\n2\n", "\n\n2.5\n"),
+        ("a.spi3d", "\n2 2 2\n", "\n2 2 2.5\n"),
+        ("a.vf", "grid_size 2 2 2", "grid_size 2.5 2 2"),
+    ],
+)
+def test_sizes_are_whole_numbers(tmp_path: Path, name: str, size: str, spoilt: str) -> None:
+    assert size in SOUND[name]
+    for message in messages(write(tmp_path, name, SOUND[name].replace(size, spoilt, 1))):
+        assert "is no whole number" in message
+
+
 @pytest.mark.parametrize("name", ["a.cube", "a.spi3d", "a.clf"])
 @pytest.mark.parametrize("top", [55.0, 16291.0])
 def test_scene_linear_light_is_not_taken_for_codes(tmp_path: Path, name: str, top: float) -> None:
@@ -169,6 +217,7 @@ WRITTEN: dict[str, tuple[Callable[[str], bytes], str]] = {
     "a mark": (lambda text: b"\xef\xbb\xbf" + text.encode(), "byte order mark"),
     "UTF-16": (lambda text: text.encode("utf-16"), "UTF-16"),
     "UTF-16, the other way": (lambda text: b"\xfe\xff" + text.encode("utf-16-be"), "UTF-16"),
+    "UTF-32": (lambda text: text.encode("utf-32"), "UTF-32"),
     "UTF-16 without a mark": (lambda text: text.encode("utf-16-le"), "UTF-16"),
     "carriage returns": (lambda text: text.replace("\n", "\r").encode(), "carriage returns alone"),
     "both line ends": (lambda text: text.replace("\n", "\r\n").encode(), ""),
@@ -223,6 +272,27 @@ def test_a_cube_in_two_dialects_at_once_is_read(tmp_path: Path) -> None:
     contradicting = text.replace("LUT_3D_SIZE", "DOMAIN_MAX 2 2 2\nLUT_3D_SIZE")
     with pytest.raises(LutError, match="another range"):
         read_lut(write(tmp_path, "calc.cube", contradicting))
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("LUT_IN_VIDEO_RANGE", "line 2: LUT_IN_VIDEO_RANGE: its numbers are video levels"),
+        ("lut_out_video_range", "line 2: lut_out_video_range: its numbers are video levels"),
+        ("CREATED 2024", 'line 2: "CREATED" is no word of the header'),
+        ("A note without its sign", 'line 2: "A" is no word of the header'),
+    ],
+)
+def test_a_header_line_that_no_dialect_has_is_named(tmp_path: Path, line: str, says: str) -> None:
+    """OpenColorIO names the title instead, which is sound."""
+    for message in messages(write(tmp_path, "a.cube", SOUND["a.cube"].replace("\n", f"\n{line}\n", 1))):
+        assert says in message
+
+
+def test_each_title_beside_an_input_range_is_left_out(tmp_path: Path) -> None:
+    text = 'TITLE "a"\nTITLE "b"\nLUT_3D_SIZE 2\nLUT_3D_INPUT_RANGE 0.0 1.0\n' + table("0.{r} 0.{g} 0.{b}\n")
+    lut = read_lut(write(tmp_path, "a.cube", text))
+    np.testing.assert_allclose(lut([1.0, 0.0, 1.0]), [0.1, 0.0, 0.1], atol=1e-6)
 
 
 def test_the_command_prints_what_check_calls_a_problem(lutforge: CommandLine, tmp_path: Path) -> None:

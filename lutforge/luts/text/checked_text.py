@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.errors import LutError
-from lutforge.luts.text.cube_dialects import of_one_dialect
+from lutforge.luts.text.cube_dialects import of_one_dialect, require_header_words
 from lutforge.luts.text.encoding import decoded
 from lutforge.luts.text.numbers import require_numbers, require_numbers_of_xml
 from lutforge.luts.text.oddities import without_oddities
@@ -43,7 +43,7 @@ def checked_text(path: Path) -> LutText:
     try:
         text, problem = decoded(data)
     except UnicodeDecodeError:
-        raise LutError(f"{path}: its text in UTF-16 is cut short or damaged: copy it again") from None
+        raise LutError(f"{path}: its text in UTF-16 or UTF-32 is cut short or damaged: copy it again") from None
 
     if suffix in XML or text.lstrip()[:1] == "<":
         require_numbers_of_xml(text, path)
@@ -76,6 +76,7 @@ def _checked_table(text: str, suffix: str, path: Path, problems: list[str]) -> L
         case ".3dl":
             require_3dl(lines, path)
         case ".cube":
+            require_header_words(lines, path)
             lines, mixed = of_one_dialect(lines, path)
             problems += mixed
     return LutText("\n".join(lines) + "\n" if problems else None, tuple(problems))

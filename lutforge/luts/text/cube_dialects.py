@@ -3,15 +3,35 @@
 from collections.abc import Collection
 from pathlib import Path
 
-from lutforge.errors import LutError
+from lutforge.errors import LutError, one_line
 
 RANGES = {"LUT_1D_INPUT_RANGE", "LUT_3D_INPUT_RANGE"}
 """Header lines of DaVinci Resolve's dialect of .cube."""
+HEADER_WORDS = {"TITLE", "LUT_1D_SIZE", "LUT_3D_SIZE", "DOMAIN_MIN", "DOMAIN_MAX"} | RANGES
+"""First words of the header lines of both dialects."""
+VIDEO_LEVELS = ("LUT_IN_VIDEO_RANGE", "LUT_OUT_VIDEO_RANGE")
+"""Header lines by which DaVinci Resolve marks a LUT from or to video levels, 64 to 940 of 1023."""
 
 
 def is_resolve_cube(words: Collection[str]) -> bool:
     """True where these words of a .cube's header are those of DaVinci Resolve's dialect."""
     return not RANGES.isdisjoint(words) or {"LUT_1D_SIZE", "LUT_3D_SIZE"} <= {*words}
+
+
+def require_header_words(lines: list[str], path: Path) -> None:
+    """Raise LutError on the first header line that no dialect has, which OpenColorIO refuses under another's name."""
+    for number, line in enumerate(lines, 1):
+        word = line.split(maxsplit=1)[0] if line[:1].isalpha() else ""
+        if word.upper() in VIDEO_LEVELS:
+            raise LutError(
+                f"{path}: line {number}: {word}: its numbers are video levels, and only DaVinci Resolve reads that "
+                "word: export the LUT for full range (data levels)"
+            )
+        if word and word.upper() not in HEADER_WORDS:
+            raise LutError(
+                f'{path}: line {number}: "{one_line(word, 40)}" is no word of the header of a .cube: '
+                'write "#" before it if it is a note, else make or copy the file again'
+            )
 
 
 def of_one_dialect(lines: list[str], path: Path) -> tuple[list[str], list[str]]:
@@ -42,7 +62,7 @@ def of_one_dialect(lines: list[str], path: Path) -> tuple[list[str], list[str]]:
                 f"{' and '.join(sorted(ranges)) or 'a shaper has'}: delete the line that is wrong"
             )
 
-    left_out = {header[word] for word in adobe}
+    left_out = {number for number, line in enumerate(lines) if line[:1].isalpha() and line.split()[0] in adobe}
     has_shaper = {"LUT_1D_SIZE", "LUT_3D_SIZE"} <= header.keys()
     resolve_words = "LUT_1D_SIZE and LUT_3D_SIZE" if has_shaper else " and ".join(sorted(ranges))
     problem = f"{', '.join(adobe)} together with {resolve_words}, which OpenColorIO and Nuke refuse: delete the line"

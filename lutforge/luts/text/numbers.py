@@ -45,6 +45,8 @@ _HEADERS = {
     ".m3d": {"in": 1, "out": 1},
 }  # fmt: skip
 """Header lines by suffix: their first word, and how many numbers follow it."""
+_SIZES = {"LUT_1D_SIZE", "LUT_3D_SIZE", "Length", "Components", "grid_size", "Mesh"}
+"""Words of headers that whole numbers follow."""
 _WIDTHS = {".cube": 3, ".itx": 3, ".vlt": 3, ".cub": 3, ".vf": 3, ".mga": 4, ".m3d": 4}
 """Numbers in a row, of formats in which all rows have the same number."""
 
@@ -52,6 +54,16 @@ _WIDTHS = {".cube": 3, ".itx": 3, ".vlt": 3, ".cub": 3, ".vf": 3, ".mga": 4, ".m
 def are_numbers(words: list[str]) -> bool:
     """True where all words are numbers."""
     return all(ROW.fullmatch(word) for word in words)
+
+
+def size_of(word: str, number: int, path: Path) -> int:
+    """The size that a number on a line states. Raises LutError where it is not whole: readers cut "5.7" to 5."""
+    size = float(word)
+    if not size.is_integer():
+        raise LutError(
+            f'{path}: line {number}: the size "{one_line(word, 40)}" is no whole number: make or copy it again'
+        )
+    return int(size)
 
 
 def require_numbers(lines: list[str], suffix: str, path: Path) -> None:
@@ -73,6 +85,7 @@ def require_numbers(lines: list[str], suffix: str, path: Path) -> None:
 
         # All words of a row should be numbers, and those after the first word of a header. Other lines are free.
         words = line.split()
+        is_size = False
         if suffix == ".lut" and words and words[-1] == "}":
             words.pop()  # a LUT of Houdini may close a table behind its last number
         expected = width
@@ -80,11 +93,14 @@ def require_numbers(lines: list[str], suffix: str, path: Path) -> None:
             if not words or words[0] not in headers:
                 continue
             expected = headers[words[0]]
+            is_size = words[0] in _SIZES
             words = words[1:]
 
         for word in words:
             if not ROW.fullmatch(word):
                 raise LutError(f"{path}: line {number}: {_no_number(word)}")
+            if is_size:
+                size_of(word, number, path)
         if expected is not None and len(words) != expected:
             raise LutError(
                 f"{path}: line {number}: {len(words)} numbers, where {expected} belong: {one_line(line, 60)!r}; "

@@ -6,7 +6,7 @@ from math import prod
 from pathlib import Path
 
 from lutforge.errors import LutError, one_line
-from lutforge.luts.text.numbers import ROW_OF_3, ROW_START, are_numbers
+from lutforge.luts.text.numbers import ROW_OF_3, ROW_START, are_numbers, size_of
 
 NumberedRow = tuple[int, list[str]]
 """The number of a line, and its words."""
@@ -43,7 +43,7 @@ def require_csp(lines: list[str], path: Path) -> None:
     for channel in ("red", "green", "blue"):
         if len(table_rows) < 3 or len(table_rows[0][1]) != 1:
             raise LutError(f"{path}: the prelut of {channel} is not a line with its length and two lines of numbers")
-        length = int(float(table_rows[0][1][0]))
+        length = size_of(table_rows[0][1][0], table_rows[0][0], path)
         for number, words in table_rows[1:3]:
             if len(words) != length:
                 raise LutError(f"{path}: line {number}: {len(words)} numbers, where the prelut has {length}")
@@ -53,7 +53,7 @@ def require_csp(lines: list[str], path: Path) -> None:
     if not table_rows:
         raise LutError(f"{path}: the file ends before its table: make or copy it again")
     number, words = table_rows[0]
-    sizes = [int(float(word)) for word in words]
+    sizes = [size_of(word, number, path) for word in words]
     if len(sizes) != int(dimensions):
         raise LutError(f"{path}: line {number}: {len(sizes)} numbers are no size of a {dimensions}D table")
     _require_rows(table_rows[1:], prod(sizes), 3, path)
@@ -86,7 +86,7 @@ def require_spi3d(lines: list[str], path: Path) -> None:
     number, words = rows[1]
     if words != ["3", "3"]:
         raise LutError(f'{path}: line {number}: a .spi3d has the line "3 3" there, not {" ".join(words)[:60]!r}')
-    r, g, b = (int(float(word)) for word in rows[2][1])
+    r, g, b = (size_of(word, rows[2][0], path) for word in rows[2][1])
     _require_rows(rows[3:], r * g * b, 6, path)
 
     # A row holds the place of a node on the three axes, and its colour.
