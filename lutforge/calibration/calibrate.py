@@ -14,6 +14,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.steps import (
     Step,
     complete_white_balances,
+    correct_local_changes,
     correct_vignetting,
     diagnose,
     drop_outlier_shots,
@@ -37,6 +38,7 @@ STEPS: tuple[Step, ...] = (
     drop_small_styles,
     note_given_stages,
     correct_vignetting,
+    correct_local_changes,
     diagnose,
     fit_gains,
     drop_outlier_shots,

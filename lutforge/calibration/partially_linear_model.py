@@ -38,7 +38,7 @@ RESIDUAL_WEIGHTS = RobustWeights(cauchy, multiple=2.5, least=0.02)
 
 
 @dataclass(frozen=True, eq=False)
-class _StyleFunction:
+class StyleFunction:
     """λ of one style, and the offsets of its shots, as a linear function of p unknowns.
 
     of_style: which samples of the model are of the style, m of them; design: (m, p), by what each unknown raises them;
@@ -54,7 +54,7 @@ class _StyleFunction:
 class Projection:
     """The fit of λ to samples that are weighted in one way. It is factorized once, for all columns that are fitted."""
 
-    functions: Sequence[_StyleFunction]
+    functions: Sequence[StyleFunction]
     weight: Array
 
     @cached_property
@@ -88,7 +88,7 @@ class PartiallyLinearModel:
     channels: Array
     y: Array
     precision: Array
-    functions: Sequence[_StyleFunction]
+    functions: Sequence[StyleFunction]
 
     @cached_property
     def by_noise(self) -> Projection:
@@ -112,7 +112,7 @@ def partially_linear_model(samples: SampleSet, multipliers: Array, usable: Mask)
 
     rng = np.random.default_rng(0)
     chosen = list[NDArray[np.intp]]()
-    functions = list[_StyleFunction]()
+    functions = list[StyleFunction]()
     count = 0
     for style in styles:
         rows = np.flatnonzero(usable & (samples.style == style))
@@ -131,7 +131,7 @@ def partially_linear_model(samples: SampleSet, multipliers: Array, usable: Mask)
     return PartiallyLinearModel(samples.select(rows), logs, log_sums, precision, functions)
 
 
-def _style_function(of_style: slice, srgb: Array, shot: NDArray[np.str_]) -> _StyleFunction:
+def _style_function(of_style: slice, srgb: Array, shot: NDArray[np.str_]) -> StyleFunction:
     """λ of a style, and the offsets of its shots, at samples of colours (m, 3) and shots (m,)."""
     encoded = np.ascontiguousarray(srgb)
     centres = encoded[farthest_points(encoded, min(MOST_FUNCTION_CENTRES, len(encoded) // SAMPLES_PER_CENTRE))]
@@ -143,4 +143,4 @@ def _style_function(of_style: slice, srgb: Array, shot: NDArray[np.str_]) -> _St
     covariance += np.tril(covariance, -1).T + NUGGET * np.eye(len(centres))
     of_function = (SAMPLE_NOISE / FUNCTION_SPREAD) ** 2 * covariance
     of_offsets = (SAMPLE_NOISE / SHOT_SPREAD) ** 2 * np.eye(len(shots))
-    return _StyleFunction(of_style, design, block_diag(of_function, of_offsets))
+    return StyleFunction(of_style, design, block_diag(of_function, of_offsets))

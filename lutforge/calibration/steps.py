@@ -14,6 +14,7 @@ from lutforge.arrays import Array
 from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.calibration.checks import NOT_ONE_CAMERA, diagnoses_of
 from lutforge.calibration.dark_greys import dark_end_notes
+from lutforge.calibration.local_changes import LOCAL_CHANGES, find_local_changes, without_field
 from lutforge.calibration.matrix_and_response import LEAST_SAMPLES
 from lutforge.calibration.reference_camera import own_raw
 from lutforge.calibration.setting_gains import gains_of, multiplied_by_gains, refined_gains
@@ -93,8 +94,30 @@ def correct_vignetting(state: CalibrationState) -> CalibrationState:
     return replace(corrected, vignettings=vignettings)
 
 
+def correct_local_changes(state: CalibrationState) -> CalibrationState:
+    """Remove the field of light that RAW and JPEG of nearly all shots differ by, and find shots changed in a part.
+
+    Few of these are left out; of many it is not known whether the others are right, and only the cause is named.
+    """
+    found = find_local_changes(state.samples, state.multipliers, state.unclipped)
+    if found.field is not None:
+        state = state.with_samples(without_field(state.samples, found.field), state.multipliers)
+    if found.changes and not found.are_few:
+        return replace(state, notes=(*state.notes, *found.notes), diagnoses=(found.diagnosis,))
+
+    changed = [change.shot for change in found.changes]
+    return state.select(~np.isin(state.samples.shot, changed), found.notes) if changed or found.notes else state
+
+
+def _differs_by_place(state: CalibrationState) -> bool:
+    """True where RAW and JPEG are known to differ by place, from which all else may result that is found."""
+    return any(known.cause == LOCAL_CHANGES for known in state.diagnoses)
+
+
 def diagnose(state: CalibrationState) -> CalibrationState:
     """Recognize samples that no camera makes, and what made them so."""
+    if _differs_by_place(state):
+        return state
     of_all = state.bases_of_all_colours()
     of_unsaturated = {style: state.base_of_unsaturated(style) for style in of_all}
     return replace(state, diagnoses=diagnoses_of(state.samples, state.multipliers, of_all, of_unsaturated))
@@ -128,6 +151,8 @@ def drop_outlier_shots(state: CalibrationState) -> CalibrationState:
     Of two groups no shot is left out, since it is not known which are right; they take the place of other diagnoses.
     Where a cause spoils the whole set, so that each group shows it, no shot is at fault, and only the cause is named.
     """
+    if _differs_by_place(state):
+        return state
     comparison = check_shots(state.samples, state.multipliers, state.unclipped, state.bases_of_all_colours())
     spoiling = _causes_of_all_groups(state, comparison)
     if spoiling:
@@ -162,7 +187,7 @@ def _causes_of_all_groups(state: CalibrationState, comparison: ShotCheck) -> set
 
 def note_dark_end(state: CalibrationState) -> CalibrationState:
     """Note dark greys whose RAW and JPEG values do not go to black together, unless a cause is known that does it."""
-    if state.diagnoses:
+    if {known.cause for known in state.diagnoses} - {NOT_ONE_CAMERA}:
         return state
     return replace(state, notes=(*state.notes, *dark_end_notes(state.samples, state.multipliers)))
 

@@ -44,13 +44,12 @@ class UnevenLight:
 
     def gain(self, places: Array) -> Array:
         """The light at places (n, 2) on the chart, (n,), as a share of that in its middle."""
-        return np.asarray(2.0 ** (_terms(places) @ self.coefficients))
+        return np.asarray(2.0 ** (field_terms(places) @ self.coefficients))
 
     @property
     def fall(self) -> float:
         """The share by which the darkest place of the chart has less light than the brightest."""
-        gains = self.gain(_NINE)
-        return float(1.0 - gains.min() / gains.max())
+        return parts_of_field(self.coefficients)[0]
 
     @property
     def note(self) -> str:
@@ -60,16 +59,9 @@ class UnevenLight:
                 "the light on the chart changes abruptly, as at the edge of a shadow, and the colours are off by that: "
                 "photograph it again in even light"
             )
-        gains = self.gain(_NINE)
-        bright, dark = _NAMES[int(np.argmax(gains))], _NAMES[int(np.argmin(gains))]
-        slopes = self.coefficients[:2]
-        axis = int(np.argmax(np.abs(slopes)))
-        across = np.abs(np.delete(self.coefficients, axis)).max()
-        if np.abs(slopes[axis]) > 2.5 * across:  # along one axis alone
-            low, high = (("left", "right"), ("top", "bottom"))[axis]
-            bright, dark = (low, high) if slopes[axis] < 0.0 else (high, low)
+        fall, bright, dark = parts_of_field(self.coefficients)
         return (
-            f"light falls by {self.fall:.0%} from {bright} to {dark} over the chart, as it is upright: corrected as a "
+            f"light falls by {fall:.0%} from {bright} to {dark} over the chart, as it is upright: corrected as a "
             "smooth field; even light is surer"
         )
 
@@ -117,7 +109,7 @@ def _fit(linear: Array, colours: Array, places: Array, rows: Mask, count: int) -
 
     rows: (n,) the patches that it is fitted to.
     """
-    terms = _terms(places)[:, :count]
+    terms = field_terms(places)[:, :count]
     coefficients = np.zeros(count)
     weight = rows.astype(np.float64)
     size = linear.sum(axis=1)
@@ -138,7 +130,24 @@ def _fit(linear: Array, colours: Array, places: Array, rows: Mask, count: int) -
     return coefficients, residual
 
 
-def _terms(places: Array) -> Array:
+def parts_of_field(coefficients: Array, half_size: tuple[float, float] = (1.0, 1.0)) -> tuple[float, str, str]:
+    """By what share light falls, and from which part to which: of a field (5,) in stops.
+
+    half_size: the largest x and y of its places, which lie around 0.
+    """
+    coefficients = coefficients * field_terms(np.array([half_size]))[0]
+    gains = 2.0 ** (field_terms(_NINE) @ coefficients)
+    bright, dark = _NAMES[int(np.argmax(gains))], _NAMES[int(np.argmin(gains))]
+    slopes = coefficients[:2]
+    axis = int(np.argmax(np.abs(slopes)))
+    across = np.abs(np.delete(coefficients, axis)).max()
+    if np.abs(slopes[axis]) > 2.5 * across:  # along one axis alone
+        low, high = (("left", "right"), ("top", "bottom"))[axis]
+        bright, dark = (low, high) if slopes[axis] < 0.0 else (high, low)
+    return float(1.0 - gains.min() / gains.max()), bright, dark
+
+
+def field_terms(places: Array) -> Array:
     """The polynomials (n, 5) of places (n, 2)."""
     x, y = places.T
     return np.stack([x, y, x**2, x * y, y**2], axis=1)
