@@ -22,6 +22,7 @@ from lutforge.calibration.matrix_and_response import (
     with_matrix_of_all,
 )
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.same_scene import is_one_scene
 from lutforge.calibration.scenes import RenderedScenes, likely_scenes
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
@@ -112,12 +113,17 @@ class StyleData:
 
     @cached_property
     def scene(self) -> NDArray[np.str_]:
-        """The shot of each sample, (n,), with copies and bursts under one name: no such shot tests a fit to another."""
+        """The shot of each sample, (n,), with shots of one scene under one name: none of them tests a fit to another.
+
+        These are copies, the shots of a burst, and shots that are exposed alike.
+        """
         places = np.nan_to_num(self.samples.position)
         raw = srgb_encode(np.clip(self.samples.raw, 0.0, 1.0))
         _, balance = np.unique(self.samples.white_balance, return_inverse=True)  # a burst has one
         points = np.hstack([255 * self.encoded, 255 * raw, 100 * places, 255 * balance[:, None]])
-        return joined_alike(self.shot, points)
+        return joined_alike(
+            self.shot, points, lambda a, b: is_one_scene(self.samples.select(a), self.samples.select(b))
+        )
 
     @cached_property
     def folds(self) -> list[tuple[Mask, "StyleData"]]:

@@ -58,11 +58,17 @@ def _measured(
     if len(shots) < 2:
         notes.append("one shot only: no shot is left to measure the error on; add another of other colours")
         return style, notes
-    if len(np.unique(data.scene)) < 2:
+    scenes = len(np.unique(data.scene))
+    if scenes < 2:
         notes.append(
             "the shots are of one scene, copies or a burst: the error on others is not known; add another scene"
         )
         return style, notes
+    if scenes == 2 and len(shots) > 2:
+        notes.append(
+            f"the {len(shots)} shots are of two scenes, and each was predicted from the other alone: the error of "
+            "both together is likely smaller, and not known; add a third scene"
+        )
     try:
         predictions = predict(style, name, data, shots, options, progress=report)
     except CalibrationError:

@@ -33,15 +33,18 @@ COMPARED = 100
 """Samples of a group, at most, whose nearest neighbours in another group are compared."""
 
 
-def joined_alike(groups: NDArray[np.str_], points: Array) -> NDArray[np.str_]:
+def joined_alike(
+    groups: NDArray[np.str_], points: Array, are_one: Callable[[NDArray[np.intp], NDArray[np.intp]], bool]
+) -> NDArray[np.str_]:
     """Names (n,) of groups (n,) in which those are one, under the first of their names, that are copies of each other.
 
     points: (n, k), what samples are, in units of which one is hardly seen. Groups are copies if the median
     distance from samples of either to the nearest of the other is smaller than from one to the next of its own group;
-    so are the shots of a burst.
+    so are the shots of a burst, and groups of which `are_one` is true, given the samples of two of them, (m,) and (l,).
     """
     names, member = np.unique(groups, return_inverse=True)
-    parts = [points[member == place] for place in range(len(names))]
+    rows_of_groups = [np.flatnonzero(member == place) for place in range(len(names))]
+    parts = [points[rows] for rows in rows_of_groups]
     trees = [cKDTree(part) for part in parts]
     rng = np.random.default_rng(0)
     some = [part[rng.permutation(len(part))[:COMPARED]] for part in parts]
@@ -55,6 +58,7 @@ def joined_alike(groups: NDArray[np.str_], points: Array) -> NDArray[np.str_]:
         for a in range(len(names))
         for b in range(a)
         if max(distance(a, b), distance(b, a)) < min(ALIKE, ALIKE_SHARE * max(spacing[a], spacing[b]))
+        or are_one(rows_of_groups[a], rows_of_groups[b])
     ]
     rows, columns = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
     links = coo_array((np.ones(len(pairs)), (rows, columns)), shape=(len(names), len(names)))

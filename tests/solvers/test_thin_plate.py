@@ -55,7 +55,9 @@ def test_groups_that_are_copies_or_a_burst_are_one() -> None:
     noisy = [scenes[0] + rng.normal(0.0, 1.0, (300, 3)) for _ in range(2)]
     points = np.concatenate([*scenes, scenes[1], noisy[0][:200], noisy[1][100:]])
     names = np.repeat(["a", "b", "c", "copy of b", "burst 1", "burst 2"], [300, 300, 300, 300, 200, 200])
-    joined = joined_alike(names, points)
-    assert dict(zip(names.tolist(), joined.tolist(), strict=True)) == {
-        "a": "a", "b": "b", "c": "c", "copy of b": "b", "burst 1": "a", "burst 2": "a",
-    }  # fmt: skip
+    expected = {"a": "a", "b": "b", "c": "c", "copy of b": "b", "burst 1": "a", "burst 2": "a"}
+    joined = joined_alike(names, points, lambda a, b: False)
+    assert dict(zip(names.tolist(), joined.tolist(), strict=True)) == expected
+
+    joined = joined_alike(names, points, lambda a, b: {str(names[a[0]]), str(names[b[0]])} == {"a", "c"})
+    assert dict(zip(names.tolist(), joined.tolist(), strict=True)) == expected | {"c": "a"}
