@@ -43,6 +43,8 @@ BEYOND_CENTRES = 1_000
 """Centres of the fit that tells how far beyond its end a clipped channel goes on."""
 DEVIATION_CENTRES = 500
 """Centres that the standard deviation of the process is computed from."""
+FITTED_CENTRES = 1_500
+"""Centres that the standard deviation of a fitted process is computed from, at the colours of real surfaces."""
 
 
 def krige(
@@ -149,6 +151,32 @@ def posterior_deviation(source: Array) -> Callable[[Array], Array]:
         across = kriging_covariance(centres, to_even(linear.reshape(-1, 3), OFFSET))
         known = np.sum((whitening @ across) ** 2, axis=0)
         return np.asarray(np.sqrt(np.maximum(variance - known, NOISE)).reshape(linear.shape[:-1]))
+
+    return deviation
+
+
+def fitted_deviation(gamut_map: GamutMap) -> Callable[[Array], Array]:
+    """The standard deviation of the process that a kriged gamut map is the mean of, as a function of colours (m, 3).
+
+    It is that of one channel, on the even scale. Samples are merged to FITTED_CENTRES. The variance of the process is
+    the likeliest, (5.8) with σ² = yᵀ K⁻¹ y / 3n: the coefficients are K⁻¹ y.
+    """
+    z = to_even(gamut_map.centres, OFFSET)
+    coefficients = gamut_map.coefficients
+    corrections = to_even(gamut_map(gamut_map.centres), OFFSET) - z + NOISE * coefficients
+    amplitude = np.sqrt(max(float(np.sum(coefficients * corrections)), 0.0) / corrections.size)
+
+    centres, _, _ = _merged(z, corrections, np.ones(len(z)), FITTED_CENTRES)
+    covariance = kriging_covariance(centres, roughness=gamut_map.roughness)
+    variance = covariance[0, 0]
+    covariance[np.diag_indices(len(centres))] += NOISE
+    whitening = np.linalg.inv(np.linalg.cholesky(covariance))
+
+    def deviation(linear: Array) -> Array:
+        points = to_even(linear.reshape(-1, 3), OFFSET)
+        across = kriging_covariance(centres, points, roughness=gamut_map.roughness)
+        known = np.sum((whitening @ across) ** 2, axis=0)
+        return np.asarray(amplitude * np.sqrt(np.maximum(variance - known, NOISE)).reshape(linear.shape[:-1]))
 
     return deviation
 

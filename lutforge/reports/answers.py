@@ -8,10 +8,9 @@ import numpy as np
 from lutforge.calibration.style import StyleData
 from lutforge.colour.srgb import delta_e_2000, srgb_to_lab
 from lutforge.evaluation.evaluation import Evaluation
-from lutforge.evaluation.next_shots import colour_gaps, nearness
+from lutforge.evaluation.next_shots import known_colours
 from lutforge.evaluation.predictions import Predictions
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.coverage import linearizing_error
 from lutforge.model.provenance import ResponseOnly
 from lutforge.reports.page import Block, Picture, Sections
 from lutforge.reports.tables import Table
@@ -73,11 +72,10 @@ def answers(
     if not data:
         gaps.append("Give the shots or their samples to the report, too: it then names the colours that they lack.")
     for name, style_data in data.items():
-        if colours := colour_gaps(style_data.encoded, linearizing_error(profile.styles[name])):
-            gaps.append(f"{name}: of the colours that real surfaces have, these are known least:")
-            gaps.append(tuple(map(str, colours[:4])))
-        else:
-            gaps.append(f"{name}: nothing that must be shot: {nearness(style_data.encoded)}.")
+        known = known_colours(profile, name, style_data.encoded)
+        gaps.append(f"{name}: {known.advice}")
+        if known.gaps:
+            gaps.append(tuple(map(str, known.gaps[:4])))
     return {
         "How good is it?": good or ("Not known: the profile holds no errors. Give its samples, too.",),
         "On which colours?": tuple(best_and_worst),

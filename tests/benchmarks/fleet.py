@@ -45,6 +45,7 @@ COLUMNS: Mapping[str, str] = {
     "neutral light: codes off neutral": "neutral",
     "more light: codes darker": "darker", "round trip: codes, 99.9 %": "trip",
     "render: held-out error / true": "held-out / true", "linearize: held-out error / true": "linearize",
+    "next shots: error of known / that of asked for": "known / asked for",
     "match with the next camera: ΔE00 mean": "match", "vignetting: off by, EV": "vignetting",
     "distortion: off by, RAW pixels": "distortion", "calibration: CPU seconds": "seconds",
 }  # fmt: skip

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 import lutforge as lf
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import delta_e_2000, srgb_encode
+from lutforge.evaluation.expected_difference import expected_difference
+from lutforge.evaluation.next_shots import known_colours
 from lutforge.interpolation import interpolate
 from lutforge.kits.icc import fit_icc_profile
 from lutforge.kits.kit import look_of
@@ -50,6 +52,7 @@ def measure(camera: FleetCamera, folder: Path) -> dict[str, float]:
     profile.save(folder / f"{camera.half} {camera.name}.npz")
     values |= rendered_and_linearized(camera, profile, samples)
     values |= stated_errors(camera, profile)
+    values |= known_and_asked_for(camera, profile, samples)
     values |= refinished(camera, profile)
     values |= written(camera, profile)
     values |= in_programs(camera, profile)
@@ -119,6 +122,30 @@ def rendered_and_linearized(camera: FleetCamera, profile: CameraProfile, samples
     bright = all_of["largest code of JPEG"] > BRIGHT
     for name in ("linearize", "linearize, kriging"):
         values[f"{name}, bright: RMSE"] = float(np.sqrt(all_of[f"{name}, squared"][bright].mean()))
+    return values
+
+
+def known_and_asked_for(camera: FleetCamera, profile: CameraProfile, samples: lf.SampleSet) -> dict[str, float]:
+    """The errors of rendered colours that count as known, and of those that are asked for in the next shots."""
+    errors, asked_for = [], []
+    for style in STYLES:
+        model = profile.styles[style].models[0]
+        expects = expected_difference(model)
+        of_style = samples.select((samples.style == style) & whole(samples.srgb))
+        known = known_colours(profile, style, of_style.srgb)
+        for _, balance in (setting for setting in settings(profile) if setting[0] == style):
+            name = f"{style}/{balance}"
+            raw = unseen(camera, 1, balance)
+            raw = raw[camera.known(raw, style, balance)]
+            made = np.clip(profile.render(name)(raw), 0.0, 1.0)
+            errors.append(delta_e_2000(made, camera.render(raw, style, balance)))
+            linear = np.minimum(raw * profile.multipliers(name), 1.0) @ model.matrix.T
+            asked_for.append(known.asks_for(expects(linear)) if expects is not None else np.zeros(len(raw), dtype=bool))
+    error, asked = np.concatenate(errors), np.concatenate(asked_for)
+    values = {"next shots, known: ΔE00 mean": float(error[~asked].mean())}
+    if asked.any():
+        values["next shots, asked for: ΔE00 mean"] = float(error[asked].mean())
+        values["next shots: error of known / that of asked for"] = float(error[~asked].mean() / error[asked].mean())
     return values
 
 

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.cli.demo_shots import SHOTS
-from lutforge.evaluation.next_shots import colour_gaps
+from lutforge.evaluation.next_shots import known_colours
 from lutforge.images.read import read_image
-from lutforge.model.coverage import linearizing_error
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
 from tests.conftest import CommandLine
@@ -60,8 +59,9 @@ def test_nothing_is_left_to_shoot(demo: tuple[Path, str]) -> None:
     folder, _ = demo
     profile, samples = lf.load_profile(folder / "camera.npz"), read_samples(folder / "samples.csv")
     assert profile.notes == ()
-    for name, style in profile.styles.items():
-        assert colour_gaps(samples.select(samples.style == name).srgb, linearizing_error(style)) == ()
+    for name in profile.styles:
+        known = known_colours(profile, name, samples.select(samples.style == name).srgb)
+        assert known.gaps == () and known.are_vouched_for
 
 
 @pytest.mark.slow

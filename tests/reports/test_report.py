@@ -9,13 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style import style_data
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
 from lutforge.evaluation.figures import ErrorFigures, error_figures
 from lutforge.evaluation.methods import LATTICE
-from lutforge.evaluation.next_shots import colour_gaps, nearness
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
@@ -242,17 +240,6 @@ def test_error_maps_of_real_files(demo: tuple[Path, str]) -> None:
         assert methods == ["camera model", "uniform lattice 17", "polynomial"]
 
 
-def test_gaps_are_named_where_colours_are_missing() -> None:
-    rng = np.random.default_rng(1)
-    everything = rng.random((60_000, 3))
-    assert colour_gaps(everything) == ()
-    without_blues = everything[everything[:, 2] < everything[:, 0] * 0.9 + 0.05]
-    gaps = colour_gaps(without_blues)
-    assert any("blue" in gap.colour for gap in gaps)
-    assert not any("red" in gap.colour or "yellow" in gap.colour for gap in gaps)
-    assert len(colour_gaps(np.zeros((0, 3)))) > 0
-
-
 def test_one_shot_is_not_praised() -> None:
     """An error on the shot that was fitted says nothing about others, and the report says no more."""
     samples = shots(("only",))
@@ -305,38 +292,6 @@ def test_burnt_out_light_is_white_in_a_shots_prediction() -> None:
 
 def test_a_spread_is_told_of_white_balances_that_shots_were_taken_with() -> None:
     assert [row[-1] for row in balance_table(small_profile()).rows] == ["–", "–", "10.0 %"]
-
-
-def test_gaps_are_where_errors_are_expected() -> None:
-    """All colours are sampled, but those of much blue are said to be 20 codes off."""
-    everything = np.random.default_rng(1).random((60_000, 3))
-
-    def expected_error(encoded: Array) -> Array:
-        return np.where(encoded[:, 2] > encoded[:, :2].max(axis=1) + 0.1, 20 / 255, 1 / 255)
-
-    gaps = colour_gaps(everything, expected_error)
-    assert gaps
-    assert all("blue" in gap.colour or "purple" in gap.colour for gap in gaps)
-    assert "of 255 codes off" in str(gaps[0])
-    assert colour_gaps(everything, lambda encoded: np.full(len(encoded), 1 / 255)) == ()
-
-
-def test_where_nothing_must_be_shot_it_is_said_how_near_the_samples_come() -> None:
-    everything = np.random.default_rng(1).random((60_000, 3))
-    assert str(nearness(everything)) == "the samples come near 100% of the colours that real surfaces have"
-    without_greens = nearness(everything[everything[:, 1] < everything[:, [0, 2]].max(axis=1)])
-    assert 0.5 < without_greens.share < 0.9
-    assert without_greens.unseen and all("green" in name for name in without_greens.unseen)
-    assert str(without_greens).endswith("are not among these")
-
-
-def test_one_chart_is_never_enough() -> None:
-    """However small the errors are that its own shots predict, other colours have not been seen."""
-    chart = photograph_patches(nikon_d5100(), chart_140()[:24], balances=("daylight",), stops=(-1, 0, 0.5))
-    gaps = colour_gaps(chart.srgb, lambda encoded: np.full(len(encoded), 1 / 255))
-    assert len(gaps) > 3
-    assert len({gap.colour.split()[1] for gap in gaps}) > 2  # of several hues
-    assert "of error" not in str(gaps[0])  # which is not known there
 
 
 def test_exposures_say_whether_the_response_is_fixed() -> None:
