@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.atomic_write import scratch_folder
-from lutforge.images.chunks import JP2_SIGNATURE, box, box_at, chunks_of, riff_chunk
+from lutforge.images.chunks import JP2_SIGNATURE, PNG_SIGNATURE, box, box_at, chunks_of, png_chunk, riff_chunk
 from lutforge.images.iptc import PHOTOSHOP, photoshop_segment
 from lutforge.images.jpeg import APP0, APP1, EXIF, SOI, Segment, metadata_end, read_header
 from lutforge.images.packets import PNG_XMP, TIFF_IPTC, TIFF_XMP, UUID_EXIF, UUID_IPTC, UUID_XMP
@@ -39,8 +39,11 @@ def add_packets(path: Path, format: str, spec: oiio.ImageSpec, xmp: bytes, iptc:
                 _put_into_tiff(path, fields)
         case "jpeg":
             path.write_bytes(_jpeg_with(path.read_bytes(), xmp, iptc))
-        case "png" if xmp:
-            path.write_bytes(_png_with(path.read_bytes(), xmp))
+        case "png":
+            data = path.read_bytes()
+            described = _png_with(data, xmp)
+            if described != data:
+                path.write_bytes(described)
         case "webp":
             path.write_bytes(_webp_with(path.read_bytes(), spec, exif_block(spec), xmp))
         case "jpeg2000":
@@ -50,10 +53,36 @@ def add_packets(path: Path, format: str, spec: oiio.ImageSpec, xmp: bytes, iptc:
 
 
 def _png_with(data: bytes, xmp: bytes) -> bytes:
-    """A PNG file with an XMP packet, uncompressed, after its first chunk, IHDR."""
-    body = PNG_XMP + bytes(4) + xmp
-    chunk = struct.pack(">I", len(body)) + b"iTXt" + body + struct.pack(">I", zlib.crc32(b"iTXt" + body))
-    return data[:33] + chunk + data[33:]
+    """A PNG file with an XMP packet, uncompressed, after its first chunk, IHDR, and with texts in their encoding.
+
+    A tEXt chunk is Latin-1, but OpenImageIO writes UTF-8 into it: texts beyond ASCII become iTXt chunks, of UTF-8.
+    """
+    parts = [data[: len(PNG_SIGNATURE)]]
+    end = len(PNG_SIGNATURE)
+    for name, place in chunks_of(data, len(PNG_SIGNATURE), png_chunk):
+        end = place.stop + 4
+        keyword, _, text = data[place].partition(b"\0")
+        if name == b"tEXt" and not text.isascii() and _is_utf8(text):
+            parts.append(_png_chunk(b"iTXt", keyword + bytes(5) + text))
+        else:
+            parts.append(data[place.start - 8 : end])
+        if name == b"IHDR" and xmp:
+            parts.append(_png_chunk(b"iTXt", PNG_XMP + bytes(4) + xmp))
+    return b"".join(parts) + data[end:]
+
+
+def _png_chunk(name: bytes, body: bytes) -> bytes:
+    """The bytes of a chunk of a PNG."""
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+
+def _is_utf8(text: bytes) -> bool:
+    """True where bytes are text in UTF-8."""
+    try:
+        text.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _jp2_with(data: bytes, spec: oiio.ImageSpec, exif: bytes, xmp: bytes, iptc: bytes) -> bytes:

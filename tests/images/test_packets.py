@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
-from PIL import Image, ImageCms, TiffImagePlugin
+from PIL import Image, ImageCms, PngImagePlugin, TiffImagePlugin
 
 from lutforge.errors import ImageError
 from lutforge.grading.grade import LutRecipe
@@ -289,6 +289,35 @@ def test_a_long_packet_is_looked_through_once(part: bytes) -> None:
     assert not declares_film(packet)
     padded = packet.replace(b"<x/>", b' hdrgm:Version="1.0"<x/>')
     assert without_further_pictures(padded).replace(b" ", b"") == packet.replace(b" ", b"")
+
+
+@pytest.mark.parametrize("source", ["png", "jpg", "tif"])
+def test_texts_beyond_ascii_stay_readable_in_a_png(tmp_path: Path, source: str) -> None:
+    """A PNG's tEXt chunk is Latin-1, its iTXt chunk UTF-8."""
+    text, path = "Straße in 東京", tmp_path / f"a.{source}"
+    if source == "png":
+        described = PngImagePlugin.PngInfo()
+        described.add_itxt("Description", text)
+        described.add_text("Author", "Jörg")
+        Image.new("RGB", (8, 8)).save(path, pnginfo=described)
+    else:
+        exif = Image.Exif()
+        exif[0x010E] = text.encode()
+        Image.new("RGB", (8, 8)).save(path, exif=exif)
+    recipe = LutRecipe(write_cube(tmp_path / "a.cube"))
+    for _ in range(2):  # and of what was made
+        path = apply_image(recipe.grade(path), path, tmp_path / f"b_{path.stem}.png").target
+        with Image.open(path) as picture:
+            assert isinstance(picture, PngImagePlugin.PngImageFile)
+            assert picture.text["Description"] == text
+            assert source != "png" or picture.text["Author"] == "Jörg"
+
+
+def test_an_animated_png_is_said(tmp_path: Path) -> None:
+    frames = [Image.new("RGB", (20, 20), colour) for colour in ("red", "blue")]
+    frames[0].save(tmp_path / "a.png", save_all=True, append_images=frames[1:])
+    grade = LutRecipe(write_cube(tmp_path / "a.cube")).grade(tmp_path / "a.png")
+    assert any("first frame" in note for note in apply_image(grade, tmp_path / "a.png", tmp_path / "b.png").notes)
 
 
 def corners(*primaries: float) -> bytes:
