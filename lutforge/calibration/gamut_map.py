@@ -1,8 +1,8 @@
 """The gamut map h by kriging: the mean of a Gaussian process with the kernel of `model.gamut_map`.
 
-With z = e(X) on the perceptual scale, h(X) = e⁻¹(z + r(z)), and the correction r is a Gaussian process of mean zero
-given the samples (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, equation 2.23). In the words of
-(4.7) and (4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity.
+With z = e(X) and ê(X) on perceptual scales, h(X) = ê⁻¹(ê(X) + r(z)), and the correction r is a Gaussian process of
+mean zero given the samples (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, equation 2.23). In the
+words of (4.7) and (4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity.
 
 The roughness of the kernel is estimated from the samples: it is that of the largest marginal likelihood (equation 5.8
 of the book). Simulated cameras have the least, the Canon S40 has 0.5 to 2. The other numbers were chosen among factors
@@ -20,6 +20,7 @@ from lutforge.calibration.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.options import MOST_CENTRES
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import (
+    CORRECTION_OFFSET,
     OFFSET,
     ROUGHNESS,
     GamutMap,
@@ -56,14 +57,15 @@ def krige(
 ) -> GamutMap:
     """Fit target = h(source), both (n, 3) linear.
 
-    error_scale: (n,), how much an encoded error of a sample is on the even scale of the target. Outliers lose their
+    error_scale: (n,), how much an encoded error of a sample is on the even scale of corrections. Outliers lose their
     weight by residuals of a coarse fit. clipped: more samples, source and target (m, 3), with the channels
     (m, 3) at white and at black, whose rendering lies at or beyond the target. Time O(most_centres³ + n).
     """
-    z, correction = to_even(source, OFFSET), to_even(target, OFFSET) - to_even(source, OFFSET)
+    z = to_even(source, OFFSET)
+    correction = _correction(source, target)
     # IRLS weights by encoded residuals from a fit with few centres and much noise.
     coarse = _solve(z, correction, np.full(len(z), 0.01), min(400, most_centres), ROUGHNESS)
-    residual = to_even(coarse(from_even(z, OFFSET)), OFFSET) - z - correction
+    residual = _correction(target, coarse(source))
     robust = RobustWeights(cauchy, multiple=10.0, least=12.0 / 255.0)
     weight = robust(np.linalg.norm(residual, axis=1) / error_scale)
     roughness = likely_roughness(z, correction, weight)
@@ -75,12 +77,12 @@ def krige(
         bounded, ends, at_white, at_black = clipped
         # What a fit without them continues beyond the bound holds; the bound holds where that falls short of it.
         fit = _solve(z, correction, weight, min(BEYOND_CENTRES, most_centres), roughness)
-        at, bound = to_even(bounded, OFFSET), to_even(ends, OFFSET)
-        continued = to_even(fit(bounded), OFFSET)
-        beyond = np.where(at_white, np.maximum(continued, bound), bound)
-        beyond = np.where(at_black, np.minimum(continued, bound), beyond)
-        z, correction = np.concatenate([z, at]), np.concatenate([correction, beyond - at])
-        weight = np.concatenate([weight, np.ones(len(at))])
+        continued = fit(bounded)
+        beyond = np.where(at_white, np.maximum(continued, ends), ends)
+        beyond = np.where(at_black, np.minimum(continued, ends), beyond)
+        z = np.concatenate([z, to_even(bounded, OFFSET)])
+        correction = np.concatenate([correction, _correction(bounded, beyond)])
+        weight = np.concatenate([weight, np.ones(len(bounded))])
     return _solve(z, correction, weight, most_centres, roughness)
 
 
@@ -123,7 +125,7 @@ def fit_gamut_map(
     linear, mapped = balanced @ matrix.T, response.linearize(encoded)
     half_code = 0.5 / 255.0
     low, high = np.clip(encoded - half_code, 0.0, 1.0), np.clip(encoded + half_code, 0.0, 1.0)
-    steps = to_even(response.linearize(high), OFFSET) - to_even(response.linearize(low), OFFSET)
+    steps = _correction(response.linearize(low), response.linearize(high))
     error_scale = np.maximum((steps / (high - low)).mean(axis=1), 1e-3)
     bounds = None
     if clipped is not None:
@@ -158,12 +160,13 @@ def posterior_deviation(source: Array) -> Callable[[Array], Array]:
 def fitted_deviation(gamut_map: GamutMap) -> Callable[[Array], Array]:
     """The standard deviation of the process that a kriged gamut map is the mean of, as a function of colours (m, 3).
 
-    It is that of one channel, on the even scale. Samples are merged to FITTED_CENTRES. The variance of the process is
-    the likeliest, (5.8) with σ² = yᵀ K⁻¹ y / 3n: the coefficients are K⁻¹ y.
+    It is that of one channel, on the even scale of corrections. Samples are merged to FITTED_CENTRES. The variance of
+    the process is the likeliest, (5.8) with σ² = yᵀ K⁻¹ y / 3n: the coefficients are K⁻¹ y.
     """
     z = to_even(gamut_map.centres, OFFSET)
     coefficients = gamut_map.coefficients
-    corrections = to_even(gamut_map(gamut_map.centres), OFFSET) - z + NOISE * coefficients
+    mapped = gamut_map(gamut_map.centres)
+    corrections = _correction(gamut_map.centres, mapped) + NOISE * coefficients
     amplitude = np.sqrt(max(float(np.sum(coefficients * corrections)), 0.0) / corrections.size)
 
     centres, _, _ = _merged(z, corrections, np.ones(len(z)), FITTED_CENTRES)
@@ -194,7 +197,13 @@ def _solve(z: Array, correction: Array, weight: Array, most_centres: int, roughn
     if not np.all(np.isfinite(coefficients)):
         raise CalibrationError("the colours hold numbers that are not finite, or far beyond 1")
     identity = identity_gamut_map().polynomial
-    return GamutMap(from_even(centres, OFFSET), coefficients, identity, OFFSET, "kriging", roughness)
+    linear = from_even(centres, OFFSET)
+    return GamutMap(linear, coefficients, identity, OFFSET, "kriging", roughness, CORRECTION_OFFSET)
+
+
+def _correction(source: Array, target: Array) -> Array:
+    """What leads from one linear colour (n, 3) to another, on the perceptual scale of corrections."""
+    return to_even(target, CORRECTION_OFFSET) - to_even(source, CORRECTION_OFFSET)
 
 
 def _merged(z: Array, correction: Array, weight: Array, most: int) -> tuple[Array, Array, Array]:

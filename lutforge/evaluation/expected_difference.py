@@ -12,11 +12,11 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.gamut_map import fitted_deviation
 from lutforge.colour.srgb import delta_e_2000
-from lutforge.model.gamut_map import OFFSET, from_even, to_even
+from lutforge.model.gamut_map import CORRECTION_OFFSET, from_even, to_even
 from lutforge.model.profile import CameraModel
 
 STEP = 0.005
-"""A step on the even scale, about one code."""
+"""A step on the even scale of corrections, about one code."""
 
 
 def expected_difference(model: CameraModel) -> Callable[[Array], Array] | None:
@@ -27,7 +27,7 @@ def expected_difference(model: CameraModel) -> Callable[[Array], Array] | None:
     deviation = fitted_deviation(gamut_map)
 
     def expected(linear: Array) -> Array:
-        even = to_even(gamut_map(linear), OFFSET)
+        even = to_even(gamut_map(linear), CORRECTION_OFFSET)
         rendered = _encode(model, even)
         steps = [delta_e_2000(_encode(model, even + STEP * axis), rendered) for axis in np.eye(3)]
         return np.asarray(deviation(linear) * np.linalg.norm(steps, axis=0) / STEP)
@@ -36,4 +36,4 @@ def expected_difference(model: CameraModel) -> Callable[[Array], Array] | None:
 
 
 def _encode(model: CameraModel, even: Array) -> Array:
-    return np.asarray(np.clip(model.response.encode(from_even(even, OFFSET)), 0.0, 1.0))
+    return np.asarray(np.clip(model.response.encode(from_even(even, CORRECTION_OFFSET)), 0.0, 1.0))

@@ -18,7 +18,7 @@ from lutforge.calibration.style import StyleData
 from lutforge.evaluation.polynomials import Predictor
 from lutforge.evaluation.predictions import Predictions
 from lutforge.interpolation import interpolate
-from lutforge.model.gamut_map import OFFSET, even_slope
+from lutforge.model.gamut_map import CORRECTION_OFFSET, even_slope
 from lutforge.model.lattice import grid
 from lutforge.model.profile import ByDirection, Direction, PictureStyle
 
@@ -80,7 +80,7 @@ def deviations(data: StyleData, balanced: Array, encoded: Array) -> ByDirection[
 
     def slope(codes: Array) -> Array:
         flat = codes.reshape(-1, 3)
-        slopes = encoding_slope(base.response, flat) / even_slope(base.response.linearize(flat), OFFSET)
+        slopes = encoding_slope(base.response, flat) / even_slope(base.response.linearize(flat), CORRECTION_OFFSET)
         return np.asarray(slopes.mean(axis=1).reshape(codes.shape[:-1]))
 
     return ByDirection(

@@ -1,7 +1,8 @@
 """The gamut map h, or h⁻¹: radial basis functions with a linear polynomial (thesis 4.2.3, equation 4.7).
 
 On linear values, as the thesis has it, or on an even scale, on which dark colours lie as far apart as they look:
-e(x) = ±((|x| + ε)^(1/2.4) − ε^(1/2.4)) / c with c such that e(1) = 1.
+e(x) = ±((|x| + ε)^(1/2.4) − ε^(1/2.4)) / c with c such that e(1) = 1. Colours and what is added to them have each an ε
+of their own.
 
 The thesis's function is φ(r) = r. The other one is the covariance of kriging (`calibration.gamut_map`), a sum of
 three that fade (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, section 4.2.1), with t = r/ℓ:
@@ -28,7 +29,13 @@ BLOCK = 64
 """Centres per block of the evaluation."""
 POWER = 1 / 2.4
 OFFSET = 0.02
-"""ε of the perceptual scale, for kriging."""
+"""ε of the perceptual scale of colours, for kriging."""
+CORRECTION_OFFSET = 0.04
+"""ε of the perceptual scale of corrections, for kriging.
+
+It is larger than that of colours, so that a correction of colours whose least channel is near 0 or below, as of strong
+yellows, is no larger than it looks.
+"""
 
 Kernel = Literal["linear", "kriging"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
@@ -241,11 +248,12 @@ def flattened(even: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class GamutMap:
-    """h_c(X) = Σ_i λ_ci φ(‖X − X_i‖) + a_cᵀ [1, X], or on the even scale: h(X) = e⁻¹(Σ_i λ_i φ(‖e(X) − e(X_i)‖) + …).
+    """h_c(X) = Σ_i λ_ci φ(‖X − X_i‖) + a_cᵀ [1, X], or on even scales: h(X) = ê⁻¹(Σ_i λ_i φ(‖e(X) − e(X_i)‖) + …).
 
     centres: X_i (n, 3), linear; coefficients: λ (n, 3); polynomial: a (4, 3), rows constant, x, y, z; offset: ε of the
-    even scale, 0 for none; kernel: the function φ of the distance; roughness: ρ of kriging's. Raises ProfileError where
-    the shapes disagree, a number is not finite or the kernel is unknown.
+    even scale e, 0 for none; kernel: the function φ of the distance; roughness: ρ of kriging's; correction_offset: ε of
+    ê, which is e for the linear kernel. Raises ProfileError where the shapes disagree, a number is not finite or the
+    kernel is unknown.
     """
 
     centres: Array
@@ -254,6 +262,7 @@ class GamutMap:
     offset: float = 0.0
     kernel: Kernel = "linear"
     roughness: float = ROUGHNESS
+    correction_offset: float = 0.0
 
     def __post_init__(self) -> None:
         count = len(self.centres)
@@ -262,10 +271,13 @@ class GamutMap:
         for part in (self.centres, self.coefficients, self.polynomial):
             if not np.all(np.isfinite(part)):
                 raise ProfileError("gamut map: a number is not finite")
-        if not 0.0 <= self.offset <= 1.0:
-            raise ProfileError(f"gamut map: the offset of its scale, {self.offset}, is not within 0 … 1")
+        for offset in (self.offset, self.correction_offset):
+            if not 0.0 <= offset <= 1.0:
+                raise ProfileError(f"gamut map: the offset of its scale, {offset}, is not within 0 … 1")
         if self.kernel not in KERNELS:
             raise ProfileError(f"gamut map: unknown kernel {self.kernel!r}")
+        if self.kernel == "linear" and self.offset != self.correction_offset:
+            raise ProfileError("gamut map: a linear kernel has one scale, not two")
         if not 0.0 <= self.roughness <= 1e3:
             raise ProfileError(f"gamut map: its roughness, {self.roughness}, is not within 0 … 1000")
 
@@ -278,6 +290,7 @@ class GamutMap:
         """h at x (…, 3). Time O(points · centres), multi-threaded, no matrix of distances is formed."""
         points = np.asarray(x, dtype=np.float64)
         flat = np.ascontiguousarray(to_even(points.reshape(-1, 3), self.offset))
+        uncorrected = np.ascontiguousarray(to_even(points.reshape(-1, 3), self.correction_offset))
         polynomial, mapped = np.ascontiguousarray(self.polynomial), np.empty_like(flat)
 
         def evaluate(first: int, last: int) -> None:
@@ -287,7 +300,7 @@ class GamutMap:
                 middles, _, centres, factors = self._blocks
                 middle, moments = self._moments
                 _evaluate_kriging(
-                    flat,
+                    uncorrected,
                     flattened(flat),
                     polynomial,
                     middle,
@@ -302,7 +315,7 @@ class GamutMap:
                 )
 
         run(evaluate, shares(len(flat), 2_000))  # points that are worth a thread
-        return from_even(mapped, self.offset).reshape(points.shape)
+        return from_even(mapped, self.correction_offset).reshape(points.shape)
 
     @cached_property
     def _points(self) -> Array:

@@ -1,7 +1,7 @@
 """The inverse of a gamut map, solved: the likely linear values that it maps to given ones.
 
 h⁻¹ is no function of its own. For each Y it is the X = Ts R of the white-balanced RAW R ≥ 0 that minimizes, on the
-perceptual scale e of the gamut map,
+perceptual scale e of the gamut map's colours,
 
     ‖e(h(Ts R)) − e(Y)‖² + (PRIOR ‖e(R) − e(R₀)‖)²,
 

@@ -30,7 +30,7 @@ from lutforge.model.vignetting import Vignetting
 from lutforge.model.white_balance import WhiteBalance
 
 PROFILE_FORMAT = "lutforge-profile"
-PROFILE_VERSION = 10
+PROFILE_VERSION = 11
 """The one version that is read: profiles are quickly calibrated again."""
 
 MOST_VALUES = {1: 1 << 16, 2: 3 << 16, 3: 129**3, 4: 3 * 129**3}
@@ -219,12 +219,14 @@ def _map_to_json(base: str, gamut_map: GamutMap, stored: Callable[[str, Array], 
     """Describe a gamut map; its arrays are stored under names that begin with `base`."""
     for part in MAP_ARRAYS:
         stored(f"{base}_{part}", getattr(gamut_map, part))
-    return {"offset": gamut_map.offset, "kernel": gamut_map.kernel, "roughness": gamut_map.roughness}
+    parts = ("offset", "kernel", "roughness", "correction_offset")
+    return {part: getattr(gamut_map, part) for part in parts}
 
 
 def _map_from_json(entry: Mapping[str, Any], base: str, array: Callable[[str], Array]) -> GamutMap:
     centres, weights, trend = (array(f"{base}_{part}") for part in MAP_ARRAYS)
-    return GamutMap(centres, weights, trend, float(entry["offset"]), entry["kernel"], float(entry["roughness"]))
+    offset, roughness, of_corrections = (float(entry[part]) for part in ("offset", "roughness", "correction_offset"))
+    return GamutMap(centres, weights, trend, offset, entry["kernel"], roughness, of_corrections)
 
 
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:

@@ -32,7 +32,7 @@ def small_profile(camera: str = "Test One") -> CameraProfile:
     linearize = Lattice(levels, (grid(levels) ** GAMMA) @ np.linalg.inv(MATRIX).T, "tetrahedral")
     rng = np.random.default_rng(5)
     wavy = GamutMap(rng.uniform(size=(7, 3)), rng.normal(size=(7, 3)) / 50, identity_map().polynomial)
-    even = replace(identity_map(), offset=0.01)
+    even = replace(identity_map(), offset=0.01, correction_offset=0.01)
     physical = CameraModel(("daylight", "tungsten"), MATRIX, gamma_response(), even, wavy)
     coverage = {direction: rng.uniform(size=(5, 5, 5)) for direction in DIRECTIONS}
     balances = {

@@ -17,7 +17,7 @@ def test_evaluation_is_the_formula(count: int, offset: float) -> None:
     even, knots = to_even(x, offset), to_even(centres, offset)
     distance = np.linalg.norm(even[:, None, :] - knots[None], axis=2)
     expected = distance @ coefficients + polynomial[0] + even @ polynomial[1:]
-    gamut_map = GamutMap(centres, coefficients, polynomial, offset)
+    gamut_map = GamutMap(centres, coefficients, polynomial, offset, correction_offset=offset)
     np.testing.assert_allclose(to_even(gamut_map(x), offset), expected, atol=5e-6)
     assert gamut_map(x.reshape(10, 30, 3)).shape == (10, 30, 3)
 
@@ -39,13 +39,13 @@ def test_kriging_is_the_sum_of_its_kernel_up_to_twice_as_far_as_its_centres() ->
     centres, coefficients = rng.random((700, 3)), rng.normal(size=(700, 3))
     coefficients *= 2000 / np.abs(coefficients).sum(axis=0)
     coefficients -= coefficients.mean(axis=0)  # as of a fit, whose long parts cancel
-    gamut_map = GamutMap(centres, coefficients, identity_gamut_map().polynomial, 0.005, "kriging", 0.3)
+    gamut_map = GamutMap(centres, coefficients, identity_gamut_map().polynomial, 0.005, "kriging", 0.3, 0.05)
     x = np.concatenate([rng.random((300, 3)), rng.uniform(-0.3, 3.0, (300, 3))])
     even = to_even(x, 0.005)
     distance = cdist(flattened(even), flattened(to_even(centres, 0.005))) / REACH
     near = 0.8 * (1 + 8 * distance) * np.exp(-8 * distance)
     kernel = 0.3 * np.exp(-distance) + near + 3 * np.exp(-3 * distance**2)
-    np.testing.assert_allclose(to_even(gamut_map(x), 0.005), even + kernel @ coefficients, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(to_even(gamut_map(x), 0.05), to_even(x, 0.05) + kernel @ coefficients, rtol=0, atol=1e-4)
 
 
 def test_bad_parts_are_refused() -> None:
@@ -55,3 +55,5 @@ def test_bad_parts_are_refused() -> None:
         GamutMap(np.zeros((1, 3)), np.full((1, 3), np.inf), np.zeros((4, 3)))
     with pytest.raises(ProfileError, match="offset"):
         GamutMap(np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((4, 3)), offset=-0.1)
+    with pytest.raises(ProfileError, match="one scale"):
+        GamutMap(np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((4, 3)), 0.02, correction_offset=0.05)

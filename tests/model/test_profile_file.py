@@ -358,7 +358,7 @@ def test_exports_are_imported_again(models: list[PublishedModel], profile: Camer
 
 def test_what_the_files_cannot_hold_is_refused(profile: CameraProfile, tmp_path: Path) -> None:
     model = profile.styles["standard"].models[0]
-    even = replace(model, gamut_map=replace(model.gamut_map, offset=0.1))
+    even = replace(model, gamut_map=replace(model.gamut_map, offset=0.1, correction_offset=0.1))
     with pytest.raises(ProfileError, match="--preset thesis"):
         export_published(replace(profile, styles={"standard": PictureStyle(models=(even,))}), "standard", tmp_path)
     with pytest.raises(ProfileError, match="no camera model"):
