@@ -5,7 +5,7 @@ the samples that undoes it. The changed samples are fitted anew, and the cause i
 and far better than before. Where none does that, and colours lie as far off as no camera's, only this is reported.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -32,6 +32,8 @@ FAR_BETTER = 2.5
 """A cause is named only if its correction divides the misfit by so much; on good sets no correction does."""
 LEAST_CODES_BETTER = 4.0
 """A cause is named only if its correction lowers the misfit by so many codes; on good sets no correction does."""
+CLEARER = 1.0
+"""A cause takes the place of one that is tried before it, a simpler one, only if it explains so many more codes."""
 NOT_ONE_CAMERA = "these samples do not look like one camera's rendering"
 """The cause where none is known; single shots may be to blame."""
 NO_CAMERA = 12.0
@@ -111,16 +113,32 @@ def _cause_of_reading(colours: StyleColours, judgement: Judgement) -> Diagnosis 
     uncorrected = _refitted_misfit(colours, fit_typical_response)
     for hypothesis in hypotheses(colours, judgement):
         # Fits of typical responses take a third of the time, and show that most causes are wrong.
-        typical = [_refitted_misfit(corrected, fit_typical_response) for corrected in hypothesis.corrections]
-        place = int(np.argmin(typical))
-        if typical[place] >= uncorrected:
+        place, typical = _best_strength(hypothesis.corrections, uncorrected)
+        if typical >= uncorrected:
             continue
         misfit = _refitted_misfit(hypothesis.corrections[place], fit_matrix_and_response)
-        if misfit < best:
+        if misfit < best - (0.0 if diagnosis is None else CLEARER):
             best = misfit
             evidence = f"samples are {judgement.misfit:.0f} codes off what cameras make, without it {misfit:.1f}"
             diagnosis = Diagnosis(hypothesis.cause, evidence, hypothesis.advice)
     return diagnosis
+
+
+def _best_strength(corrections: Sequence[StyleColours], uncorrected: float) -> tuple[int, float]:
+    """The correction that fits a typical response best, and its misfit.
+
+    Corrections are of rising strength: they are tried until the misfit rises, which starts at the uncorrected one.
+    """
+    best, least = 0, np.inf
+    last = uncorrected
+    for place, corrected in enumerate(corrections):
+        misfit = _refitted_misfit(corrected, fit_typical_response)
+        if misfit < least:
+            best, least = place, misfit
+        if misfit > last:
+            break
+        last = misfit
+    return best, least
 
 
 def _refitted_misfit(colours: StyleColours, fit: Callable[[Array, Array], MatrixAndResponse]) -> float:

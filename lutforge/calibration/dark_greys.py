@@ -4,6 +4,7 @@ A black level that is off, video levels and a veil show nowhere else: a response
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,14 +18,22 @@ LEAST_DARK_GREYS = 24
 """Fewer dark greys of a style are not judged."""
 MOST_OFFSET = 0.002
 """Share of white by which dark greys of one channel may be off from those of another; of sound sets at most half."""
+LEAST_DARKEST = 8
+"""The tones by which the dark end is judged are of so many greys, at least."""
 STANDARD_ERRORS = 10
 """An offset is sure beyond so many of its standard errors."""
 OFFSET_WEIGHTS = RobustWeights(cauchy, multiple=2.0, least=1e-4)
-LEAST_DARK_POWER, MOST_DARK_POWER = 0.5, 1.8
-"""RAW rises about with the first power of dark JPEG values. Beyond these powers the two do not go to black together."""
+LEAST_DARK_POWER, MOST_DARK_POWER, STEEPEST_DARK_POWER = 0.5, 1.8, 3.0
+"""RAW rises about with the first power of dark JPEG values. Beyond the first two powers the two do not go to black
+together, if JPEG values are lifted in the second case; beyond the last one no response is so flat (displays have 2.6).
+"""
 LIFTED, VIDEO_BLACK, VIDEO_WHITE = 15.5, 24.0, 235.5
 """Codes: darkest ones above the first are lifted, and below the second they may be those of video levels, if none lies
 above the third."""
+BLACK_CODE, LEAST_BLACK = 0.5, 5
+"""A channel is black at this code or below; so many black greys are evidence by their RAW."""
+LEAST_SPAN = 0.2
+"""Tones that span fewer stops of codes determine no power."""
 DARK_GREY, NEAR_GREY, NEAR_GREY_SHARE = 110, 8, 0.12
 """Codes below which a grey is dark, and by which channels of a grey differ at most: so many, or so large a share."""
 
@@ -40,22 +49,42 @@ def dark_end_notes(samples: SampleSet, multipliers: Array) -> tuple[str, ...]:
         codes = 255 * samples.srgb[rows]
         balanced = samples.raw[rows] * multipliers[rows]
 
-        inside = (codes.min(axis=1) > 0.5) & (codes.max(axis=1) < DARK_GREY) & (samples.raw[rows].max(axis=1) < 0.98)
+        dark = (codes.max(axis=1) < DARK_GREY) & (samples.raw[rows].max(axis=1) < 0.98)
+        is_black = dark & (codes.max(axis=1) <= BLACK_CODE)
+        inside = dark & (codes.min(axis=1) > BLACK_CODE)
         grey = inside & (np.ptp(codes, axis=1) < np.maximum(NEAR_GREY, NEAR_GREY_SHARE * codes.max(axis=1)))
-        if np.count_nonzero(grey) < LEAST_DARK_GREYS or is_monochrome(balanced[grey], samples.srgb[rows][grey]):
+        if np.count_nonzero(grey | is_black) < LEAST_DARK_GREYS or np.count_nonzero(grey) < LEAST_DARKEST:
+            continue
+        if is_monochrome(balanced[grey], samples.srgb[rows][grey]):
             continue
 
-        offset = _channel_offset(codes[grey], balanced[grey])
-        style_notes = [offset] if offset else _black_ends(codes, codes[grey], balanced[grey])
-        notes += [f'style "{style}": {note}' for note in style_notes]
+        greys = _DarkGreys(codes[grey], balanced[grey], balanced[is_black])
+        offset = _channel_offset(greys)
+        # Where RAW stays above black even without that offset, it is the black level of all channels.
+        notes += [f'style "{style}": {note}' for note in _black_ends(codes, greys, offset)]
     return tuple(notes)
 
 
-def _channel_offset(greys: Array, balanced: Array) -> str:
-    """A sentence on the channel whose RAW does not go to zero with the others; "" where all do.
+@dataclass(frozen=True, eq=False)
+class _DarkGreys:
+    """Dark greys of a style. codes, balanced: (m, 3) JPEG codes and balanced RAW; black: (b, 3), that of black ones."""
 
-    greys, balanced: (m, 3), codes and balanced RAW of dark greys.
-    """
+    codes: Array
+    balanced: Array
+    black: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _ChannelOffset:
+    """By how much balanced RAW of a channel is off from the others, in a sentence, and for each channel, (3,)."""
+
+    words: str
+    offsets: Array
+
+
+def _channel_offset(dark_greys: _DarkGreys) -> _ChannelOffset | None:
+    """The channel whose RAW does not go to zero with the others; None where all do."""
+    greys, balanced = dark_greys.codes, dark_greys.balanced
     green = balanced[:, 1]
     weight_of_tone = 1.0 / (np.abs(green) + 0.002)
     offsets, sure = np.zeros(2), np.zeros(2, dtype=np.bool_)
@@ -75,35 +104,64 @@ def _channel_offset(greys: Array, balanced: Array) -> str:
         sure[place] = abs(solution[1]) > max(MOST_OFFSET, STANDARD_ERRORS * error)
 
     if not np.any(sure):
-        return ""
+        return None
     name = "red" if abs(offsets[0]) > abs(offsets[1]) else "blue"
     if sure.all() and np.ptp(offsets) < 0.5 * np.abs(offsets).max():  # both are off alike: it is green
         name = "green"
     by = float(offsets[np.argmax(np.abs(offsets))]) * (-1 if name == "green" else 1)
-    return (
-        f"dark greys of the RAW do not go to zero together, {name} is off by {by:+.3f} of white: "
-        "check the black level of each channel"
+    of_channels = np.where(np.array(["red", "green", "blue"]) == name, by, 0.0)
+    others = ", or all channels are off the other way" if name == "green" else ""
+    return _ChannelOffset(
+        f"dark greys of the RAW do not go to zero together, {name} is off by {by:+.3f} of white{others}: "
+        "check the black level of each channel",
+        of_channels,
     )
 
 
-def _black_ends(codes: Array, greys: Array, balanced: Array) -> Iterator[str]:
-    """Yield a sentence where RAW stays above black, or JPEG values do. codes: (n, 3), of all samples of the style."""
-    level = greys.mean(axis=1)
-    dark = level <= np.percentile(level, 30)
-    lifted = codes.min() > LIFTED
-    if np.ptp(np.log2(level[dark])) < (0.2 if lifted else 1.0):  # too few tones for a power
-        power = np.inf if lifted else 1.0
-    else:
-        stops = np.log2(np.maximum(balanced[dark].mean(axis=1), LEAST_POSITIVE))
-        power = float(np.polyfit(np.log2(level[dark]), stops, 1)[0])
+def _black_ends(codes: Array, greys: _DarkGreys, offset: _ChannelOffset | None) -> Iterator[str]:
+    """Yield a sentence where RAW stays above black, or JPEG values do, or the RAW of one channel is off.
 
-    if power < LEAST_DARK_POWER:
-        floor = 100 * float(np.median(balanced[level <= np.percentile(level, 10), 1]))
+    codes: (n, 3), of all samples of the style.
+    """
+    balanced = greys.balanced - (0.0 if offset is None else offset.offsets)
+    power = _dark_power(greys.codes.mean(axis=1), balanced.mean(axis=1), greys.black.mean(axis=1))
+    lifted = codes.min() > LIFTED
+    floor = float(np.min(balanced[:, 1]))
+    if power < LEAST_DARK_POWER and not lifted and floor > MOST_OFFSET:
         yield (
-            f"where JPEG values go to black, RAW stays at {floor:.1f} % of white: "
+            f"where JPEG values go to black, RAW stays at {floor:.1%} of white: "
             "a black level left in the RAW, or JPEGs whose contrast was stretched"
         )
+    elif power > STEEPEST_DARK_POWER and not lifted:
+        yield (
+            f"RAW goes to black where JPEG values are still at {greys.codes.mean(axis=1).min():.0f}: "
+            "more than the black level is taken from the RAW"
+        )
+    elif offset is not None:
+        yield offset.words
     elif power > MOST_DARK_POWER and lifted:
         above = " or above 235" if codes.min() < VIDEO_BLACK and codes.max() < VIDEO_WHITE else ""
         reason = "video levels, 16 to 235" if above else "a veil, or black that was lifted"
         yield f"no JPEG value lies below {codes.min():.0f}{above}, though RAW goes to black: {reason}"
+
+
+def _dark_power(level: Array, balanced: Array, black: Array) -> float:
+    """As which power of JPEG codes RAW falls towards black: of the darkest greys that span a stop of codes.
+
+    level, balanced: (m,) codes and RAW of greys; black: (b,), RAW of those whose JPEG is black. Where many are black,
+    the brightest of these are as bright as a code of `BLACK_CODE`, or darker.
+    """
+    order = np.argsort(level)
+    stops = np.log2(level[order])
+    count = max(LEAST_DARKEST, int(np.searchsorted(stops, stops[0] + 1.0)) + 1)
+    darkest = order[:count]
+    levels, values = level[darkest], balanced[darkest]
+    if len(black) >= LEAST_BLACK:
+        levels = np.append(np.median(levels), BLACK_CODE)
+        values = np.append(np.median(values), np.median(black))
+    span = np.ptp(np.log2(levels))
+    if span < LEAST_SPAN:  # veiled tones are all but one
+        return MOST_DARK_POWER + LEAST_SPAN
+    if np.median(values) <= 0.0:
+        return np.inf
+    return float(np.polyfit(np.log2(levels), np.log2(np.maximum(values, LEAST_POSITIVE)), 1)[0])

@@ -22,7 +22,8 @@ LARGEST_BALANCE_SHIFT = 0.6
 class Hypothesis:
     """A cause that could apply to samples.
 
-    advice: what to do then; corrections: the samples with the cause undone, in one or several strengths.
+    advice: what to do then; corrections: the samples with the cause undone, in one or several
+    strengths, from the weakest on.
     """
 
     cause: str
@@ -84,6 +85,13 @@ def _wrong_levels(colours: StyleColours, judgement: Judgement) -> Iterator[Hypot
             "subtract the sensor's own black level, once, before the samples are taken",
             [replace(colours, raw=colours.raw + sign * level) for level in BLACK_LEVELS],
         )
+        for channel, name in enumerate(("red", "green", "blue")):
+            of_channel = np.eye(3)[channel]
+            yield Hypothesis(
+                f"{cause} {name} of the RAW",
+                "subtract the sensor's own black level of each channel, once, before the samples are taken",
+                [replace(colours, raw=colours.raw + sign * level * of_channel) for level in BLACK_LEVELS],
+            )
 
 
 def _wrong_white_balances(colours: StyleColours, judgement: Judgement) -> Iterator[Hypothesis]:

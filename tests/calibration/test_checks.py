@@ -96,6 +96,25 @@ def test_a_channel_that_does_not_go_through_zero_is_named(sets: dict[str, Sample
 
 
 @pytest.mark.parametrize("name", ["D5100", "D40", "S40"])
+def test_black_that_is_off_in_all_channels_is_named(sets: dict[str, SampleSet], name: str) -> None:
+    """Codes that were stretched from 16 … 235 have the same dark end as RAW whose black level was left in."""
+    samples = sets[name]
+    left_in = replace(samples, raw=samples.raw + 0.01)
+    stretched = replace(samples, srgb=np.clip((255 * samples.srgb - 16) / 219, 0.0, 1.0))
+    for spoilt in (left_in, stretched):
+        (note,) = dark_end_notes(spoilt, spoilt.wb)
+        assert "RAW stays at" in note and "black level left in the RAW, or JPEGs whose contrast was stretched" in note
+
+
+@pytest.mark.parametrize("name", ["D5100", pytest.param("D40", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("channel", ["red", "green", "blue"])
+def test_the_black_level_of_one_channel_is_named(sets: dict[str, SampleSet], channel: str, name: str) -> None:
+    place = ("red", "green", "blue").index(channel)
+    (found,) = diagnosed(replace(sets[name], raw=sets[name].raw + 0.01 * np.eye(3)[place]))
+    assert f"the black level is left in {channel} of the RAW" in found
+
+
+@pytest.mark.parametrize("name", ["D5100", "D40", "S40"])
 def test_ends_of_the_range_that_are_not_reached_are_named(sets: dict[str, SampleSet], name: str) -> None:
     samples = sets[name]
     squeezed = replace(samples, srgb=(16 + 219 * samples.srgb) / 255)
@@ -114,6 +133,14 @@ def test_one_style_of_two_is_not_accused_of_how_files_were_read(three: SampleSet
     assert diagnosed(concatenate([samples, contrasty])) == ()
     both = concatenate([replace(samples, srgb=srgb_decode(samples.srgb)), contrasty])
     assert "JPEG values are linear" in str(diagnosed(both))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_dark_ends_of_sound_samples_are_not_accused(seed: int) -> None:
+    sound = [d40(seed), s40(seed)]
+    for camera in (nikon_d5100(), sigma_sd_merrill()):
+        sound += [simulated(camera, seed), photographed_at_random(camera.name, camera.sensitivity, seed)]
+    assert [dark_end_notes(samples, samples.wb) for samples in sound] == [()] * len(sound)
 
 
 def test_good_sets_are_not_accused(sets: dict[str, SampleSet], chart_samples: SampleSet) -> None:
