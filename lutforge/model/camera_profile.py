@@ -266,7 +266,8 @@ def match(
         return Transform((*balanced, *render.stages), purpose)
 
     # White that is burnt out in the source's picture becomes grey in the output.
-    to_balanced = through_stages(exposed, np.eye(3)).T
+    linear = (MatrixStage(stage.at_white) if isinstance(stage, RawTransfer) else stage for stage in exposed)
+    to_balanced = through_stages(tuple(linear), np.eye(3)).T
     back = MatrixStage(np.diag(source_camera.multipliers(from_setting)) @ np.linalg.inv(to_balanced))
     shown = partial(through_stages, (back, *source_camera.render_balanced(from_setting, model).stages))
     highlights = highlights_between(Transform(balanced), shown, render, 2.0**ev, target_camera.matrix, render.highest())
@@ -355,7 +356,7 @@ def raw_to_balanced(
     if transfer is not None:
         light = same_light(source_camera, source, target_camera)
         under = None if light is None else target_camera.multipliers(Selector(target.style, light))
-        return MatrixStage(transfer.under(source_camera.multipliers(source), under).matrix), balance
+        return transfer.under(source_camera.multipliers(source), under), balance
     return MatrixStage(raw_to_raw(source_camera, source, target_camera, target)), balance
 
 

@@ -1,7 +1,12 @@
-"""One camera's RAW → another's: the matrix Tc (thesis 6.2)."""
+"""One camera's RAW → another's: the matrix Tc (thesis 6.2), with the roots of a root polynomial where they pay.
+
+A root polynomial of degree 2 adds √rg, √gb and √rb to r, g and b (Finlayson, Mackiewicz and Hurlbert, "Color correction
+using root-polynomial regression", IEEE Transactions on Image Processing 24, 2015,
+https://doi.org/10.1109/TIP.2015.2405336). Like the matrix it keeps the scale: twice the light is twice the answer.
+"""
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +21,15 @@ from lutforge.errors import ProfileError
 from lutforge.model.provenance import is_invertible
 
 RAW_TRANSFER_FORMAT = "lutforge-raw-transfer"
-RAW_TRANSFER_VERSION = 3
+RAW_TRANSFER_VERSION = 4
+_ROOTS_AT_WHITE = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
+"""The derivatives of √rg, √gb and √rb by r, g and b at (1, 1, 1)."""
+
+
+def root_terms(balanced: Array) -> Array:
+    """√rg, √gb and √rb (…, 3) of balanced RAW (…, 3); those of negative values, which noise makes, are 0."""
+    root = np.sqrt(np.maximum(balanced, 0.0))
+    return np.asarray(root * np.roll(root, -1, axis=-1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +37,7 @@ class RawTransfer:
     """RAW of `source` → RAW of `target`, both before white balance.
 
     matrix: Tc (3, 3). neutral: (3,) the source's RAW of a white under the light of the fit. error: root mean square of
-    the pairs that the fit had not seen, relative to their norm.
+    the pairs that the fit had not seen, relative to their norm. roots: (3, 3), of `root_terms` of RAW over neutral.
     """
 
     source: str
@@ -32,17 +45,26 @@ class RawTransfer:
     matrix: Array
     neutral: Array
     error: float | None = None
+    roots: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self) -> None:
         named, neutral = f"RAW transfer {self.source} to {self.target}", self.neutral
-        if not is_invertible(self.matrix):
-            raise ProfileError(f"{named}: the matrix is not invertible")
+        if self.roots.shape != (3, 3) or not np.all(np.isfinite(self.roots)):
+            raise ProfileError(f"{named}: the coefficients of its roots are not 3 × 3 numbers")
         if not (neutral.shape == (3,) and np.all(np.isfinite(neutral)) and np.all(neutral > 0)):
             raise ProfileError(f"{named}: its white is not three positive numbers")
+        if not (self.matrix.shape == (3, 3) and is_invertible(self.at_white)):
+            raise ProfileError(f"{named}: the matrix is not invertible")
 
     def __call__(self, raw: ArrayLike) -> Array:
         """RAW (…, 3) → RAW (…, 3). Raises ImageError on another shape or on integers."""
-        return checked_colours(raw) @ self.matrix.T
+        x = checked_colours(raw)
+        return np.asarray(x @ self.matrix.T + root_terms(x / self.neutral) @ self.roots.T)
+
+    @property
+    def at_white(self) -> Array:
+        """The matrix (3, 3) that does the same near greys, and exactly the same to white."""
+        return np.asarray(self.matrix + self.roots @ _ROOTS_AT_WHITE / self.neutral)
 
     def under(self, source: Array, target: Array | None) -> "RawTransfer":
         """The transfer under another illuminant than that of the fit, of which both multipliers (3,) are given.
@@ -54,7 +76,8 @@ class RawTransfer:
         white = self(self.neutral)
         balance = source * self.neutral
         unbalance = white[1] / white / target
-        return replace(self, matrix=unbalance[:, None] * self.matrix * balance, neutral=self.neutral / balance)
+        matrix, roots = unbalance[:, None] * self.matrix * balance, unbalance[:, None] * self.roots
+        return replace(self, matrix=matrix, neutral=self.neutral / balance, roots=roots)
 
     def save(self, path: str | Path) -> None:
         """Write the transfer (.json), atomically; `load_transfer` reads it."""
@@ -66,6 +89,7 @@ class RawTransfer:
             "target": self.target,
             "matrix": self.matrix.tolist(),
             "neutral": self.neutral.tolist(),
+            "roots": self.roots.tolist(),
             "error": self.error,
         }
         with atomic_path(path) as temporary:
@@ -92,6 +116,7 @@ def load_transfer(path: str | Path) -> RawTransfer:
             raise ProfileError(f"{path}: not a RAW transfer; make one with `lutforge transfer`")
         if document["version"] != RAW_TRANSFER_VERSION:
             raise ProfileError(f"{path}: of another version of LutForge; make it anew with `lutforge transfer`")
-        matrix, neutral = (np.array(document[name], dtype=np.float64) for name in ("matrix", "neutral"))
+        names = ("matrix", "neutral", "roots")
+        matrix, neutral, roots = (np.array(document[name], dtype=np.float64) for name in names)
         error = None if document["error"] is None else float(document["error"])
-        return RawTransfer(str(document["source"]), str(document["target"]), matrix, neutral, error)
+        return RawTransfer(str(document["source"]), str(document["target"]), matrix, neutral, error, roots)

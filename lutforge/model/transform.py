@@ -18,6 +18,7 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.inverse_gamut_map import SolvedInverse
 from lutforge.model.lattice import Lattice
 from lutforge.model.neutral_highlights import NeutralHighlights
+from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response import Response
 
 
@@ -77,7 +78,9 @@ class Decode:
         return self.curve.linearize(x)
 
 
-Stage = Gain | MatrixStage | Clip | Encode | Decode | Lattice | GamutMap | SolvedInverse | NeutralHighlights
+Stage = (
+    Gain | MatrixStage | Clip | Encode | Decode | Lattice | GamutMap | SolvedInverse | NeutralHighlights | RawTransfer
+)
 """Any stage: (…, 3) → (…, 3), float64. A lattice is h of the thesis, chapter 5; a gamut map h of chapter 4."""
 
 
