@@ -13,12 +13,12 @@ from lutforge.grading.batch import apply_batch
 from lutforge.grading.grade import LutRecipe
 from lutforge.grading.profile_recipe import ProfileRecipe
 from lutforge.images.orientation import inverse, orientation_between, upright, upright_places
-from lutforge.images.raw import read_raw
+from lutforge.images.raw import read_preview, read_raw
 from lutforge.images.read import read_image
 from lutforge.images.tiff import read_directory
 from lutforge.images.write import write_image
 from lutforge.pipeline.kit_checks import compare_with_jpeg
-from lutforge.pipeline.photographs import picture_bytes, read_small
+from lutforge.pipeline.photographs import open_photograph, picture_bytes, raw_picture_bytes, read_small, thumbnail
 from lutforge.samples.extract import extract
 from lutforge.shots.read import MIRROR_IMAGE, read_shot
 from lutforge.simulate.camera import nikon_d5100
@@ -39,6 +39,15 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, bytes]:
     made = photograph(nikon_d5100(), still_life(448, 664, seed=1), settings, folder, "a")
     assert made.jpeg is not None
     return made.dng.read_bytes(), made.jpeg.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def raw_alone(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A DNG file with a preview, as the sensor has it."""
+    settings = CameraSettings("standard", "daylight", 1 / 30)
+    folder = tmp_path_factory.mktemp("alone")
+    scene = still_life(448, 664, seed=1)
+    return photograph(nikon_d5100(), scene, settings, folder, "a", jpeg_beside=False).dng.read_bytes()
 
 
 def oriented_raw(data: bytes, orientation: int) -> bytes:
@@ -142,6 +151,30 @@ def test_the_studio_shows_pictures_upright(tmp_path: Path, suffix: str, orientat
         sent = np.asarray(ImageOps.exif_transpose(picture).convert("RGB")) / 255.0
     assert sent.shape == expected.shape
     assert np.median(np.abs(sent - expected)) < 0.02
+
+
+@pytest.mark.parametrize("beside", ["", "upright", "tagged"])
+@pytest.mark.parametrize("orientation", ORIENTATIONS)
+def test_the_studio_shows_raw_files_upright(tmp_path: Path, raw_alone: bytes, orientation: int, beside: str) -> None:
+    """By the preview inside, or by the JPEG beside it, turned already or by its tag: in thumbnails and as a look."""
+    path = tmp_path / "a.dng"
+    path.write_bytes(oriented_raw(raw_alone, orientation))
+    lying = np.asarray(Image.open(BytesIO(read_preview(path)[0])).convert("RGB"))
+    expected = upright(lying, orientation)
+    if beside == "upright":
+        Image.fromarray(expected).save(tmp_path / "a.jpg", quality=95)
+    elif beside == "tagged":
+        exif = Image.Exif()
+        exif[274] = orientation
+        Image.fromarray(lying).save(tmp_path / "a.jpg", quality=95, exif=exif)
+
+    look = open_photograph(path, plain_profile("LutForge Simulated D5100"), lambda stage, share: None)
+    for picture in (raw_picture_bytes(path), look.picture, thumbnail(path)):
+        shown_by_browser = ImageOps.exif_transpose(Image.open(BytesIO(picture))).convert("RGB")
+        size = shown_by_browser.size
+        assert abs(size[0] / size[1] - expected.shape[1] / expected.shape[0]) < 0.02
+        small = np.asarray(Image.fromarray(expected).resize(size, Image.Resampling.BOX), dtype=np.float64)
+        assert np.abs(np.asarray(shown_by_browser) - small).mean() < 6
 
 
 @pytest.mark.parametrize(
