@@ -179,7 +179,10 @@ def exif_block(spec: oiio.ImageSpec) -> bytes:
             value = attribute.value
             if isinstance(value, str):  # OpenImageIO takes no bytes back that are no text
                 value = value.encode("utf-8", "replace").decode("utf-8")
-            small.attribute(attribute.name, attribute.type, value)
+            if isinstance(value, int):  # which OpenImageIO drops where it is given as one of 16 bits
+                small.attribute(attribute.name, value)
+            else:
+                small.attribute(attribute.name, attribute.type, value)
     for name in ("compression", "ICCProfile", "planarconfig"):
         small.erase_attribute(name)
     with scratch_folder() as folder:

@@ -206,7 +206,10 @@ def _describe_exif(spec: oiio.ImageSpec, exif: bytes, tags: frozenset[str]) -> N
                     value = attribute.value
                     if isinstance(value, str):  # OpenImageIO refuses bytes that are not text, although it reads them
                         value = value.encode("utf-8", "replace").decode("utf-8")
-                    spec.attribute(attribute.name, attribute.type, value)
+                    if isinstance(value, int):  # which OpenImageIO drops where it is given as one of 16 bits
+                        spec.attribute(attribute.name, value)
+                    else:
+                        spec.attribute(attribute.name, attribute.type, value)
 
 
 def jpeg_quality(path: Path) -> int | None:

@@ -85,7 +85,7 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     for further_tags in (tags(jpeg) if jpeg else {}, preview):
         shot_tags = {**further_tags, **shot_tags}
     make, model = (str(shot_tags.get(key, "")).strip() for key in (MAKE, MODEL))
-    time_s, _, iso = _exposure_of(shot_tags)
+    time_s, aperture, iso = _exposure_of(shot_tags)
     style = style_of(shot_tags)
     doubts = (
         (raw.multipliers is None, "the file has no valid white-balance multipliers: they must be fitted or given"),
@@ -102,7 +102,8 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
         exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else time_s or math.nan,
         iso=raw.iso if math.isfinite(raw.iso) and raw.iso != 65535 else iso or raw.iso,
         notes=tuple(notes), lens=raw.lens or str(shot_tags.get(_LENS, "")).strip(),
-        focal_mm=raw.focal_mm, aperture=raw.aperture, d65=raw.d65, from_xyz=raw.from_xyz,
+        focal_mm=raw.focal_mm, aperture=raw.aperture if math.isfinite(raw.aperture) else aperture or math.nan,
+        d65=raw.d65, from_xyz=raw.from_xyz,
         dng_camera=one_line(str(shot_tags.get(_UNIQUE_CAMERA_MODEL, "")), 120),
     )  # fmt: skip
 
@@ -176,6 +177,24 @@ def read_picture_settings(path: Path) -> ShotMetadata:
     )  # fmt: skip
 
 
+_SHUTTER_SPEED = 0x9201
+_RATIOS = (0x829A, 0x829D, _SHUTTER_SPEED, 0x9202, 0xA215)
+"""The tags of an exposure that are ratios of two integers; the others are integers."""
+_EXPOSURE_NAMES = {
+    0x829A: ("ExposureTime", "Exif:ExposureTime"),
+    0x829D: ("FNumber", "Exif:FNumber"),
+    0x8827: ("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings"),
+    0x8830: ("Exif:SensitivityType",),
+    0x8831: ("Exif:StandardOutputSensitivity",),
+    0x8832: ("Exif:RecommendedExposureIndex",),
+    0x8833: ("Exif:ISOSpeed",),
+    _SHUTTER_SPEED: ("Exif:ShutterSpeedValue",),
+    0x9202: ("Exif:ApertureValue",),
+    0xA215: ("Exif:ExposureIndex",),
+}
+"""The tags of an exposure, and OpenImageIO's names of them."""
+
+
 def _exposure_of(shot_tags: Tags) -> list[float]:
     """Time, f-number and ISO by the tags of Exif 2.32, 4.6.5; 0 where there is none."""
     time_s = _ratio(shot_tags, 0x829A)
@@ -196,7 +215,10 @@ ISOSpeed (Exif 2.32, table 9)."""
 
 
 def _iso_of(shot_tags: Tags) -> float:
-    """PhotographicSensitivity, which ends at 65535; there, or without it, the tag that SensitivityType names; or 0."""
+    """PhotographicSensitivity, which ends at 65535; there, or without it, the tag that SensitivityType names.
+
+    Without any of them it is ExposureIndex, which old cameras wrote instead; or 0.
+    """
     iso = _ratio(shot_tags, 0x8827)
     if 0 < iso < 65535:
         return iso
@@ -206,7 +228,8 @@ def _iso_of(shot_tags: Tags) -> float:
         value = _ratio(shot_tags, tag)
         if value > 0:
             return value
-    return iso if iso > 0 else 0.0
+    index = _ratio(shot_tags, 0xA215)
+    return next((value for value in (iso, index) if value > 0), 0.0)
 
 
 def _ratio(shot_tags: Tags, tag: int) -> float:
@@ -214,7 +237,7 @@ def _ratio(shot_tags: Tags, tag: int) -> float:
     value = shot_tags.get(("Photo", tag))
     if not isinstance(value, tuple) or not value:
         return math.nan
-    if tag in (0x829A, 0x829D, 0x9201, 0x9202):
+    if tag in _RATIOS:
         return value[0] / value[1] if len(value) > 1 and value[1] > 0 else math.nan
     return float(value[0])
 
@@ -271,16 +294,12 @@ def _picture_tags(path: Path) -> Tags:
     for key, name in names.items():
         if text := spec.get_string_attribute(name):
             header[key] = text
-    for tag, words in (
-        (0x829A, ("ExposureTime", "Exif:ExposureTime")),
-        (0x829D, ("FNumber", "Exif:FNumber")),
-        (0x8827, ("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")),
-    ):
+    for tag, words in _EXPOSURE_NAMES.items():
         # An attribute of an OpenEXR file may be of any type.
         stated = [value for value in map(spec.getattribute, words) if isinstance(value, int | float)]
         value = float(next(filter(None, stated), 0.0))
-        if value > 0 and math.isfinite(value):
-            header["Photo", tag] = (round(value),) if tag == 0x8827 else value.as_integer_ratio()
+        if math.isfinite(value) and (value > 0 or (value and tag == _SHUTTER_SPEED)):
+            header["Photo", tag] = value.as_integer_ratio() if tag in _RATIOS else (round(value),)
     if "adobe rgb" in spec.get_string_attribute("ICCProfile:profile_description").lower():
         header["Iop", 0x0001] = "R03"
     return {**header, **tags(path)}

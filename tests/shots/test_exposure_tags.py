@@ -8,15 +8,19 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 from PIL import Image, TiffImagePlugin
 
+from lutforge.grading.grade import LutRecipe
+from lutforge.grading.image import apply_image
 from lutforge.shots.metadata import read_picture_settings
+from tests.cases.pictures import write_cube
 
 SENSITIVITY, KIND, OUTPUT, INDEX, SPEED, LATITUDE = 0x8827, 0x8830, 0x8831, 0x8832, 0x8833, 0x8834
+EXPOSURE_INDEX = 0xA215
 
 
 def settings_of(tmp_path: Path, tags: Mapping[int, object]) -> tuple[float, float, float]:
     exif = Image.Exif()
     exif.get_ifd(0x8769).update(tags)
-    Image.new("RGB", (16, 16)).save(tmp_path / "a.jpg", exif=exif)
+    Image.new("RGB", (64, 64)).save(tmp_path / "a.jpg", exif=exif)
     settings = read_picture_settings(tmp_path / "a.jpg")
     return settings.exposure_s, settings.aperture, settings.iso
 
@@ -36,6 +40,8 @@ def settings_of(tmp_path: Path, tags: Mapping[int, object]) -> tuple[float, floa
         ({SENSITIVITY: 65535}, 65535),
         ({KIND: 2, INDEX: 3200}, 3200),
         ({SPEED: 1600}, 1600),
+        ({EXPOSURE_INDEX: TiffImagePlugin.IFDRational(250, 1)}, 250),  # of old cameras
+        ({SENSITIVITY: 100, EXPOSURE_INDEX: TiffImagePlugin.IFDRational(250, 1)}, 100),
     ],
 )
 def test_sensitivity(tmp_path: Path, tags: dict[int, object], iso: float) -> None:
@@ -50,6 +56,27 @@ def test_time_and_aperture_or_their_apex_values(tmp_path: Path) -> None:
     assert settings_of(tmp_path, slow)[:2] == pytest.approx((4.0, 4.0))
     stated = {0x829A: ratio(1, 100), 0x829D: ratio(56, 10), **apex}
     assert settings_of(tmp_path, stated)[:2] == pytest.approx((1 / 100, 5.6))
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "tif", "png", "webp", "jp2", "exr"])
+@pytest.mark.parametrize(
+    "sensitivity",
+    [{SENSITIVITY: 400}, {SENSITIVITY: 65535, KIND: 2, INDEX: 102400}, {SENSITIVITY: 65535, KIND: 3, SPEED: 81920}],
+)
+@pytest.mark.parametrize("is_apex", [False, True], ids=["", "APEX"])
+def test_a_graded_picture_states_the_exposure_of_its_source(
+    tmp_path: Path, suffix: str, sensitivity: dict[int, object], is_apex: bool
+) -> None:
+    ratio = TiffImagePlugin.IFDRational
+    time = {0x9201: ratio(-2, 1), 0x9202: ratio(4, 1)} if is_apex else {0x829A: ratio(1, 100), 0x829D: ratio(4, 1)}
+    stated = settings_of(tmp_path, {**time, **sensitivity})
+    done = apply_image(
+        LutRecipe(write_cube(tmp_path / "a.cube")).grade(tmp_path / "a.jpg"),
+        tmp_path / "a.jpg",
+        tmp_path / f"graded.{suffix}",
+    )
+    found = read_picture_settings(done.target)
+    assert (found.exposure_s, found.aperture, found.iso) == pytest.approx(stated, rel=1e-3)
 
 
 def test_attributes_of_odd_types_are_unknown(tmp_path: Path) -> None:
