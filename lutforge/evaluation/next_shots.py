@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array, Mask
-from lutforge.colour.srgb import srgb_encode, srgb_to_lab
+from lutforge.colour.srgb import srgb_decode, srgb_encode, srgb_to_lab
 from lutforge.evaluation.expected_difference import expected_difference
 from lutforge.model.camera_profile import CameraProfile
 
@@ -45,6 +45,14 @@ NEAR = 0.07
 With it one chart is near less than half of the colours of real surfaces, at one exposure (11 %) or three (49 %), and
 five photographs of the Canon S40 near 64 %.
 """
+NEAR_SHARES = 0.04
+"""Largest distance at which shares of red and green in linear values are near each other.
+
+With it one chart in one light, at any exposures, is near less than half of the colours of real surfaces (30 to 42 %),
+and five photographs of the Canon S40 near 64 %.
+"""
+LEAST_CODE, LEAST_LINEAR = 0.2, 1e-4
+"""Brightness of colours whose shares are compared: those of darker ones are noise. Least linear value of a channel."""
 TIMES_USUAL = 2.0
 """A colour is asked for where its expected error is more than so many times the usual one, the median."""
 VISIBLE = 2.0
@@ -83,23 +91,20 @@ class KnownColours:
     """How well a style knows the colours that real surfaces have.
 
     encoded: these colours in its JPEGs (m, 3). expected: the expected ΔE00 of its rendering (m,), NaN where it is not
-    known. near: the mask (m,) of those with a sample nearby. is_measured: the style has held-out errors.
+    known. near: the mask (m,) of those with a sample nearby. seen: the share of them that samples show, at their tone
+    or, where that is less, at any. is_measured: the style has held-out errors.
     """
 
     encoded: Array
     expected: Array
     near: Mask
+    seen: float
     is_measured: bool
 
     @property
     def usual(self) -> float:
         """The usual expected ΔE00; NaN where it is not known."""
         return float(np.median(self.expected)) if len(self.expected) else np.nan
-
-    @property
-    def seen(self) -> float:
-        """The share of colours with a sample nearby."""
-        return float(np.mean(self.near)) if len(self.near) else 0.0
 
     def asks_for(self, expected: Array) -> Mask:
         """Where (n,) a colour of this expected ΔE00 (n,) is asked for."""
@@ -171,8 +176,22 @@ def known_colours(profile: CameraProfile, style: str, encoded: Array) -> KnownCo
         after_matrix = balanced[np.all((balanced >= 0.0) & (balanced <= 1.0), axis=1)] @ model.matrix.T
         expected = expects(after_matrix)
         colours = np.clip(model.response.encode(model.gamut_map(after_matrix)), 0.0, 1.0)
-    distance = cKDTree(encoded.reshape(-1, 3)).query(colours, distance_upper_bound=NEAR)[0]
-    return KnownColours(colours, expected, np.isfinite(distance), "render_mean" in of_style.errors)
+    near = _near(encoded.reshape(-1, 3), colours, NEAR)
+    shown = encoded.reshape(-1, 3)[encoded.reshape(-1, 3).max(axis=1) > LEAST_CODE]
+    near_at_any_tone = _near(_shares(shown), _shares(colours[colours.max(axis=1) > LEAST_CODE]), NEAR_SHARES)
+    seen = min(float(np.mean(near)), float(np.mean(near_at_any_tone)))
+    return KnownColours(colours, expected, near, seen, "render_mean" in of_style.errors)
+
+
+def _near(points: Array, others: Array, distance: float) -> Mask:
+    """Where (m,) one of the points (n, k) is near one of the others (m, k)."""
+    return np.asarray(np.isfinite(cKDTree(points).query(others, distance_upper_bound=distance)[0]))
+
+
+def _shares(encoded: Array) -> Array:
+    """The shares of red and green (n, 2) in the linear values of encoded colours (n, 3), which no exposure changes."""
+    linear = np.maximum(srgb_decode(encoded), LEAST_LINEAR)
+    return np.asarray((linear / linear.sum(axis=1, keepdims=True))[:, :2])
 
 
 @cache
