@@ -138,7 +138,10 @@ def serve(
     server.io_loop.add_callback(lambda: ready(url))
     if show:
         server.io_loop.add_callback(lambda: server.show("/"))
-    server.run_until_shutdown()
+    try:
+        server.run_until_shutdown()
+    finally:
+        gc.unfreeze()  # what is never searched would be reported as leaked by the libraries that it is of
 
 
 def _free_port(address: str) -> int:
