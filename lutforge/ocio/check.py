@@ -33,9 +33,18 @@ def load_config(path: str | Path) -> OCIO.Config:
             raise ConfigError(f"{path}: OpenColorIO cannot read it: {error}") from error
 
 
+def is_archive(path: Path) -> bool:
+    """True of an .ocioz, False of a config that is text. Raises ConfigError on an .ocioz that is no whole archive."""
+    if zipfile.is_zipfile(path):
+        return True
+    if path.suffix.lower() == ".ocioz":
+        raise ConfigError(f"{path}: no whole archive, it is cut short or damaged: copy it again")
+    return False
+
+
 def _require_text(path: Path) -> None:
     """Raise UnicodeDecodeError or another error where a config is not text; OpenColorIO would fail only later."""
-    if not zipfile.is_zipfile(path):
+    if not is_archive(path):
         path.read_bytes().decode("utf-8")
         return
     with opened_archive(path, ConfigError) as archive:

@@ -6,7 +6,6 @@ the conversion.
 """
 
 import shutil
-import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
 from lutforge.luts.ocio_transforms import OCIO_ERRORS
 from lutforge.ocio.blender import blender_config
-from lutforge.ocio.check import file_names, try_file
+from lutforge.ocio.check import file_names, is_archive, try_file
 from lutforge.ocio.common import (
     DATA,
     DISPLAY_REFERENCE,
@@ -103,7 +102,7 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
     if not path.is_file():
         names = ", ".join([BLENDER, *built_in])
         raise ConfigError(f"{path}: no such config; name a .ocio or .ocioz file, or one of {names}")
-    if not zipfile.is_zipfile(path):
+    if not is_archive(path):
         yield _read(str(path), label, path.absolute().parent)
         return
     with scratch_folder() as folder:

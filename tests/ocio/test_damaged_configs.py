@@ -70,6 +70,15 @@ def test_a_damaged_archive_is_one_line_wherever_it_is_damaged(
     assert "problem" in message or "cannot be read" in message
 
 
+@pytest.mark.parametrize("share", [0.01, 0.3, 0.9])
+def test_an_archive_that_is_cut_short_is_told_so(refused: Refused, archive: Path, tmp_path: Path, share: float) -> None:
+    data = archive.read_bytes()
+    (tmp_path / "bad.ocioz").write_bytes(data[: int(share * len(data))])
+    plain_profile("Canon EOS 5D").save(tmp_path / "camera.npz")
+    for words in (("config", "camera.npz", "--merge", "bad.ocioz", "-o", "out"), ("check", "bad.ocioz")):
+        assert "cut short or damaged: copy it again" in refused(tmp_path, *words)
+
+
 @pytest.mark.parametrize("name", ["bad.ocioz", "bad.ocio"])
 def test_names_that_are_no_text_are_one_line(refused: Refused, archive: Path, tmp_path: Path, name: str) -> None:
     repacked(archive, b"Nikon", b"Nik\xf6n")
