@@ -1,13 +1,10 @@
 """Which colours a calibration covers: those that are neither clipped nor far from every sample."""
 
-from collections.abc import Callable
-
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, Mask
-from lutforge.interpolation import interpolate
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid
 from lutforge.model.profile import CameraModel, PictureStyle
@@ -62,13 +59,3 @@ def confidence(style: PictureStyle) -> Lattice:
     unclipped = np.where(clipped(nodes), 0.0, 1.0)
     values = np.stack([np.minimum(covered, unclipped), unclipped, covered], axis=-1)
     return Lattice((_AXIS, _AXIS, _AXIS), values)
-
-
-def linearizing_error(style: PictureStyle) -> Callable[[Array], Array] | None:
-    """Return the expected error (…,) of linearizing as a function of encoded colours (…, 3), None if unknown."""
-    if "linearize" not in style.expected:
-        return None
-    lattice, expected = style.linearize, style.expected["linearize"]
-    assert lattice is not None  # or the style would hold no expected errors
-    values = np.repeat(expected[..., None], 3, axis=-1)
-    return lambda encoded: interpolate(encoded, lattice.levels, values, "trilinear")[..., 0]

@@ -7,7 +7,7 @@ import pytest
 
 import lutforge as lf
 from lutforge.evaluation.expected_error import HeldOut
-from lutforge.model.coverage import linearizing_error
+from lutforge.interpolation import interpolate
 from lutforge.simulate.camera import nikon_d5100
 from tests.cases.spoilt_samples import simulated
 
@@ -28,10 +28,11 @@ def test_a_profile_expects_more_error_away_from_its_samples(expecting: lf.Camera
     style = expecting.styles["standard"]
     assert set(style.expected) == {"render", "linearize"}
     assert all(style.errors[f"linearize_{name}"] >= 0 for name in ("at_sample", "per_deviation"))
-    error = linearizing_error(style)
-    assert error is not None
+    assert style.linearize is not None
+    values = np.repeat(style.expected["linearize"][..., None], 3, axis=-1)
     grey, pure = np.full((1, 3), 0.4), np.clip(np.eye(3), 0.02, 0.98)
-    assert error(pure).mean() > 3 * error(grey)[0]
+    of_grey, of_pure = (interpolate(colours, style.linearize.levels, values, "trilinear") for colours in (grey, pure))
+    assert of_pure.mean() > 3 * of_grey.mean()
 
 
 def test_expected_errors_survive_the_file(expecting: lf.CameraProfile, tmp_path: Path) -> None:
