@@ -64,6 +64,7 @@ GUIDE: tuple[str, ...] = (
     "render: held-out error / that of unseen samples", "linearize: held-out error / that of unseen samples",
     "render: expected error / true, surest quarter", "render: expected error / true, least sure quarter",
     "linearize: expected error / true, surest quarter", "linearize: expected error / true, least sure quarter",
+    "next shots: error of known / that of asked for",
     "vignetting: off by, EV", "distortion, truth: RAW pixels", "distortion: off by, RAW pixels",
 )  # fmt: skip
 """Rows of the guide's table, per half as median (worst) of the cameras."""
