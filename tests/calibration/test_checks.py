@@ -271,6 +271,8 @@ OTHERWISE: dict[str, tuple[str, Callable[[SampleSet], Array]]] = {
     "grey": ("black and white", lambda samples: np.repeat((samples.srgb @ [0.3, 0.59, 0.11])[:, None], 3, axis=1)),
 }
 """How shots are rendered otherwise, and what differs then."""
+IN_DARK_TONES = {("lifted shadows", "D5100", 2), ("a curve", "D5100", 2), ("lifted shadows", "Merrill", 0)}
+"""Changes of contrast that are one of exposure for a group that shows dark tones alone, or nearly so."""
 
 
 @pytest.fixture(scope="module")
@@ -287,7 +289,7 @@ def five(s40_samples: SampleSet) -> dict[str, SampleSet]:
 def test_two_groups_of_shots_are_named_and_none_is_left_out(five: dict[str, SampleSet], case: str, name: str) -> None:
     samples, (words, change) = five[name], OTHERWISE[case]
     names, changed = _names(samples), change(samples)
-    for others in (names[:3], names[1:4], names[::2]):
+    for number, others in enumerate((names[:3], names[1:4], names[::2])):
         spoilt = replace(samples, srgb=np.where(np.isin(samples.shot, others)[:, None], changed, samples.srgb))
         checked = _checked(spoilt)
         assert checked.deviations == ()
@@ -295,7 +297,11 @@ def test_two_groups_of_shots_are_named_and_none_is_left_out(five: dict[str, Samp
         assert sorted((*groups.first, *groups.second, *groups.either)) == names
         divided = [set(groups.first), set(groups.second)]
         assert any(one <= set(others) and not other & set(others) for one, other in (divided, divided[::-1]))
-        assert any(word in str(groups.diagnosis) for word in (words, "exposure"))
+        found = str(groups.diagnosis)
+        if (case, name, number) in IN_DARK_TONES:
+            assert "exposure" in found and "contrast" not in found
+        else:
+            assert words in found
 
 
 @pytest.mark.parametrize(
