@@ -51,6 +51,8 @@ FIELD_NUGGET = 1e-4
 """This is added to the variances of φ at the grid."""
 COLOUR_SPREAD = 3.0
 """Standard deviation of the coefficients of a change of tone and saturation, in stops."""
+TONE_POWERS, TONED_RESIDUAL = 6, 2 / 255
+"""A shot shows no hues if its red and blue are polynomials of green with so many terms, but for so much."""
 ROUNDS = 8
 """Rounds of reweighting."""
 EXTREME_PLACES = (5, 95)
@@ -128,9 +130,13 @@ def find_local_changes(samples: SampleSet, multipliers: Array, usable: Mask) -> 
     """Find the shots that were changed in a part of the picture, and the field that nearly all shots show.
 
     multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples. Samples without a place are not
-    judged.
+    judged, nor are black-and-white and toned shots, whose JPEG colour does not determine the brightness of RAW.
     """
     located = np.asarray(usable & np.all(np.isfinite(samples.position), axis=1))
+    for name in np.unique(samples.shot[located]):
+        of_shot = located & (samples.shot == name)
+        if not _shows_hues(samples.srgb[of_shot]):
+            located &= ~of_shot
     model = partially_linear_model(samples, multipliers, located)
     if model is None:
         return LocalChanges()
@@ -261,6 +267,16 @@ def _colour_basis(encoded: Array) -> Array:
 
 _PLACE_PENALTY = SAMPLE_NOISE**2 * (_place_basis(GRID) + FIELD_NUGGET * np.eye(len(GRID)))
 _COLOUR_PENALTY = (SAMPLE_NOISE / COLOUR_SPREAD) ** 2 * np.eye(9)
+
+
+def _shows_hues(encoded: Array) -> bool:
+    """True where green does not determine the other channels of JPEG colours (n, 3)."""
+    if len(encoded) < LEAST_SAMPLES_OF_SHOT:
+        return True
+    powers = np.vander(encoded[:, 1], TONE_POWERS)
+    others = encoded[:, [0, 2]]
+    residual = others - powers @ np.linalg.lstsq(powers, others, rcond=None)[0]
+    return bool(residual.std(axis=0).max() > TONED_RESIDUAL)
 
 
 def _brightest_and_darkest(places: Array, raw_stops: Array) -> tuple[str, str]:

@@ -216,6 +216,20 @@ def test_a_change_of_the_whole_picture_is_not_called_local(
             assert found.changes == () and found.field is None
 
 
+@pytest.mark.parametrize("count", [1, 3, 5])
+@pytest.mark.parametrize("name", ["simulated", pytest.param("S40", marks=pytest.mark.slow)])
+def test_pictures_without_hues_are_not_called_local(
+    photographs: SampleSet, name: str, count: int, request: pytest.FixtureRequest
+) -> None:
+    """Their codes do not tell how bright the RAW of a hue was, which follows the place as the scene does."""
+    samples = photographs if name == "simulated" else request.getfixturevalue("s40")
+    within = np.isin(samples.shot, _names(samples)[:count])[:, None]
+    grey = (samples.srgb @ [0.3, 0.59, 0.11])[:, None]
+    for tint in ([1.0, 1.0, 1.0], [1.07, 0.95, 0.75]):
+        found = _found(replace(samples, srgb=np.where(within, np.clip(grey * tint, 0.0, 1.0), samples.srgb)))
+        assert found.changes == () and found.field is None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("gamma", [0.85, 1.1])
 def test_a_power_of_any_of_five_photographs_names_that_one(s40: SampleSet, gamma: float) -> None:
