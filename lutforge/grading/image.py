@@ -60,8 +60,9 @@ class _Picture:
     """A picture that is open for its grade, with what its file states of its colours.
 
     image: its pixels; converted: whether they were converted to sRGB. packets: XMP, IPTC and others, empty for RAW
-    files. jpeg: the header of a JPEG that becomes a JPEG, else None. attributes: metadata to set in the output, by
-    OpenImageIO's names. space: the name of the colour space where it is not sRGB and the grade sets no other, else "".
+    files. jpeg: the header of a JPEG that becomes a JPEG, else None. further: notes on pictures behind that of a JPEG,
+    which are left out. attributes: metadata to set in the output, by OpenImageIO's names. space: the name of the colour
+    space where it is not sRGB and the grade sets no other, else "".
     """
 
     source: Path
@@ -69,6 +70,7 @@ class _Picture:
     converted: bool
     packets: Packets
     jpeg: JpegHeader | None
+    further: tuple[str, ...]
     attributes: Mapping[str, object]
     space: str
 
@@ -127,12 +129,14 @@ def _read_picture(grade: Grade, source: Path, target: Path, image: ImageReader |
             "convert it to sRGB first"
         )
 
-    jpeg = read_header(source.read_bytes()) if image.format == format_of(target) == "jpeg" else None
+    header = read_header(source.read_bytes()) if image.format == "jpeg" else None
+    jpeg = header if format_of(target) == "jpeg" else None
     attributes = _output_attributes(grade, source, image, jpeg)
     space = foreign_space(grade, image.spec, attributes)
     if grade.for_srgb and space:
         raise ImageError(f"{source}: the picture is in {space}, and this grade is for sRGB; convert it to sRGB first")
-    return _Picture(source, image, converted, packets, jpeg, attributes, space)
+    further = () if header is None else header.notes
+    return _Picture(source, image, converted, packets, jpeg, further, attributes, space)
 
 
 def _output_attributes(
@@ -190,14 +194,13 @@ def _write_graded(
 def _notes(grade: Grade, picture: _Picture, target: Path, output: oiio.ImageSpec, broken: int) -> tuple[str, ...]:
     """The notes for the user on a graded picture. broken: how many pixels are no finite numbers."""
     image = picture.image
-    jpeg = picture.jpeg
     of_parts = () if image.parts == 1 else (f"the first of {image.parts} images in the file was used",)
     return (
         *grade.notes,
         *notes_on(grade, image.format, image.spec, output, picture.space, broken),
         *of_parts,
-        *(() if jpeg is None else jpeg.notes),
-        *notes_on_packets(picture.packets, image.spec, image.format, format_of(target), jpeg is not None),
+        *picture.further,
+        *notes_on_packets(picture.packets, image.spec, image.format, format_of(target), picture.jpeg is not None),
     )
 
 

@@ -104,6 +104,9 @@ def test_a_gain_map_that_is_left_out_is_said(tmp_path: Path, grade: Grade, decla
     told = [note for note in done.notes if "gain map (Ultra HDR)" in note]
     assert len(told) == 1 and "left out" in told[0]
     assert not [note for note in plain.notes if "gain map" in note]
+    for target in ("a.png", "a.tif", "a.webp"):
+        done = apply_image(grade, source, tmp_path / target)
+        assert [note for note in done.notes if "gain map (Ultra HDR)" in note] == told
     assert (tmp_path / "ultra.jpg").read_bytes().count(b"\xff\xd9") < data.count(b"\xff\xd9") + 2
 
 
