@@ -42,10 +42,8 @@ ROUGHNESS_RANGE = (0.005, 2.0)
 """The least and the largest roughness that is tried. Beyond them a fit hardly changes."""
 BEYOND_CENTRES = 1_000
 """Centres of the fit that tells how far beyond its end a clipped channel goes on."""
-DEVIATION_CENTRES = 500
-"""Centres that the standard deviation of the process is computed from."""
-FITTED_CENTRES = 1_500
-"""Centres that the standard deviation of a fitted process is computed from, at the colours of real surfaces."""
+DEVIATION_CENTRES = 1_500
+"""Centres that the standard deviation of the process is computed from, after merging those of the fit."""
 
 
 def krige(
@@ -134,34 +132,11 @@ def fit_gamut_map(
     return krige(linear, mapped, error_scale, most_centres, bounds)
 
 
-def posterior_deviation(source: Array) -> Callable[[Array], Array]:
-    """The standard deviation of the process given samples at source (n, 3), as a function of linear colours (m, 3).
-
-    It is on the even scale, in the units of a process of which the kernel, with ROUGHNESS, is the covariance: what
-    errors are in these units, held-out samples tell (equation 2.24 of the book). Samples are merged to
-    DEVIATION_CENTRES.
-    """
-    z = to_even(source, OFFSET)
-    centres, _, _ = _merged(z, np.zeros_like(z), np.ones(len(z)), DEVIATION_CENTRES)
-    covariance = kriging_covariance(centres)
-    variance = covariance[0, 0]
-    covariance[np.diag_indices(len(centres))] += NOISE
-    # Products with an inverse release Python's lock, so that they run beside other fits; triangular solves do not.
-    whitening = np.linalg.inv(np.linalg.cholesky(covariance))
-
-    def deviation(linear: Array) -> Array:
-        across = kriging_covariance(centres, to_even(linear.reshape(-1, 3), OFFSET))
-        known = np.sum((whitening @ across) ** 2, axis=0)
-        return np.asarray(np.sqrt(np.maximum(variance - known, NOISE)).reshape(linear.shape[:-1]))
-
-    return deviation
-
-
-def fitted_deviation(gamut_map: GamutMap) -> Callable[[Array], Array]:
+def posterior_deviation(gamut_map: GamutMap) -> Callable[[Array], Array]:
     """The standard deviation of the process that a kriged gamut map is the mean of, as a function of colours (m, 3).
 
-    It is that of one channel, on the even scale of corrections. Samples are merged to FITTED_CENTRES. The variance of
-    the process is the likeliest, (5.8) with σ² = yᵀ K⁻¹ y / 3n: the coefficients are K⁻¹ y.
+    It is that of one channel, on the even scale of corrections (equation 2.24 of the book). The variance of the process
+    is the likeliest, (5.8) with σ² = yᵀ K⁻¹ y / 3n: the coefficients are K⁻¹ y.
     """
     z = to_even(gamut_map.centres, OFFSET)
     coefficients = gamut_map.coefficients
@@ -169,7 +144,7 @@ def fitted_deviation(gamut_map: GamutMap) -> Callable[[Array], Array]:
     corrections = _correction(gamut_map.centres, mapped) + NOISE * coefficients
     amplitude = np.sqrt(max(float(np.sum(coefficients * corrections)), 0.0) / corrections.size)
 
-    centres, _, _ = _merged(z, corrections, np.ones(len(z)), FITTED_CENTRES)
+    centres, _, _ = _merged(z, corrections, np.ones(len(z)), DEVIATION_CENTRES)
     covariance = kriging_covariance(centres, roughness=gamut_map.roughness)
     variance = covariance[0, 0]
     covariance[np.diag_indices(len(centres))] += NOISE

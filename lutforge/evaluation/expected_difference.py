@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.gamut_map import fitted_deviation
+from lutforge.calibration.gamut_map import posterior_deviation
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.model.gamut_map import CORRECTION_OFFSET, from_even, to_even
 from lutforge.model.profile import CameraModel
@@ -24,7 +24,7 @@ def expected_difference(model: CameraModel) -> Callable[[Array], Array] | None:
     gamut_map = model.gamut_map
     if gamut_map.kernel != "kriging" or gamut_map.is_identity:
         return None
-    deviation = fitted_deviation(gamut_map)
+    deviation = posterior_deviation(gamut_map)
 
     def expected(linear: Array) -> Array:
         even = to_even(gamut_map(linear), CORRECTION_OFFSET)

@@ -7,7 +7,6 @@ import numpy as np
 
 from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.expected_error import expected_errors, held_out_errors
 from lutforge.evaluation.figures import error_figures
 from lutforge.evaluation.methods import BASELINES, CAMERA_MODEL, LATTICE
 from lutforge.evaluation.predictions import Predictions, predict
@@ -81,13 +80,7 @@ def _measured(
         reasons = f" ({'; '.join(predictions.notes)})" if predictions.notes else ""
         notes.append(f"without one of its shots the rest does not suffice, so the error is not known{reasons}")
     notes.extend(_worse_than_baselines(predictions, errors, is_diagnosed))
-    style = replace(style, errors=errors)
-
-    held_out = held_out_errors(predictions, method)
-    for direction, values in held_out.items():
-        at_sample, per_deviation = values.coefficients()
-        errors |= {f"{direction}_at_sample": float(at_sample), f"{direction}_per_deviation": float(per_deviation)}
-    return replace(style, expected=expected_errors(style, held_out, data)), notes
+    return replace(style, errors=errors), notes
 
 
 def _errors(predictions: Predictions, method: str) -> dict[str, float]:

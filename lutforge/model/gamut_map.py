@@ -74,14 +74,6 @@ def from_even(even: ArrayLike, offset: float) -> Array:
     return np.asarray(linear if offset else y)
 
 
-def even_slope(linear: ArrayLike, offset: float) -> Array:
-    """de/dx of linear values of any shape; 1 where the offset is 0."""
-    if not offset:
-        return np.ones_like(np.asarray(linear, dtype=np.float64))
-    x = np.abs(np.asarray(linear, dtype=np.float64))
-    return np.asarray(POWER * (x + offset) ** (POWER - 1) / ((1.0 + offset) ** POWER - offset**POWER))
-
-
 @compiled(fastmath=True)
 def _evaluate(
     x: Array,

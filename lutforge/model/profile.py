@@ -94,11 +94,10 @@ class PictureStyle:
     """A picture style: its lattices, its camera models, and their errors.
 
     render: Tw E → I; linearize: I → Tw E; errors: held-out figures by name; coverage: per direction the summed weight
-    of the samples at each node of its lattice, (N_r, N_g, N_b); expected: the error to expect there, in encoded RGB.
+    of the samples at each node of its lattice, (N_r, N_g, N_b).
 
     The errors are norms of RGB differences, 1 = full scale: "render_mean", "render_max", "linearize_mean",
-    "linearize_max", and "render_de00_mean" (ΔE00). The expected error of a render is "render_at_sample", plus
-    "render_per_deviation" times the standard deviation of the fitted process there; that of linearize likewise.
+    "linearize_max", and "render_de00_mean" (ΔE00).
     """
 
     render: Lattice | None = None
@@ -106,18 +105,16 @@ class PictureStyle:
     models: tuple[CameraModel, ...] = ()
     errors: Mapping[str, float] = field(default_factory=dict)
     coverage: Mapping[Direction, Array] = field(default_factory=dict)
-    expected: Mapping[Direction, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raise ProfileError where a coverage or an expected error is not that of its lattice."""
-        named = [("coverage", self.coverage), ("expected error", self.expected)]
-        for name, direction, values in ((name, *entry) for name, arrays in named for entry in arrays.items()):
+        """Raise ProfileError where a coverage is not that of its lattice."""
+        for direction, values in self.coverage.items():
             lattice = self.lattices.get(direction)
             if lattice is None or values.shape != lattice.size:
                 shape = "no lattice" if lattice is None else f"a lattice of {lattice.size} nodes"
-                raise ProfileError(f"{name} of shape {values.shape} for {shape} ({direction})")
+                raise ProfileError(f"coverage of shape {values.shape} for {shape} ({direction})")
             if not np.all(np.isfinite(values)) or values.min() < 0:
-                raise ProfileError(f"the {name} ({direction}) holds a value that is negative or not finite")
+                raise ProfileError(f"the coverage ({direction}) holds a value that is negative or not finite")
 
     def __repr__(self) -> str:
         parts = [

@@ -185,12 +185,10 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
             "interpolation": lattice.interpolation,
             "domain": [0.0, 1.0],
         }
-        expected = style.expected.get(direction)
         for part, array in (
             ("response", lattice.output_curve),  # so named in files, as the curve of a camera is made from f
             ("input_matrix", lattice.input_matrix),
             ("coverage", style.coverage.get(direction)),
-            ("expected", None if expected is None else expected.round(5)),
         ):
             if array is not None:
                 result[direction][part] = stored(f"{direction}_{part}", array)
@@ -231,7 +229,7 @@ def _map_from_json(entry: Mapping[str, Any], base: str, array: Callable[[str], A
 
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:
     lattices: dict[Direction, Lattice] = {}
-    arrays_of: dict[str, dict[Direction, Array]] = {"response": {}, "input_matrix": {}, "coverage": {}, "expected": {}}
+    arrays_of: dict[str, dict[Direction, Array]] = {"response": {}, "input_matrix": {}, "coverage": {}}
     for direction in DIRECTIONS:
         if direction not in entry:
             continue
@@ -267,7 +265,7 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
         models.append(CameraModel(balances, matrix, response, gamut_map, inverse))
     errors = {str(name): float(value) for name, value in entry["errors"].items()}
     sides = lattices.get("render"), lattices.get("linearize")
-    return PictureStyle(*sides, tuple(models), errors, arrays_of["coverage"], arrays_of["expected"])
+    return PictureStyle(*sides, tuple(models), errors, arrays_of["coverage"])
 
 
 def _read_document(archive: zipfile.ZipFile, size: int) -> dict[str, Any]:

@@ -216,7 +216,7 @@ PARTS: dict[str, Fit] = {
     "without clipped samples": partial(model, clipped=None),
     "inverse without likely scenes": without(inverse_gamut_map, HOLD=1e9),
     "distances along grey count fully": without(gamut_map, ALONG_GREY=1.0),
-    "one perceptual scale": without(kriging, CORRECTION_OFFSET=kriging.OFFSET),
+    "one perceptual scale": without(kriging, CORRECTION_OFFSET=gamut_map.OFFSET),
     "at most 1,000 centres": partial(model, options=CalibrationOptions(centres=1_000)),
     "noise × 10": without(kriging, NOISE=10 * kriging.NOISE),
     "noise / 10": without(kriging, NOISE=kriging.NOISE / 10),

@@ -45,7 +45,7 @@ COLUMNS: Mapping[str, str] = {
     "neutral light: codes off neutral": "neutral",
     "more light: codes darker": "darker", "round trip: codes, 99.9 %": "trip",
     "render: held-out error / true": "held-out / true", "linearize: held-out error / true": "linearize",
-    "next shots: error of known / that of asked for": "known / asked for",
+    "next shots: known error / asked-for error": "known / asked for",
     "match with the next camera: ΔE00 mean": "match", "vignetting: off by, EV": "vignetting",
     "distortion: off by, RAW pixels": "distortion", "calibration: CPU seconds": "seconds",
 }  # fmt: skip
@@ -63,8 +63,7 @@ GUIDE: tuple[str, ...] = (
     "round trip: codes, 99.9 %", "render: held-out error / true", "linearize: held-out error / true",
     "render: held-out error / that of unseen samples", "linearize: held-out error / that of unseen samples",
     "render: expected error / true, surest quarter", "render: expected error / true, least sure quarter",
-    "linearize: expected error / true, surest quarter", "linearize: expected error / true, least sure quarter",
-    "next shots: error of known / that of asked for",
+    "next shots: known error / asked-for error",
     "vignetting: off by, EV", "distortion, truth: RAW pixels", "distortion: off by, RAW pixels",
 )  # fmt: skip
 """Rows of the guide's table, per half as median (worst) of the cameras."""

@@ -18,11 +18,10 @@ from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.evaluation.expected_difference import expected_difference
 from lutforge.evaluation.next_shots import known_colours
-from lutforge.interpolation import interpolate
 from lutforge.kits.icc import fit_icc_profile
 from lutforge.kits.kit import look_of
 from lutforge.model.camera_profile import CameraProfile, match
-from lutforge.model.profile import Direction
+from lutforge.model.profile import DIRECTIONS
 from lutforge.solvers.gauss_newton import gauss_newton
 from tests.benchmarks.common import HALF_CODE
 from tests.benchmarks.fleet_cameras import LIGHTS, STYLES, FleetCamera
@@ -145,7 +144,7 @@ def known_and_asked_for(camera: FleetCamera, profile: CameraProfile, samples: lf
     values = {"next shots, known: ΔE00 mean": float(error[~asked].mean())}
     if asked.any():
         values["next shots, asked for: ΔE00 mean"] = float(error[asked].mean())
-        values["next shots: error of known / that of asked for"] = float(error[~asked].mean() / error[asked].mean())
+        values["next shots: known error / asked-for error"] = float(error[~asked].mean() / error[asked].mean())
     return values
 
 
@@ -156,9 +155,10 @@ def stated_errors(camera: FleetCamera, profile: CameraProfile) -> dict[str, floa
     """
     rng = np.random.default_rng([6, camera.seed])
     ratios: dict[str, list[float]] = {}
-    expected: dict[Direction, list[Array]] = {"render": [], "linearize": []}
-    true: dict[Direction, list[Array]] = {"render": [], "linearize": []}
+    expected, true = list[Array](), list[Array]()
     for style in STYLES:
+        model = profile.styles[style].models[0]
+        expects = expected_difference(model)
         distances: dict[str, list[Array]] = {}
         for _, balance in (setting for setting in settings(profile) if setting[0] == style):
             name, factors = f"{style}/{balance}", camera.balances[balance]
@@ -172,14 +172,11 @@ def stated_errors(camera: FleetCamera, profile: CameraProfile) -> dict[str, floa
                 distances.setdefault(f"render, {of}", []).append(np.linalg.norm(made, axis=1))
                 distances.setdefault(f"linearize, {of}", []).append(np.linalg.norm(found, axis=1))
 
-            inputs: dict[Direction, Array] = {"render": raw * factors, "linearize": truth}
-            for direction, x in inputs.items():
-                expects = expectation(profile, style, direction)
-                if expects is not None:
-                    expected[direction].append(expects(x))
-                    true[direction].append(encoded_error(profile, name, direction, raw, truth))
+            if expects is not None:
+                expected.append(expects(raw * factors @ model.matrix.T))
+                true.append(delta_e_2000(np.clip(profile.render(name)(raw), 0.0, 1.0), truth))
 
-        for direction in expected:
+        for direction in DIRECTIONS:
             stated = profile.styles[style].errors.get(f"{direction}_mean")
             if stated is None:
                 continue
@@ -188,39 +185,20 @@ def stated_errors(camera: FleetCamera, profile: CameraProfile) -> dict[str, floa
                 ratios.setdefault(f"{direction}: held-out error / {words}", []).append(ratio)
 
     values = {name: float(np.mean(of_styles)) for name, of_styles in ratios.items()}
-    for direction in expected:
-        if expected[direction]:
-            values |= by_quarter(direction, np.concatenate(expected[direction]), np.concatenate(true[direction]))
+    if expected:
+        values |= by_quarter(np.concatenate(expected), np.concatenate(true))
     return values
 
 
-def expectation(profile: CameraProfile, style: str, direction: Direction) -> Callable[[Array], Array] | None:
-    """The error that a profile expects of a direction's inputs (n, 3), encoded; None where it is not known."""
-    of_style = profile.styles[style]
-    lattice, expected = of_style.lattices.get(direction), of_style.expected.get(direction)
-    if lattice is None or expected is None:
-        return None
-    values = np.repeat(expected[..., None], 3, axis=-1)
-    return lambda x: interpolate(lattice.on_axes(x), lattice.levels, values, "trilinear")[..., 0]
-
-
-def encoded_error(profile: CameraProfile, name: str, direction: Direction, raw: Array, truth: Array) -> Array:
-    """The error (n,) of a setting's direction as a profile counts it: that of encoded colours."""
-    render = profile.render(name, model="model")
-    if direction == "render":
-        return np.asarray(np.linalg.norm(np.clip(profile.render(name)(raw), 0.0, 1.0) - truth, axis=1))
-    return np.asarray(np.linalg.norm(render(profile.linearize(name)(truth)) - render(raw), axis=1))
-
-
-def by_quarter(direction: str, expected: Array, true: Array) -> dict[str, float]:
-    """The mean expected error over the mean true one, of the quarter of colours that is surest, and of the least sure.
+def by_quarter(expected: Array, true: Array) -> dict[str, float]:
+    """The mean expected ΔE00 of a rendering over the true one, where the expected is least and where it is most.
 
     Both are (n,).
     """
     low, high = np.quantile(expected, (0.25, 0.75))
     parts = {"surest quarter": expected <= low, "least sure quarter": expected >= high}
     return {
-        f"{direction}: expected error / true, {name}": float(expected[rows].mean() / true[rows].mean())
+        f"render: expected error / true, {name}": float(expected[rows].mean() / true[rows].mean())
         for name, rows in parts.items()
     }
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from lutforge.errors import ProfileError
-from lutforge.model.gamut_map import REACH, GamutMap, even_slope, flattened, from_even, identity_gamut_map, to_even
+from lutforge.model.gamut_map import REACH, GamutMap, flattened, from_even, identity_gamut_map, to_even
 
 
 @pytest.mark.parametrize(("count", "offset"), [(1, 0.0), (5, 0.0), (127, 0.0), (128, 0.0), (1000, 0.0), (60, 0.01)])
@@ -29,9 +29,6 @@ def test_the_even_scale_and_back(offset: float) -> None:
     np.testing.assert_allclose(from_even(even, offset), x, atol=1e-12)
     assert np.all(np.diff(even) > 0)
     np.testing.assert_allclose(to_even([0.0, 1.0], offset), [0.0, 1.0], atol=1e-12)
-    if offset:
-        middle = 0.5 * (x[1:] + x[:-1])
-        np.testing.assert_allclose(even_slope(middle, offset), np.diff(even) / np.diff(x), rtol=0.03)
 
 
 def test_kriging_is_the_sum_of_its_kernel_up_to_twice_as_far_as_its_centres() -> None:

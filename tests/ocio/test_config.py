@@ -52,7 +52,7 @@ def made_profile(camera: str = "Nikon D40", nodes: int = 17) -> CameraProfile:
     standard = PictureStyle(
         Lattice(raw, (grid(raw) @ mixed.T) ** 0.45, "tetrahedral"),
         Lattice(jpeg, grid(jpeg) ** 2.2 @ np.linalg.inv(mixed).T, "tetrahedral"),
-        errors={"render_mean": 0.0123, "linearize_mean": 0.0045, "linearize_at_sample": 0.0},
+        errors={"render_mean": 0.0123, "linearize_mean": 0.0045},
     )
     vivid = PictureStyle(Lattice(raw, grid(raw) ** 0.4, "tetrahedral"), Lattice(jpeg, grid(jpeg) ** 2.5))
     balances = {name: WhiteBalance(gain, KELVIN[name]) for name, gain in GAINS.items()}
