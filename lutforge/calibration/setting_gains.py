@@ -3,7 +3,7 @@
 A gain is the third number of a white balance Tw, which multipliers with green = 1 do not state.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -51,7 +51,8 @@ def refined_gains(
     multipliers: Tw (n, 3) with the gains of the round before; usable: (n,) unclipped samples; bases: by style, fitted
     to just these; gains: of the round before. Gains are relative to the median setting. One is kept only where its
     shots agree on it beyond their scatter (three standard errors), and above 1 %, which moves no colour by a code; else
-    it is 1.
+    it is 1. A single shot of a setting scatters as those of other settings do: where these disagree, its exposure may
+    be off as well.
     """
     logs, doubt = _residuals_of_settings(samples, multipliers, usable, bases, list(gains))
     logs -= np.median(logs)
@@ -75,16 +76,33 @@ def _residuals_of_settings(
         ratio[rows] = np.log(np.maximum(linear, LEAST_POSITIVE) / predicted.sum(axis=1))
         weight[rows] = base.in_gamut * (encoded.max(axis=1) > ROUNDED)
 
-    logs, doubt = np.zeros(len(names)), np.full(len(names), np.inf)
+    logs, within, medians_of_settings = np.zeros(len(names)), np.full(len(names), np.inf), list[Array]()
     for place, name in enumerate(names):
         rows = (samples.white_balance == name) & (weight > LEAST_COMPARED_WEIGHT)
         shots = [rows & (samples.shot == shot) for shot in np.unique(samples.shot[rows])]
         medians = np.array(
             [weighted_median(ratio[shot], weight[shot]) for shot in shots if shot.sum() >= LEAST_COLOURS_OF_SHOT]
         )
+        medians_of_settings.append(medians)
         if len(medians):
             logs[place] = float(np.median(medians))
-            within = float(np.std(ratio[rows])) / np.sqrt(rows.sum())
-            between = float(np.std(medians, ddof=1)) / np.sqrt(len(medians)) if len(medians) > 1 else 0.0
-            doubt[place] = max(within, between)
-    return logs, doubt
+            within[place] = float(np.std(ratio[rows])) / np.sqrt(rows.sum())
+
+    scatter = _scatter(medians_of_settings)
+    between = [
+        float(np.std(medians, ddof=1)) / np.sqrt(len(medians)) if len(medians) > 1 else scatter
+        for medians in medians_of_settings
+    ]
+    return logs, np.maximum(within, between)
+
+
+def _scatter(logs_of_settings: Sequence[Array]) -> float:
+    """The standard deviation of shots of one setting, from those of all settings with several; 0 where there is none.
+
+    It is that of their mean absolute deviation, on which a single shot that is off has less influence than on squares
+    (Geary 1935, https://doi.org/10.1093/biomet/27.3-4.310).
+    """
+    deviations = [
+        np.abs(logs - logs.mean()) * np.sqrt(len(logs) / (len(logs) - 1)) for logs in logs_of_settings if len(logs) > 1
+    ]
+    return float(np.sqrt(np.pi / 2.0) * np.mean(np.concatenate(deviations))) if deviations else 0.0

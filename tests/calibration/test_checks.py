@@ -9,6 +9,7 @@ import pytest
 
 import lutforge as lf
 from lutforge.arrays import Array
+from lutforge.calibration.calibrate import prepared
 from lutforge.calibration.calibration_state import CalibrationState
 from lutforge.calibration.dark_greys import dark_end_notes
 from lutforge.calibration.deviations import Deviation
@@ -31,6 +32,7 @@ from tests.cases.samples import (
     photograph_patches,
     shadow_stops,
     spread_over_picture,
+    surfaces,
     with_gamma,
     with_scene_tone,
 )
@@ -302,6 +304,27 @@ def test_two_groups_of_shots_are_named_and_none_is_left_out(five: dict[str, Samp
             assert "exposure" in found and "contrast" not in found
         else:
             assert words in found
+
+
+def _at_four_settings() -> SampleSet:
+    """Five shots of different surfaces at four white balances, two of them in daylight."""
+    balances = ("daylight", "shade", "cloudy", "daylight", "tungsten")
+    shots = []
+    for number, (balance, stop) in enumerate(zip(balances, (-2.0, -1.5, -1.0, -0.5, 0.0), strict=True)):
+        shot = photograph_patches(CAMERA, surfaces(120, 500 + number), balances=(balance,), stops=(stop,), seed=number)
+        shots.append(replace(shot, shot=np.char.add(f"{number} ", shot.shot)))
+    return spread_over_picture(concatenate(shots))
+
+
+@pytest.mark.parametrize("case", ["+ 0.3 EV", "gamma", "lifted shadows"])
+def test_an_exposure_is_not_taken_for_the_gain_of_a_setting_with_one_shot(case: str) -> None:
+    samples, change = _at_four_settings(), OTHERWISE[case][1]
+    names, changed = _names(samples), change(samples)
+    for others in (names[:3], names[1:4], names[::2]):
+        spoilt = replace(samples, srgb=np.where(np.isin(samples.shot, others)[:, None], changed, samples.srgb))
+        state = prepared(spoilt, CalibrationOptions())
+        assert _names(state.samples) == names
+        assert ["two groups" in diagnosis.cause for diagnosis in state.diagnoses] == [True]
 
 
 @pytest.mark.parametrize(
