@@ -30,11 +30,12 @@ BLOCK = 64
 POWER = 1 / 2.4
 OFFSET = 0.02
 """ε of the perceptual scale of colours, for kriging."""
-CORRECTION_OFFSET = 0.04
+CORRECTION_OFFSET = 0.03
 """ε of the perceptual scale of corrections, for kriging.
 
 It is larger than that of colours, so that a correction of colours whose least channel is near 0 or below, as of strong
-yellows, is no larger than it looks.
+yellows, is no larger than it looks. A larger one is as good on colours, but channels of the Canon S40 then fall by more
+codes as light rises.
 """
 
 Kernel = Literal["linear", "kriging"]
