@@ -121,9 +121,8 @@ class StyleData:
         raw = srgb_encode(np.clip(self.samples.raw, 0.0, 1.0))
         _, balance = np.unique(self.samples.white_balance, return_inverse=True)  # a burst has one
         points = np.hstack([255 * self.encoded, 255 * raw, 100 * places, 255 * balance[:, None]])
-        return joined_alike(
-            self.shot, points, lambda a, b: is_one_scene(self.samples.select(a), self.samples.select(b))
-        )
+        of_shot = {str(name): self.samples.select(self.shot == name) for name in np.unique(self.shot)}
+        return joined_alike(self.shot, points, lambda a, b: is_one_scene(of_shot[a], of_shot[b]))
 
     @cached_property
     def folds(self) -> list[tuple[Mask, "StyleData"]]:

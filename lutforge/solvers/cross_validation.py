@@ -33,18 +33,15 @@ COMPARED = 100
 """Samples of a group, at most, whose nearest neighbours in another group are compared."""
 
 
-def joined_alike(
-    groups: NDArray[np.str_], points: Array, are_one: Callable[[NDArray[np.intp], NDArray[np.intp]], bool]
-) -> NDArray[np.str_]:
+def joined_alike(groups: NDArray[np.str_], points: Array, are_one: Callable[[str, str], bool]) -> NDArray[np.str_]:
     """Names (n,) of groups (n,) in which those are one, under the first of their names, that are copies of each other.
 
     points: (n, k), what samples are, in units of which one is hardly seen. Groups are copies if the median
     distance from samples of either to the nearest of the other is smaller than from one to the next of its own group;
-    so are the shots of a burst, and groups of which `are_one` is true, given the samples of two of them, (m,) and (l,).
+    so are the shots of a burst, and groups of which `are_one` is true, given the names of two.
     """
     names, member = np.unique(groups, return_inverse=True)
-    rows_of_groups = [np.flatnonzero(member == place) for place in range(len(names))]
-    parts = [points[rows] for rows in rows_of_groups]
+    parts = [points[member == place] for place in range(len(names))]
     trees = [cKDTree(part) for part in parts]
     rng = np.random.default_rng(0)
     some = [part[rng.permutation(len(part))[:COMPARED]] for part in parts]
@@ -58,7 +55,7 @@ def joined_alike(
         for a in range(len(names))
         for b in range(a)
         if max(distance(a, b), distance(b, a)) < min(ALIKE, ALIKE_SHARE * max(spacing[a], spacing[b]))
-        or are_one(rows_of_groups[a], rows_of_groups[b])
+        or are_one(str(names[a]), str(names[b]))
     ]
     rows, columns = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
     links = coo_array((np.ones(len(pairs)), (rows, columns)), shape=(len(names), len(names)))
