@@ -3,7 +3,6 @@
 A black level that is off, video levels and a veil show nowhere else: a response takes them up without a residual.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,9 +58,8 @@ def dark_end_notes(samples: SampleSet, multipliers: Array) -> tuple[str, ...]:
             continue
 
         greys = _DarkGreys(codes[grey], balanced[grey], balanced[is_black])
-        offset = _channel_offset(greys)
-        # Where RAW stays above black even without that offset, it is the black level of all channels.
-        notes += [f'style "{style}": {note}' for note in _black_ends(codes, greys, offset)]
+        note = _note_on_black(codes, greys, _channel_offset(greys))
+        notes += [f'style "{style}": {note}'] if note else []
     return tuple(notes)
 
 
@@ -118,38 +116,40 @@ def _channel_offset(dark_greys: _DarkGreys) -> _ChannelOffset | None:
     )
 
 
-def _black_ends(codes: Array, greys: _DarkGreys, offset: _ChannelOffset | None) -> Iterator[str]:
-    """Yield a sentence where RAW stays above black, or JPEG values do, or the RAW of one channel is off.
+def _note_on_black(codes: Array, greys: _DarkGreys, offset: _ChannelOffset | None) -> str:
+    """A sentence where RAW stays above black, or JPEG values do, or the RAW of one channel is off; "" elsewhere.
 
-    codes: (n, 3), of all samples of the style.
+    codes: (n, 3), of all samples of the style. Where RAW stays above black even after the offset of one channel is
+    taken from it, a black level was left in all channels, and not only in that one.
     """
     balanced = greys.balanced - (0.0 if offset is None else offset.offsets)
     power = _dark_power(greys.codes.mean(axis=1), balanced.mean(axis=1), greys.black.mean(axis=1))
     lifted = codes.min() > LIFTED
     floor = float(np.min(balanced[:, 1]))
     if power < LEAST_DARK_POWER and not lifted and floor > MOST_OFFSET:
-        yield (
+        return (
             f"where JPEG values go to black, RAW stays at {floor:.1%} of white: "
             "a black level left in the RAW, or JPEGs whose contrast was stretched"
         )
-    elif power > STEEPEST_DARK_POWER and not lifted:
-        yield (
+    if power > STEEPEST_DARK_POWER and not lifted:
+        return (
             f"RAW goes to black where JPEG values are still at {greys.codes.mean(axis=1).min():.0f}: "
             "more than the black level is taken from the RAW"
         )
-    elif offset is not None:
-        yield offset.words
-    elif power > MOST_DARK_POWER and lifted:
+    if offset is not None:
+        return offset.words
+    if lifted and not power <= MOST_DARK_POWER:  # true of tones that a veil leaves too alike to determine a power
         above = " or above 235" if codes.min() < VIDEO_BLACK and codes.max() < VIDEO_WHITE else ""
         reason = "video levels, 16 to 235" if above else "a veil, or black that was lifted"
-        yield f"no JPEG value lies below {codes.min():.0f}{above}, though RAW goes to black: {reason}"
+        return f"no JPEG value lies below {codes.min():.0f}{above}, though RAW goes to black: {reason}"
+    return ""
 
 
 def _dark_power(level: Array, balanced: Array, black: Array) -> float:
-    """As which power of JPEG codes RAW falls towards black: of the darkest greys that span a stop of codes.
+    """The power of JPEG codes that RAW is proportional to near black; NaN where codes are too alike to determine it.
 
-    level, balanced: (m,) codes and RAW of greys; black: (b,), RAW of those whose JPEG is black. Where many are black,
-    the brightest of these are as bright as a code of `BLACK_CODE`, or darker.
+    level, balanced: (m,) codes and RAW of greys; black: (b,), RAW of those whose JPEG is black. The power is that of
+    the darkest greys that span a stop of codes. Black greys count as one more grey, of the code `BLACK_CODE`.
     """
     order = np.argsort(level)
     stops = np.log2(level[order])
@@ -159,9 +159,8 @@ def _dark_power(level: Array, balanced: Array, black: Array) -> float:
     if len(black) >= LEAST_BLACK:
         levels = np.append(np.median(levels), BLACK_CODE)
         values = np.append(np.median(values), np.median(black))
-    span = np.ptp(np.log2(levels))
-    if span < LEAST_SPAN:  # veiled tones are all but one
-        return MOST_DARK_POWER + LEAST_SPAN
+    if np.ptp(np.log2(levels)) < LEAST_SPAN:
+        return np.nan
     if np.median(values) <= 0.0:
         return np.inf
     return float(np.polyfit(np.log2(levels), np.log2(np.maximum(values, LEAST_POSITIVE)), 1)[0])

@@ -22,8 +22,7 @@ LARGEST_BALANCE_SHIFT = 0.6
 class Hypothesis:
     """A cause that could apply to samples.
 
-    advice: what to do then; corrections: the samples with the cause undone, in one or several
-    strengths, from the weakest on.
+    advice: what to do then; corrections: the samples with the cause undone, in strengths from the weakest on.
     """
 
     cause: str

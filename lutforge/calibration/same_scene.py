@@ -14,9 +14,9 @@ from lutforge.samples.sample_set import SampleSet
 SAME_PLACE = 0.02
 """Samples are of one surface within so much of the picture's half diagonal."""
 LEAST_MATCHED = 12
-"""So many surfaces have to be matched, at least."""
+"""The least number of surfaces that two shots of one scene have in common."""
 LEAST_SHARE_MATCHED = 0.25
-"""They have to be this share of the samples of the smaller shot: areas that are sampled differ from shot to shot."""
+"""The least share of the samples of the smaller shot that are of these surfaces: shots are sampled in other areas."""
 SPREAD_OF_RATIO = 0.1
 """Median deviation of the logarithms of the ratios of one scene, in stops; of two scenes it is above 0.3."""
 OTHER_EXPOSURE = 0.45

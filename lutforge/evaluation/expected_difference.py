@@ -12,7 +12,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.gamut_map import posterior_deviation
 from lutforge.colour.srgb import delta_e_2000
-from lutforge.model.gamut_map import CORRECTION_OFFSET, from_even, to_even
+from lutforge.model.gamut_map import from_even, to_even
 from lutforge.model.profile import CameraModel
 
 STEP = 0.005
@@ -24,16 +24,15 @@ def expected_difference(model: CameraModel) -> Callable[[Array], Array] | None:
     gamut_map = model.gamut_map
     if gamut_map.kernel != "kriging" or gamut_map.is_identity:
         return None
+    offset = gamut_map.correction_offset
     deviation = posterior_deviation(gamut_map)
 
+    def encoded(even: Array) -> Array:
+        return np.asarray(np.clip(model.response.encode(from_even(even, offset)), 0.0, 1.0))
+
     def expected(linear: Array) -> Array:
-        even = to_even(gamut_map(linear), CORRECTION_OFFSET)
-        rendered = _encode(model, even)
-        steps = [delta_e_2000(_encode(model, even + STEP * axis), rendered) for axis in np.eye(3)]
+        even = to_even(gamut_map(linear), offset)
+        steps = [delta_e_2000(encoded(even + STEP * axis), encoded(even)) for axis in np.eye(3)]
         return np.asarray(deviation(linear) * np.linalg.norm(steps, axis=0) / STEP)
 
     return expected
-
-
-def _encode(model: CameraModel, even: Array) -> Array:
-    return np.asarray(np.clip(model.response.encode(from_even(even, CORRECTION_OFFSET)), 0.0, 1.0))

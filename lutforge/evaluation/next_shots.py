@@ -107,7 +107,7 @@ class KnownColours:
         return float(np.median(self.expected)) if len(self.expected) else np.nan
 
     def asks_for(self, expected: Array) -> Mask:
-        """Where (n,) a colour of this expected ΔE00 (n,) is asked for."""
+        """A mask (n,) of the colours that are asked for, by the ΔE00 (n,) that is expected of them."""
         return np.asarray(expected > TIMES_USUAL * self.usual)
 
     @cached_property
@@ -184,7 +184,7 @@ def known_colours(profile: CameraProfile, style: str, encoded: Array) -> KnownCo
 
 
 def _near(points: Array, others: Array, distance: float) -> Mask:
-    """Where (m,) one of the points (n, k) is near one of the others (m, k)."""
+    """A mask (m,) of the others (m, k) that have one of the points (n, k) within a distance."""
     return np.asarray(np.isfinite(cKDTree(points).query(others, distance_upper_bound=distance)[0]))
 
 
@@ -197,11 +197,8 @@ def _shares(encoded: Array) -> Array:
 @cache
 def real_surfaces() -> Array:
     """Linear sRGB (m, 3) of the 99 reflectances of CIE 224:2017, and of each half mixed with grey, by lightness."""
-    from lutforge.colour.spectra import (
-        light,
-        linear_srgb_under,
-        surface_reflectances,
-    )  # imported here: it takes a second
+    # Imported here, since it takes a second.
+    from lutforge.colour.spectra import light, linear_srgb_under, surface_reflectances
 
     surfaces = linear_srgb_under(surface_reflectances(), light("D65"))
     paler = 0.5 * surfaces + 0.5 * surfaces.mean(axis=1, keepdims=True)
